@@ -130,8 +130,8 @@ ENVIRONMENT_OPTION = _choice(
 )
 SKIN_OPTION = _choice(
     "skin",
-    "How thick the bodies are. auto: as their meshes or the radii in their files show, else as an average adult. none: "
-    "not at all; distances count from joint to joint.",
+    "How thick the targets are. auto: as their meshes or the radii in their files show; others have no thickness. "
+    "average: as average adults. none: not at all; distances count from joint to joint.",
 )
 STRIP_NAMESPACE_OPTION = click.option(
     "--strip-namespace",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from distretarget.body.body import Body
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
+from distretarget.matching.undersides import Undersides
 from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.directions import direction_error, expected_directions, shared_bones
 from distretarget.measure.feet import Feet, find_feet
@@ -112,7 +113,14 @@ class Comparison:
 class Reference:
     """A source that results on a target are measured against; what concerns the source alone is measured once."""
 
-    def __init__(self, source: Motion, matching: Matching, up: Array, skins: tuple[Skin, Skin] | None = None) -> None:
+    def __init__(
+        self,
+        source: Motion,
+        matching: Matching,
+        up: Array,
+        skins: tuple[Skin, Skin] | None = None,
+        undersides: Undersides | None = None,
+    ) -> None:
         """Measure the source; `up`, (3,), is the unit vector up in source and results, `skins` those of both bodies if
         their thickness is known.
         """
@@ -120,7 +128,7 @@ class Reference:
         self._skin = find_source_skin(source, matching.source, up, *(skins or (no_skin(), no_skin())))
         self._feet = find_feet(source, matching, up)
         self._contacts = find_contacts(source, matching, self._feet.stance)
-        self._supports = find_supports(source, matching, up)
+        self._supports = find_supports(source, matching, up, undersides)
         self._posture = find_posture(source, matching, up, self._feet.stance)
         self._bones = shared_bones(matching)
         self._directions = expected_directions(source, matching, self._bones)

@@ -20,7 +20,7 @@ from distretarget.measure.skin_points import LIMBS, SkinPoints, points_of_capsul
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of, over_blocks
 from distretarget.skeleton import Skeleton
-from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
+from distretarget.skin.capsules import PLACE, PLACES, SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -151,10 +151,12 @@ class SourceSkin:
             rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
             frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
             reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (block.stop - block.start, 1, 1))
-            reach[frame, limb, segment] = np.inf
+            there = PLACE[:-1] == PLACE[segment][:, None]
+            for part in range(len(SEGMENTS)):
+                reach[frame[there[:, part]], limb[there[:, part]], part] = np.inf
             depths, vertices[block] = _depths(skin, result, block, reach)
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            gaps[rows] = -depths[frame, limb, segment]
+            gaps[rows] = -np.where(there, depths[frame, limb], -np.inf).max(axis=1, initial=-np.inf)
 
         if frames:
             over_blocks(measure, *result.positions.shape[:2])
@@ -182,6 +184,10 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
         for block in blocks_of(len(source)):
             depths, _ = _depths(skin, source, block, reach)
             touching = (depths > -reach) & both & ~(hanging[block, :, None] & BESIDE)
+            for place in range(len(PLACES)):  # where a limb touches several parts of one place, the nearest counts
+                on = np.flatnonzero(PLACE[:-1] == place)
+                some = np.where(touching[:, :, on], depths[:, :, on], -np.inf)
+                touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
             rows = np.nonzero(touching)
             found[0].append(np.stack([rows[0] + block.start, *rows[1:]]))
             found[1].append(-100.0 / skin.height * depths[rows])

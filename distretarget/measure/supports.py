@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.matching.matching import Matching
+from distretarget.matching.undersides import Underside, Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.time_series import largest
@@ -41,8 +42,11 @@ class SupportsMeasured:
     slide: Array  # the same in the result
     height: Array  # (frames, joints), error of the height in the result [% of leg length]
     height_source: Array  # (frames, joints), over the origin [leg lengths]
+    skin_source: Array  # (frames, joints), how far the skin reaches below each, less than below soles [leg lengths]
     up: Array  # (3,), the unit vector up
     leg: float  # the length of the target's leg [file units]; 1 without legs
+    underside: Underside | None  # the target's skin; None if it is not known
+    soles: float  # how far the target's skin reaches below the lowest joint of a foot that stands flat [file units]
 
     @property
     def rest(self) -> Flags:
@@ -56,16 +60,26 @@ class SupportsMeasured:
         return largest(rests[:, None].astype(np.float64), reach)[:, 0] > 0
 
     def in_result(self, result: Motion) -> SupportsMeasured:
-        """The same joints, measured in a result."""
+        """The same joints, measured in a result.
+
+        Where the skin is known, a height is right between the source's and the one at which the skin below the joint
+        is as high over the floor as the source's.
+        """
         paths = result.positions[:, self.joints] / self.leg
         slide = speeds_along(level(paths, self.up), result.frame_time)
-        return replace(self, slide=slide, height=100.0 * np.abs(paths @ self.up - self.height_source))
+        off = paths @ self.up - self.height_source
+        if self.underside is not None:
+            thicker = (self.underside.below(result, self.joints, self.up) - self.soles) / self.leg - self.skin_source
+            off -= np.clip(off, np.minimum(thicker, 0.0), np.maximum(thicker, 0.0)) * self.on_floor
+        return replace(self, slide=slide, height=100.0 * np.abs(off))
 
 
-def find_supports(source: Motion, matching: Matching, up: Array) -> SupportsMeasured:
+def find_supports(
+    source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None
+) -> SupportsMeasured:
     """Find the joints that rest in a source, which is its own result until `in_result`.
 
-    `up`, (3,), is the unit vector up in source and results.
+    `up`, (3,), is the unit vector up in source and results; `undersides` are the skins of both bodies, if known.
     """
     joints, drivers = matching.joints_but_feet, matching.drivers[matching.joints_but_feet]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
@@ -75,6 +89,10 @@ def find_supports(source: Motion, matching: Matching, up: Array) -> SupportsMeas
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
     slide = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
+    soles, skin, underside = 0.0, np.zeros_like(slide), None
+    if undersides is not None and matching.legs:
+        underside, (source_sole, soles) = undersides.target, undersides.soles
+        skin = (undersides.source.below(source, drivers[some], up) - source_sole) / source_leg
     return SupportsMeasured(
         joints=joints[some],
         on_floor=on_floor[:, some],
@@ -83,8 +101,11 @@ def find_supports(source: Motion, matching: Matching, up: Array) -> SupportsMeas
         slide=slide,
         height=np.zeros_like(slide),
         height_source=height[:, some],
+        skin_source=skin,
         up=up,
         leg=leg,
+        underside=underside,
+        soles=soles,
     )
 
 

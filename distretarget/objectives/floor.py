@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.articulation import Scratch
 from distretarget.ik.springs import NEGLIGIBLE, Springs
+from distretarget.matching.undersides import Undersides
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.time_series import largest
@@ -45,14 +46,17 @@ def no_floor(frames: int) -> Floor:
     return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
 
 
-def find_floor(clip: Clip, weights: Array) -> Floor:
+def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None) -> Floor:
     """Return the heights that joints other than the feet's stay above while something rests.
 
     The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
     it as the source's joint, scaled, but at most `REST_HEIGHT`; an undriven joint may be as low as the floor. n joints
     of a region, such as a hand, get 1/n of `STIFFNESS` each.
 
-    `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
+    Where the skin is known, it is the lowest skin of an undriven joint that may be as low as the soles.
+
+    `weights`, (frames, supports), is how firmly each support rests, 0 to 1; `undersides` are the skins of both bodies,
+    None if they are not known.
     """
     if not clip.legs:
         return no_floor(len(clip))
@@ -67,6 +71,9 @@ def find_floor(clip: Clip, weights: Array) -> Floor:
     rise = (clip.root - clip.copy.positions[:, 0]) @ up
     over = heights_of(clip.copy.positions, joints, up) + rise[:, None] - lowest
     near = ((over < NEAR_FLOOR * leg) & (weight[:, None] > 0.0)).any(axis=0)
+    free = near & (np.arange(len(joints)) >= len(clip.limb_joints))
+    if undersides is not None and free.any():
+        lowest[:, free] += undersides.target.below(clip.copy, joints[free], up) - undersides.soles[1]
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(clip.regions.of_joint[joints], return_inverse=True, return_counts=True)
     stiffness = STIFFNESS * weight[:, None] / count[region]

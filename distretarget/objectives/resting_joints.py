@@ -1,8 +1,10 @@
 """Hands, knees, hips and other joints that rest on the world: when, where, and how the root moves to let them.
 
 A joint rests on the floor while it is slow and about as low as the body's lowest joint; a joint of trunk or head may be
-somewhat higher if the body lies or sits on it. It then has the source's height, scaled. A joint that stands still while
-its limb moves, such as a hand on a rail, rests too, at its mean height in the rotation copy.
+somewhat higher if the body lies or sits on it. It then has the source's height, scaled; where the skin is known, it is
+raised until the skin below it is on the floor, or lowered until that is no higher than the source's, so that thick
+knees do not sink in and thin ones do not hover. A joint that stands still while its limb moves, such as a hand on a
+rail, rests too, at its mean height in the rotation copy.
 
 Along the floor, a joint keeps the source's path, scaled, during each rest, shifted by the mean difference to the
 rotation copy: it does not slide, and the body is not pulled to where its proportions cannot follow. If a region farther
@@ -20,8 +22,17 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
+from distretarget.matching.undersides import Undersides
 from distretarget.numerics.kinematics import heights_of
-from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, smoothed, spans_of, widened
+from distretarget.numerics.time_series import (
+    by_shot,
+    median_of_three,
+    over_runs,
+    runs_of,
+    smoothed,
+    spans_of,
+    widened,
+)
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
@@ -50,11 +61,13 @@ class RestingJoints:
     places: Array  # (frames, joints, 3), the place of each while it rests [target file units]
 
 
-def find_resting_joints(clip: Clip, feet: Supports, environment: Environment) -> RestingJoints | None:
+def find_resting_joints(
+    clip: Clip, feet: Supports, environment: Environment, undersides: Undersides | None = None
+) -> RestingJoints | None:
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
     If the `environment` is "scaled", a joint that rests on something other than the floor has the source's place,
-    scaled.
+    scaled. `undersides` are the skins of both bodies; None if they are not known.
     """
     if not clip.legs:
         return None
@@ -74,7 +87,8 @@ def find_resting_joints(clip: Clip, feet: Supports, environment: Environment) ->
     targets, on_floor, rests = targets[on], on_floor[:, on], rests[:, on]
     regions = clip.regions.of_joint[targets]
     in_trunk = np.isin(np.array(clip.regions.names)[regions], TRUNK_REGIONS)
-    places = _resting_places(clip, feet, targets, on_floor, rests, environment)
+    rises = None if undersides is None else _rises(clip, feet, undersides, targets, on_floor, rests)
+    places = _resting_places(clip, feet, targets, on_floor, rests, environment, rises)
     return RestingJoints(joints=targets, regions=regions, in_trunk=in_trunk, rests=rests, places=places)
 
 
@@ -160,10 +174,20 @@ def _farther_out(clip: Clip, joint: int) -> list[int]:
 
 
 def _resting_places(
-    clip: Clip, feet: Supports, targets: Joints, on_floor: Flags, rests: Flags, environment: Environment
+    clip: Clip,
+    feet: Supports,
+    targets: Joints,
+    on_floor: Flags,
+    rests: Flags,
+    environment: Environment,
+    rises: Array | None,
 ) -> Array:
-    """(frames, joints, 3), the places of resting joints [target file units]."""
+    """(frames, joints, 3), the places of resting joints [target file units]; on the floor they are raised by `rises`,
+    (frames, joints).
+    """
     places = clip.scale.places(clip.source.positions[:, clip.drivers[targets]], clip.up)
+    if rises is not None:
+        places += rises[..., None] * clip.up
     shifts = feet.places - clip.copy_on_path(feet.joints)
     held = {int(j): (feet.weights[:, k] >= RESTS, shifts[:, k]) for k, j in enumerate(feet.joints)}
     copied = clip.copy_on_path(targets)
@@ -175,6 +199,48 @@ def _resting_places(
         places[:, column] += by_shot(offsets, clip.shots, off, rests[:, column], on_floor[:, column], carried)
         held[joint] = rests[:, column], places[:, column] - copied[:, column]
     return places
+
+
+def _rises(clip: Clip, feet: Supports, undersides: Undersides, targets: Joints, on_floor: Flags, rests: Flags) -> Array:
+    """(frames, joints), how much higher than the source's, scaled, joints rest [target file units]: as much as brings
+    their skin up to the floor, or down to the gap of the source's, on average over each rest; 0 if not on the floor.
+    """
+    scale, up, sources = clip.scale.height, clip.up, clip.drivers[targets]
+    sole, own_sole = undersides.soles
+    heights = heights_of(clip.source.positions, sources, up)
+    below = undersides.source.below(clip.source, sources, up)
+    floor = _skin_floor(clip, feet, sole, heights - below, rests)
+    gaps = np.maximum(scale * (heights - below - floor), 0.0)
+    own_floor = scale * (floor + sole) - own_sole
+    own_gaps = scale * heights - undersides.target.below(clip.copy, targets, up) - own_floor
+    rises = np.zeros_like(gaps)
+    for column in range(len(targets)):
+        counts = rests[:, column].astype(float)
+        runs = runs_of(rests[:, column])
+        on = np.isin(runs, np.unique(runs[on_floor[:, column]]))
+        means = by_shot(over_runs, clip.shots, np.stack([gaps[:, column], own_gaps[:, column], on], axis=1), counts)
+        gap, own_gap, on = means.T
+        rises[:, column] = on * (np.clip(own_gap, 0.0, gap) - own_gap)
+    return rises
+
+
+def _skin_floor(clip: Clip, feet: Supports, sole: float, skin: Array, rests: Flags) -> Array:
+    """(frames, 1), the height of the floor below the source's skin [source file units]: that of the soles of resting
+    feet, whose thickness is `sole`; of a shot without these, that of the lowest resting `skin`, (frames, joints).
+    """
+    soles = [heights_of(clip.source.positions, pair.source_sole.joints, clip.up).min(axis=1) for pair in clip.legs]
+    stands = feet.weights.reshape(len(clip), -1, 2).max(axis=2) >= RESTS
+    low = np.where(stands, np.stack(soles, axis=1) - sole, np.inf).min(axis=1)
+
+    def of_shot(low: Array, skin: Array, rests: Flags) -> Array:
+        stands = np.isfinite(low)
+        if stands.any():
+            return over_runs(np.where(stands, low, 0.0)[:, None], stands.astype(float))
+        lowest = np.where(rests, skin, np.inf).min(axis=1)
+        found = lowest[np.isfinite(lowest)]
+        return np.full((len(low), 1), np.median(found) if len(found) else 0.0)
+
+    return by_shot(of_shot, clip.shots, low, skin, rests)
 
 
 def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array]:

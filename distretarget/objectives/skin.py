@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep, widened
+from distretarget.numerics.parallel import blocks_of, in_threads
+from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import Contacts
@@ -24,8 +25,8 @@ from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, segment_gaps
-from distretarget.skin.capsules import SEGMENTS
-from distretarget.skin.displacement import displacements
+from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.displacement import REACH, Displaced, displacements
 from distretarget.skin.limbs import bent
 
 Array = NDArray[np.float64]
@@ -35,69 +36,93 @@ Numbers = NDArray[np.intp]
 FARTHEST = 0.06  # parts that are farther apart than this have nothing to do with each other [body units]
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
-LEAD = 0.16  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE = (0.2, 0.05)  # brought out again, displacements are averaged over these times before and after [s]
+LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
+SETTLE = (0.2, 0.05, 0.03)  # brought out again, displacements are averaged over these times before and after [s]
 
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
-SOFT = {"upper arm": 0.01, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
-HARD = 0.5  # hands and forearms press in by this share of the flesh of what they touch
-
-# Segments that are one place to be touched: what is meant for one of them is meant for all.
-PLACES = (
-    ("head", "neck"),
-    ("chest", "belly", "pelvis", "left thigh", "right thigh"),
-    ("left shin", "right shin", "left foot", "right foot"),
-    ("left hand", "left forearm", "left upper arm"),
-    ("right hand", "right forearm", "right upper arm"),
-)
+SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
+HARD = 0.2  # hands and forearms press in by this share of the flesh of what they touch
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
+    margin = round((4.0 * LEAD + sum(SETTLE)) / clip.frame_time) + 2
+    chunks = chunks_of(len(clip), margin)
+    posed.positions  # noqa: B018 - once for all chunks
+
+    def displaced(chunk: Chunk) -> Array:
+        around = chunk.context
+        d = _displaced(clip[around], skins, posed[around], supports[around], settings)
+        return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
+
+    d = np.concatenate([*in_threads(displaced, chunks)])
+    return bent(posed, skins.target.limbs, skins.target.unit * d)
+
+
+def _displaced(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Array:
+    """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units]."""
     body, source = skins.target, skins.source
     balls = body.balls
     ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
     gaps = segment_gaps(balls, ends, FARTHEST)
     in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source)), APART)
-    in_source = _of_pairs(in_source, source.balls.pairs, balls.pairs)
-    soft = _softness(balls, in_source)
+    in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
+    soft = softness(balls.pairs, in_source)
     firmness = _firmness(clip, body, in_source, supports, settings)
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
-        return posed
-    limbs = median_of_three(np.stack([posed.positions[:, [*limb.joints]] for limb in body.limbs], axis=1)) / body.unit
-    free = _free(clip, body, supports, settings)
-    given: tuple[Any, ...] = ends, limbs, free, acts, gaps, soft
+        return np.zeros((len(clip), len(body.limbs), 2, 3))
+    free = how_free(clip, body, supports, settings)
+    given = ends, limb_places(body, posed), free, acts, gaps, soft, wanted, firmness
+    return led(balls, body.displaced, given, clip.shots, clip.frame_time)
 
-    def find(*of_shot: Any) -> Array:
-        return displacements(balls, body.displaced, *of_shot)
+
+def limb_places(body: BodySkin, posed: Motion) -> Array:
+    """(frames, limbs, 3, 3), the top, the middle and the end of each limb [body units]."""
+    joints = np.array([limb.joints for limb in body.limbs], np.intp).reshape(-1, 3)
+    return median_of_three(posed.positions[:, joints]) / body.unit
+
+
+def led(
+    balls: Balls,
+    displaced: Displaced,
+    given: tuple[Any, ...],
+    shots: Shots,
+    frame_time: float,
+    reach: float = REACH,
+) -> Array:
+    """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after.
+
+    `given` are the arguments of `displacements` from `posed` to `firmness`; `reach` is its own.
+    """
+    *geometry, wanted, firmness = given
+    find: Callable[..., Array] = partial(displacements, balls, displaced, reach=reach)
 
     def over_time(change: Callable[[Array], Array], values: Array) -> Array:
-        return by_shot(change, clip.shots, values.reshape(len(values), -1)).reshape(values.shape)
+        return by_shot(change, shots, values.reshape(len(values), -1)).reshape(values.shape)
 
-    lead = LEAD / clip.frame_time
-    raw = by_shot(find, clip.shots, *given, wanted, firmness)
+    lead = LEAD / frame_time
+    raw = by_shot(find, shots, *given)
     size = over_time(lambda each: widened(each, lead), lengths(raw))
     direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
-    led = size[..., None] * normalised(direction)
+    smooth = size[..., None] * normalised(direction)
     for time in SETTLE:
-        out = find(*given, wanted, np.zeros_like(firmness), led)
-        led = over_time(partial(averaged, reach=max(round(time / clip.frame_time), 1)), out)
-    return bent(posed, body.limbs, body.unit * led)
+        out = find(*geometry, wanted, np.zeros_like(firmness), smooth)
+        smooth = over_time(partial(averaged, reach=max(round(time / frame_time), 1)), out)
+    return smooth
 
 
 def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, pairs), how firmly pairs of segments touch, 0 to 1: they touch in the source, and are meant to."""
-    touching = smoothstep((APART - in_source) / (APART - TOUCH)) * _nearest(body.balls, in_source)
-    touching[:, ~_are_arms(body.balls)] = 0.0
+    touching = how_touching(body.balls.pairs[:, 0], PLACE[body.balls.pairs[:, 1]], in_source)
     if not touching.any():
         return touching
     return touching * _meant(clip, body, touching, supports, settings)
 
 
-def _free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
+def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, limbs, 2), how far middle and end of each limb can move, 0 to 1: not while they or what is beyond them
     rest on the world, nor while the limb touches another performer; feet never.
     """
@@ -119,43 +144,41 @@ def _free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSetti
     return free
 
 
-def _nearest(balls: Balls, gaps: Array) -> Array:
+def how_touching(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
+    """(frames, pairs), how near pairs of a limb's segment and one at a place are by their gaps, 0 to 1: only arms, and
+    only the nearest at each place.
+    """
+    return smoothstep((APART - gaps) / (APART - TOUCH)) * _nearest(limbs, places, gaps) * _are_arms(limbs)
+
+
+def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
     """(frames, pairs), 1 for the pair with the least gap of all pairs of a limb and one place, 0 for pairs whose gap is
     larger by `MARGIN` and more.
     """
-    place = _places()[balls.pairs[:, 1]]
     nearest = np.empty_like(gaps)
-    for limb, where in {*zip(balls.pairs[:, 0].tolist(), place.tolist(), strict=True)}:
-        on = (balls.pairs[:, 0] == limb) & (place == where)
+    for limb, where in {*zip(limbs.tolist(), places.tolist(), strict=True)}:
+        on = (limbs == limb) & (places == where)
         nearest[:, on] = gaps[:, on].min(axis=1)[:, None]
     return 1.0 - smoothstep((gaps - nearest) / MARGIN)
 
 
-def _places() -> Numbers:
-    """(segments + 1,), the number of the place that each segment belongs to; -1 for the last, which is none."""
-    place = np.full(len(SEGMENTS) + 1, -1)
-    for number, names in enumerate(PLACES):
-        place[[SEGMENTS.index(name) for name in names]] = number
-    return place
-
-
-def _softness(balls: Balls, in_source: Array) -> Array:
+def softness(pairs: Numbers, in_source: Array) -> Array:
     """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
     source's do; but hands and forearms do not.
     """
     flesh = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
-    limbs, parts = balls.pairs.T
+    limbs, parts = pairs.T
     hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
     as_source = np.where(hard, 0.0, -in_source)
     return np.asarray(np.maximum(np.where(hard, HARD * flesh[parts], flesh[limbs] + flesh[parts]), as_source))
 
 
-def _are_arms(balls: Balls) -> Flags:
-    """(pairs,), whether the first segment of each pair belongs to an arm."""
-    return np.array(["arm" in SEGMENTS[limb] or "hand" in SEGMENTS[limb] for limb in balls.pairs[:, 0]], bool)
+def _are_arms(segments: Numbers) -> Flags:
+    """Whether each segment belongs to an arm."""
+    return np.array(["arm" in SEGMENTS[each] or "hand" in SEGMENTS[each] for each in segments], bool)
 
 
-def _of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
+def of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
     """(frames, wanted pairs), the gaps of pairs, (frames, pairs); `APART` for those that are not there."""
     columns = {pair: column for column, pair in enumerate(map(tuple, pairs.tolist()))}
     result = np.full((len(gaps), len(wanted)), APART)
@@ -170,7 +193,7 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
     pair of the first segment and of the place that the second belongs to. Only blocks of frames in which any pair is
     `touching`, (frames, pairs), count, and of the hands' joints only wrists and what is farthest from them.
     """
-    place, pairs, targets = _places(), body.balls.pairs, clip.distances.targets
+    pairs, targets = body.balls.pairs, clip.distances.targets
     of_point = body.of_joint[targets]
     chosen = np.ones(len(targets), bool)
     for segment in (number for number, name in enumerate(SEGMENTS) if "hand" in name):
@@ -186,7 +209,7 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
         of_u, of_v = of_point[near.u], of_point[near.v]
         for column in np.flatnonzero(touching[block].any(axis=0)):
             limb, other = pairs[column]
-            on = ((of_u == limb) & (place[of_v] == place[other])) | ((of_v == limb) & (place[of_u] == place[other]))
+            on = ((of_u == limb) & (PLACE[of_v] == PLACE[other])) | ((of_v == limb) & (PLACE[of_u] == PLACE[other]))
             if on.any():
                 meant[block, column] = near.f[:, on].max(axis=1)
     return meant

@@ -17,6 +17,7 @@ from distretarget.errors import MotionError
 from distretarget.ik.poses import Poses
 from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
+from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import extent
 from distretarget.objectives.clip import Clip
@@ -45,6 +46,12 @@ class Match:
     matching: Matching  # which source joint drives which target joint
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
+
+    @property
+    def undersides(self) -> Undersides | None:
+        """What source and target rest on; None for stick figures."""
+        capsules = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
+        return Undersides.of(self.matching, capsules, self.mesh) if capsules else None
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -110,14 +117,15 @@ class Performer:
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
+        undersides = self.match.undersides
         feet = find_foot_lock(self.clip)
         clip = self.clip.raised(np.outer(hips_rise(self.clip, feet), self.clip.up))
         supports = feet
         if options.supports == "hold":
-            if resting := find_resting_joints(clip, feet, options.environment):
+            if resting := find_resting_joints(clip, feet, options.environment, undersides):
                 clip = clip.raised(root_shift(clip, feet, resting))
                 supports = with_resting_joints(clip, feet, resting)
-            supports = replace(supports, floor=find_floor(clip, supports.weights))
+            supports = replace(supports, floor=find_floor(clip, supports.weights, undersides))
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)
@@ -126,15 +134,19 @@ class Performer:
         """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
-    def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
-        """Return the result of the poses, with the paper's solved points where there are any.
+    def with_own_skin(self, posed: Motion) -> Motion:
+        """Return a motion with its limbs bent as the performer's skin asks; the same motion without skin."""
+        skins = self.match.skins
+        return with_skin(self.clip, skins, posed, self.supports, self.settings) if skins else posed
+
+    def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
+        """Return the result of the poses, with the paper's solved points where there are any; `posed` is its motion
+        where that is not only bent as the performer's own skin asks.
 
         Raises:
             MotionError: a frame of the result is wrong; the message names joint and frame.
         """
-        posed, skins = self.posed(poses), self.match.skins
-        if skins:
-            posed = with_skin(self.clip, skins, posed, self.supports, self.settings)
+        posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
         check_finite(motion)
@@ -150,7 +162,7 @@ class Performer:
             supports=self.supports if self.settings.foot_lock else no_supports(len(motion)),
             postures=postures,
             distances=self.clip.distances,
-            skins=skins,
+            skins=self.match.skins,
             mesh=self.match.mesh,
         )
 

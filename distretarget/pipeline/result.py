@@ -14,6 +14,7 @@ from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
+from distretarget.matching.undersides import Undersides
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.jumps import find_pops, find_snaps
 from distretarget.measure.metrics import Comparison, Reference
@@ -105,11 +106,14 @@ class RetargetResult:
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
         source, target = self.matching.source, self.matching.target
-        skins = None
+        skins = undersides = None
         if self.skins:
+            undersides = Undersides.of(
+                self.matching, (self.skins.source.capsules, self.skins.target.capsules), self.mesh
+            )
             of_target = find_skin(target, self.skins.target.capsules, self.mesh)
             skins = find_skin(source, self.skins.source.capsules), of_target
-        reference = Reference(self.source, self.matching, self.world.up_vector, skins)
+        reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
         return reference.compare(self.motion), reference.compare(self.rotation_copy)
 
     @cached_property

@@ -23,6 +23,7 @@ from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
+from distretarget.scene.skin import with_skins
 from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
@@ -144,7 +145,8 @@ def retarget_scene(
     ]
     contacts = find_contacts(prepared, placed)
     poses, sweeps, gap_error = solve_in_sweeps(contacts, mapper, progress)
-    results = tuple(one.result(pose) for one, pose in zip(contacts.performers, poses, strict=True))
+    bent = zip(contacts.performers, poses, with_skins(contacts, poses), strict=True)
+    results = tuple(one.result(pose, posed=posed) for one, pose, posed in bent)
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
     return SceneResult(
         results=results,

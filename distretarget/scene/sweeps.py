@@ -88,8 +88,12 @@ class SceneContacts:
             drawn = near.springs(*positions, (self.gives[i], self.gives[j]), (one.clip.unit, other.clip.unit))
             for number, each in zip((i, j), drawn, strict=True):
                 springs[number] = joined(springs[number], each if alone else each._replace(A=0.0 * each.A))
+        return [joined(*both) for both in zip(springs, self.springs_to_props(now), strict=True)]
+
+    def springs_to_props(self, now: Sequence[Motion]) -> list[Springs]:
+        """The springs that draw each performer to props, where these are while the performers move as they do now."""
+        springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
         copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
-        places = self.placements(now)
         for (i, k), touching in self.on_props.items():
             unit = self.performers[i].clip.unit
             springs[i] = joined(springs[i], touching.springs(places[k], copies[i], unit))

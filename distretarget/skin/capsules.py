@@ -25,6 +25,18 @@ SEGMENTS = (
 )
 
 
+# Segments that are one place to be touched: what is meant for one of them is meant for all.
+PLACES = (
+    ("head", "neck"),
+    ("chest", "belly", "pelvis", "left thigh", "right thigh"),
+    ("left shin", "right shin", "left foot", "right foot"),
+    ("left hand", "left forearm", "left upper arm"),
+    ("right hand", "right forearm", "right upper arm"),
+)
+# (segments + 1,), the number of the place that each segment belongs to; -1 for the last, which is none
+PLACE = np.array([next(k for k, names in enumerate(PLACES) if name in names) for name in SEGMENTS] + [-1])
+
+
 @dataclass(frozen=True, eq=False)
 class Capsules:
     """The surface of a body as tapered capsules.

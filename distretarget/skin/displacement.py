@@ -30,7 +30,6 @@ SHRINK = 0.75  # the share of a displacement that a sweep leaves
 SETTLED = 5e-4  # sweeps end where limbs move by less than this in sum [body units]
 SLACK = 0.01  # gaps are computed anew when limbs have moved by more than this [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not meet [body units]
-MOST_MEETINGS = 2048  # balls and capsules that may meet in one frame
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
@@ -59,6 +58,7 @@ def displacements(
     wanted: Array,
     firmness: Array,
     start: Array | None = None,
+    reach: float = REACH,
 ) -> Array:
     """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3).
 
@@ -75,17 +75,29 @@ def displacements(
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
         start: (frames, limbs, 2, 3), what each frame begins with; then nothing shrinks. None for the result of the
             frame before.
+        reach: balls and capsules that are farther apart than this do not meet [body units].
     """
+    most = int((balls.spare < NEVER).sum())
     result = np.zeros((len(posed), limbs.shape[1], 2, 3))
     given, before = start is not None, np.zeros_like(result) if start is None else start
 
     def write(frames: slice) -> None:
-        found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
-        seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
+        found, room = np.zeros((most, 3), np.intp), np.zeros((4, 3))
+        seen = np.zeros(most), np.zeros((len(balls.pairs), *result.shape[1:]))
         arrays = limbs, free, acts, gaps, soft, wanted, firmness
         constraints = tuple(np.ascontiguousarray(each[frames]) for each in arrays)
         _write_displacements(
-            balls, displaced, posed[frames], constraints, before[frames], given, found, seen, room, result[frames]
+            balls,
+            displaced,
+            posed[frames],
+            constraints,
+            before[frames],
+            given,
+            reach,
+            found,
+            seen,
+            room,
+            result[frames],
         )
 
     if given:
@@ -96,7 +108,7 @@ def displacements(
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, displaced, posed, constraints, before, given, found, seen, room, result):  # type: ignore[no-untyped-def]
+def _write_displacements(balls, displaced, posed, constraints, before, given, reach, found, seen, room, result):  # type: ignore[no-untyped-def]
     """Write the displacements. `seen`, (meetings,), is the gap of each meeting with the displacements `known[pair]`:
     while its limbs have moved less than that from there, the two do not meet.
     """
@@ -104,15 +116,14 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
     gaps, known = seen
     for frame in range(len(posed)):
         d, at, loose = result[frame], posed[frame], free[frame]
-        for limb in range(len(d)):
-            for joint in range(2):
-                for i in range(3):
-                    d[limb, joint, i] = before[frame, limb, joint, i] if given else 0.0
-                    if not given and frame > 0:
-                        d[limb, joint, i] = result[frame - 1, limb, joint, i]
+        if given:
+            _copy(before[frame], d)
+        elif frame > 0:
+            _copy(result[frame - 1], d)
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
-        count = _find_meetings(balls, at, apart[frame], _reach(apart[frame], d), found)
+        near = min(_way_to_go(apart[frame], d), reach)
+        count = _find_meetings(balls, at, apart[frame], firmness[frame], near, reach, found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             if not settles:
@@ -122,45 +133,52 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
                 pair, last = found[first, 0], first + 1
                 while last < count and found[last, 0] == pair:
                     last += 1
-                if sweep == 0:
-                    _copy(d, known[pair], NEVER)
-                reached = apart[frame, pair] + soft[frame, pair] <= _largest_of(displaced, found[first], d)
-                if not reached and firmness[frame, pair] == 0.0:
-                    first = last
-                    continue
-                way = _way_from(d, known[pair])
-                if way > SLACK:
-                    _copy(d, known[pair], 1.0)
-                least, nearest = NEVER, -1
-                touches = firmness[frame, pair] > 0.0 and sweep < SWEEPS - PARTING
-                for meeting in range(first, last):
-                    if way <= SLACK and gaps[meeting] - 2.0 * way > (least if touches else -soft[frame, pair]):
-                        continue
-                    ball, capsule = found[meeting, 1], found[meeting, 2]
-                    gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
+                touch = firmness[frame, pair] if sweep < SWEEPS - PARTING else 0.0
+                room_left = apart[frame, pair] + soft[frame, pair]
+                if touch > 0.0 or room_left <= _largest_of(displaced, found[first], d):
+                    way = NEVER if sweep == 0 else _way_from(d, known[pair])
                     if way > SLACK:
-                        gaps[meeting] = gap
-                    depth = -gap - soft[frame, pair]
-                    if depth > 0.0 and _move(
-                        displaced, ball, capsule, t, depth, room[0], displaced.mutual[pair], loose, d
-                    ):
-                        moved += depth
-                        gap += depth
-                        if way <= SLACK:
-                            way = _way_from(d, known[pair])
-                    if gap < least:
-                        least, nearest = gap, meeting
-                if touches and nearest >= 0:
-                    ball, capsule = found[nearest, 1], found[nearest, 2]
-                    gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
-                    change = firmness[frame, pair] * (wanted[frame, pair] - gap)
-                    if _move(displaced, ball, capsule, t, change, room[0], displaced.mutual[pair], loose, d):
-                        moved += abs(change)
+                        _copy(d, known[pair])
+                    aim = soft[frame, pair], wanted[frame, pair], touch
+                    met, their_gaps = found[first:last], gaps[first:last]
+                    moved += _part(balls, displaced, at, d, met, their_gaps, known[pair], way, aim, loose, room)
+                elif sweep == 0:
+                    _forget(known[pair])
                 first = last
             for limb in range(len(d)):
                 _keep_lengths(limbs[frame, limb], loose[limb], d[limb])
             if moved < SETTLED and (settles or _shrink(d, 1.0) < NOTHING):
                 break
+
+
+@inlined(fastmath=True)
+def _part(balls, displaced, at, d, met, gaps, known, way, aim, free, room):  # type: ignore[no-untyped-def]
+    """Bring the balls and capsules of a pair of segments apart, and if they touch to the gap that is wanted; return how
+    far they were off. `way` is how far limbs have moved since their `gaps` were computed, at the displacements `known`.
+    """
+    soft, wanted, touch = aim
+    both, anew = displaced.mutual[met[0, 0]], way > SLACK
+    moved, least, nearest = 0.0, NEVER, -1
+    for meeting in range(len(met)):
+        if not anew and gaps[meeting] - 2.0 * way > (least if touch > 0.0 else -soft):
+            continue
+        gap, t = _gap(balls, displaced, at, d, met[meeting], room)
+        if anew:
+            gaps[meeting] = gap
+        depth = -gap - soft
+        if depth > 0.0 and _move(displaced, met[meeting], t, depth, room[0], both, free, d):
+            moved += depth
+            gap += depth
+            if not anew:
+                way = _way_from(d, known)
+        if gap < least:
+            least, nearest = gap, meeting
+    if touch > 0.0 and nearest >= 0:
+        gap, t = _gap(balls, displaced, at, d, met[nearest], room)
+        change = touch * (wanted - gap)
+        if _move(displaced, met[nearest], t, change, room[0], both, free, d):
+            moved += abs(change)
+    return moved
 
 
 @inlined(fastmath=True)
@@ -193,23 +211,32 @@ def _largest_of(displaced, meeting, d):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _reach(gaps: Array, d: Array) -> float:
+def _way_to_go(gaps: Array, d: Array) -> float:
     """How far apart balls and capsules may be that meet while the displacements grow as far as segments overlap."""
     deepest, largest = 0.0, 0.0
     for pair in range(len(gaps)):
         deepest = max(deepest, -gaps[pair])
     for limb in range(len(d)):
         largest = max(largest, _largest(d[limb]))
-    return min(2.0 * (largest + deepest) + SLACK, REACH)
+    return 2.0 * (largest + deepest) + SLACK
 
 
 @inlined(fastmath=True)
-def _copy(d: Array, known: Array, share: float) -> None:
-    """Write a displacement, plus `share` - 1, to `known`."""
+def _copy(d: Array, known: Array) -> None:
+    """Write a displacement to `known`."""
     for limb in range(len(d)):
         for joint in range(2):
             for i in range(3):
-                known[limb, joint, i] = d[limb, joint, i] + (share - 1.0)
+                known[limb, joint, i] = d[limb, joint, i]
+
+
+@inlined(fastmath=True)
+def _forget(known: Array) -> None:
+    """Write displacements that are far from any to `known`."""
+    for limb in range(len(known)):
+        for joint in range(2):
+            for i in range(3):
+                known[limb, joint, i] = NEVER
 
 
 @inlined(fastmath=True)
@@ -250,10 +277,11 @@ def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, posed, gaps, farthest, found):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, gaps, firmness, near, reach, found):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
     count = 0
     for pair in range(len(balls.pairs)):
+        farthest = reach if firmness[pair] > 0.0 else near
         if gaps[pair] >= farthest:
             continue
         limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
@@ -263,21 +291,26 @@ def _find_meetings(balls, posed, gaps, farthest, found):  # type: ignore[no-unty
             y = (1.0 - t) * posed[carrier, 0, 1] + t * posed[carrier, 1, 1]
             z = (1.0 - t) * posed[carrier, 0, 2] + t * posed[carrier, 1, 2]
             for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-                ends, reach = posed[capsule], farthest + balls.radii[ball] + balls.reaches[capsule]
+                ends, within = posed[capsule], farthest + balls.radii[ball] + balls.reaches[capsule]
                 u = x - 0.5 * (ends[0, 0] + ends[1, 0])
                 v = y - 0.5 * (ends[0, 1] + ends[1, 1])
                 w = z - 0.5 * (ends[0, 2] + ends[1, 2])
-                if balls.spare[ball, capsule] < NEVER and u * u + v * v + w * w < reach * reach and count < len(found):
+                if (
+                    balls.spare[ball, capsule] < NEVER
+                    and u * u + v * v + w * w < within * within
+                    and count < len(found)
+                ):
                     found[count, 0], found[count, 1], found[count, 2] = pair, ball, capsule
                     count += 1
     return count
 
 
 @inlined(fastmath=True)
-def _gap(balls, displaced, posed, d, ball, capsule, room):  # type: ignore[no-untyped-def]
+def _gap(balls, displaced, posed, d, meeting, room):  # type: ignore[no-untyped-def]
     """The gap between a ball and a capsule with the displacements d, and where on the axis it is; the direction from
     the capsule to the ball is written to `room[0]`.
     """
+    ball, capsule = meeting[1], meeting[2]
     n, p, ends, radii = room[0], room[1], room[2:], balls.cap_radii[capsule]
     place_ball(balls, ball, posed, p)
     limb, other = displaced.of_ball[ball], displaced.of_end[capsule]
@@ -303,10 +336,11 @@ def _gap(balls, displaced, posed, d, ball, capsule, room):  # type: ignore[no-un
 
 
 @inlined(fastmath=True)
-def _move(displaced, ball, capsule, t, way, n, both, free, d):  # type: ignore[no-untyped-def]
+def _move(displaced, meeting, t, way, n, both, free, d):  # type: ignore[no-untyped-def]
     """Displace joints by the least so that a ball and the point t of a capsule move apart by `way` along n; return
     whether they can.
     """
+    ball, capsule = meeting[1], meeting[2]
     limb, other = displaced.of_ball[ball], displaced.of_end[capsule] if both else -1
     squares, share = 0.0, displaced.end_shares[capsule]
     for joint in range(2):

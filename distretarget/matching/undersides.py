@@ -1,0 +1,187 @@
+"""Undersides: how far the skin reaches below the joints that a body stands, kneels, leans or sits on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.body import Body
+from distretarget.body.segments import find_segments
+from distretarget.body.soles import Sole
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.vectors import lengths, normalised
+from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.mesh import SkinnedMesh
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.intp]
+LowestOf = Callable[[Array, Numbers, Array, Array], Array]
+
+AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there]
+BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
+DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
+
+
+@dataclass(frozen=True, eq=False)
+class Underside:
+    """The skin of one body about its joints: of its mesh, or of its capsules where it has none."""
+
+    body: Body
+    capsules: Capsules
+    mesh: SkinnedMesh | None
+    segments: Numbers  # (joints,), the segment of each joint; -1 for none
+
+    @classmethod
+    def of(cls, body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Underside:
+        """Return the underside of a body with these capsules and, if it has one, this mesh."""
+        return cls(body, capsules, mesh, find_segments(body).of_joint)
+
+    def below(self, motion: Motion, joints: Numbers, up: Array) -> Array:
+        """Return how far the lowest skin about each of some joints is below it, (frames, joints) [file units]; 0 where
+        there is none.
+        """
+        heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
+        lowest_of = _lowest_in(motion, self.body.skeleton.rest_positions, up)
+        for column, joint in enumerate(joints.tolist()):
+            lowest = self._lowest(joint, lowest_of)
+            if lowest is not None:
+                result[:, column] = heights[:, column] - lowest
+        return result
+
+    def thickness(self, ankle: int, sole: Sole) -> float:
+        """Return how far the skin of a foot that stands flat is below the lowest of its joints [file units]; 0 where
+        there is none.
+        """
+        own = self.body.skeleton.subtree(ankle)
+        if self.mesh is not None:
+            points = self.mesh.vertices[np.isin(_carriers(self.mesh), own)] @ sole.normal
+        else:
+            on = np.isin(self.capsules.joints, own)
+            points = (self._rest_ends[on] @ sole.normal - self.capsules.radii[on]).ravel()
+        rest = self.body.skeleton.rest_positions[ankle] @ sole.normal - sole.ankle
+        return float(rest - points.min()) if len(points) else 0.0
+
+    @property
+    def _rest_ends(self) -> Array:
+        """(capsules, 2, 3), the ends of the capsules while no joint is turned."""
+        return np.asarray(self.capsules.ends + self.body.skeleton.rest_positions[self.capsules.joints, None])
+
+    def _lowest(self, joint: int, lowest_of: LowestOf) -> Array | None:
+        """(frames,), the height of the lowest skin about a joint; None where there is none."""
+        near, t, radii = self._capsules_about(joint)
+        if not len(near):
+            return None
+        if self.mesh is not None:
+            vertices = self._vertices_about(self.mesh, joint, (BEYOND if self._is_tip(joint) else AROUND) * radii.max())
+            if len(vertices):
+                mesh = self.mesh
+                none = np.zeros(len(vertices))
+                return lowest_of(mesh.vertices[vertices], mesh.joints[vertices], mesh.weights[vertices], none)
+        ends = self._rest_ends[near]
+        centres = (1.0 - t)[:, None] * ends[:, 0] + t[:, None] * ends[:, 1]
+        on = self.capsules.joints[near][:, None]
+        return lowest_of(centres, on, np.ones(on.shape), radii)
+
+    def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
+        """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
+        each the joint is, 0 to 1, and the radius there [file units]; (capsules,) each.
+        """
+        skeleton, ends = self.body.skeleton, self._rest_ends
+        bone = ends[:, 1] - ends[:, 0]
+        off = skeleton.rest_positions[joint] - ends[:, 0]
+        square = (bone**2).sum(axis=1)
+        t = np.clip(np.divide((off * bone).sum(axis=1), square, out=np.zeros(len(bone)), where=square > 0.0), 0.0, 1.0)
+        radii = (1.0 - t) * self.capsules.radii[:, 0] + t * self.capsules.radii[:, 1]
+        near = lengths(off - t[:, None] * bone) < AROUND * radii
+        near &= np.isin(self.capsules.segments, self._segments_about(joint))
+        return np.flatnonzero(near), t[near], radii[near]
+
+    def _is_tip(self, joint: int) -> bool:
+        """Whether a joint is the last of a hand or finger, which has skin beyond it."""
+        name = SEGMENTS[self.segments[joint]] if self.segments[joint] >= 0 else ""
+        return not self.body.skeleton.children[joint] and name.endswith("hand")
+
+    def _segments_about(self, joint: int) -> Numbers:
+        """The segments of a joint, its parent and its children."""
+        skeleton = self.body.skeleton
+        around = self.segments[[joint, max(skeleton.parents.item(joint), 0), *skeleton.children[joint]]]
+        return np.asarray(np.unique(around[around >= 0]))
+
+    def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
+        """The vertices that stand for the skin nearer to a joint than `reach`."""
+        carriers, away = _carriers(mesh), mesh.vertices - self.body.skeleton.rest_positions[joint]
+        near = np.isin(self.segments[carriers], self._segments_about(joint)) & (lengths(away) < reach)
+        own = np.flatnonzero(near)
+        return own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own
+
+
+@dataclass(frozen=True, eq=False)
+class Undersides:
+    """The undersides of source and target."""
+
+    source: Underside
+    target: Underside
+    # how far the skin of each reaches below the lowest joint of a foot that stands flat, the mean of both feet [file
+    # units]; 0 without legs
+    soles: tuple[float, float]
+
+    @classmethod
+    def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:
+        """Return the undersides of a source and its target, with these capsules, and with the target's mesh if it has
+        one.
+        """
+        source = Underside.of(matching.source, capsules[0])
+        target = Underside.of(matching.target, capsules[1], mesh)
+        feet = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
+        thick = [[source.thickness(a.ankle, x), target.thickness(b.ankle, y)] for a, b, (x, y) in feet]
+        mean, mean_of_target = np.mean(thick or np.zeros((1, 2)), axis=0).tolist()
+        return cls(source, target, (mean, mean_of_target))
+
+
+def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
+    """Return the function that gives the height of the lowest of some balls in each frame of a motion, (frames,), from
+    their centres while no joint is turned, (balls, 3), the joints that move them with their weights, (balls, n) each,
+    and their radii, (balls,).
+
+    With joints at x, turned by R, at `rest` before: sum of w (x + R (point - rest)) . up, which is linear in x . up and
+    R^T up.
+    """
+
+    @cache
+    def pose(joint: int) -> Array:
+        """(frames, 4), R^T up of a joint and x . up."""
+        turned = Rotation.from_quat(motion.world_rotations_of(joint)).inv().apply(up)
+        return np.column_stack([turned, motion.positions[:, joint] @ up])
+
+    def lowest_of(points: Array, joints: Numbers, weights: Array, radii: Array) -> Array:
+        moving = np.unique(joints[weights > 0.0]).tolist()
+        shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
+        bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]
+        linear = np.concatenate([share * each.T for share, each in zip(shares, bound, strict=True)])
+        poses, lowest = np.concatenate([pose(joint) for joint in moving], axis=1), np.empty(len(motion))
+        for block in blocks_of(len(motion)):
+            lowest[block] = (poses[block] @ linear - radii).min(axis=1)
+        return lowest
+
+    return lowest_of
+
+
+def _carriers(mesh: SkinnedMesh) -> Numbers:
+    """(vertices,), the joint that moves each vertex most."""
+    return np.asarray(np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0])
+
+
+def _directions() -> Array:
+    """(directions, 3), unit vectors all around, on a spiral (Swinbank and Purser 2006)."""
+    z = 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(DIRECTIONS)
+    return normalised(np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1))

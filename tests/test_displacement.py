@@ -1,0 +1,124 @@
+"""Limbs leave the bodies they are in: displacements of elbows and wrists, and arms that bend by them."""
+
+import numpy as np
+import pytest
+from bodies import person, posed
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.body import Body
+from distretarget.objectives.skins import BodySkin
+from distretarget.skin.balls import segment_gaps
+from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.displacement import displacements
+from distretarget.skin.limbs import bent
+
+PERSON = person()
+BODY = Body.of(PERSON)
+HAND, BELLY = 0.03, 0.2  # radii
+
+
+def skin_of(belly=BELLY):
+    """Balls for the hands and one for the belly, about the middle of the trunk."""
+    parts = {"left hand": "LeftWrist", "right hand": "RightWrist", "belly": "Chest"}
+    joints = np.array([PERSON.index(joint) for joint in parts.values()])
+    radii = np.array([[radius] * 2 for radius in (HAND, HAND, belly)])
+    return BodySkin.of(BODY, Capsules(joints, np.zeros((3, 2, 3)), radii, np.array([*map(SEGMENTS.index, parts)])))
+
+
+def standing(turns, frames=1):
+    return posed(PERSON, turns, np.tile([0.0, 0.9, 0.0], (frames, 1)))
+
+
+def displaced(skin, motion, *, free=1.0, firmness=0.0, wanted=0.0):
+    ends = skin.posed(motion)
+    gaps = segment_gaps(skin.balls, ends, 0.2)
+    x = motion.positions / skin.unit
+    limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
+    same, none = np.full((len(motion), len(skin.limbs), 2), free), np.zeros_like(gaps)
+    acts = np.ones(len(motion), bool)
+    arguments = limbs, same, acts, gaps, none, none + wanted, none + firmness
+    return gaps, displacements(skin.balls, skin.displaced, ends, *arguments)
+
+
+def gaps_of(skin, motion, d):
+    moved = bent(motion, skin.limbs, d * skin.unit)
+    return moved, segment_gaps(skin.balls, skin.posed(moved), 0.2)
+
+
+def hand_in_belly(depth=0.1):
+    """A pose in which the left hand is about so deep in the belly."""
+    fold = {"LeftShoulder": [0, -1.2, 0], "LeftElbow": [0, -1.4, 0]}
+    motion = standing(fold)
+    wrist, chest = (motion.positions[0, PERSON.index(joint)] for joint in ("LeftWrist", "Chest"))
+    return motion, skin_of(np.linalg.norm(wrist - chest) - HAND + depth)
+
+
+@pytest.mark.parametrize("depth", [0.005, 0.03, 0.08])
+def test_a_hand_that_is_inside_comes_out_and_no_farther(depth):
+    motion, skin = hand_in_belly(depth)
+    gaps, d = displaced(skin, motion)
+    assert gaps.min() * skin.unit == pytest.approx(-depth, abs=1e-6)
+    _, after = gaps_of(skin, motion, d)
+    assert abs(after.min()) * skin.unit < 0.003
+
+
+def test_a_hand_that_is_outside_stays_where_it_is():
+    motion, skin = hand_in_belly(-0.05)
+    assert not displaced(skin, motion)[1].any()
+
+
+def test_a_hand_that_touches_is_brought_to_the_gap():
+    motion, skin = hand_in_belly(-0.02)
+    _, d = displaced(skin, motion, firmness=1.0, wanted=0.0)
+    gaps = gaps_of(skin, motion, d)[1]
+    assert abs(gaps.min()) * skin.unit < 0.003
+
+
+def test_a_hand_that_rests_on_the_world_does_not_move():
+    motion, skin = hand_in_belly()
+    assert not displaced(skin, motion, free=0.0)[1].any()
+
+
+def test_a_hand_stays_on_the_side_on_which_it_entered():
+    """The belly goes through the hand, from behind it to before it; so the hand stays before the belly."""
+    motion, _ = hand_in_belly()
+    skin = skin_of(0.12)
+    places = np.linspace(-0.25, 0.05, 60)
+    wrist = motion.positions[0, PERSON.index("LeftWrist")]
+    many = standing({"LeftShoulder": [0, -1.2, 0], "LeftElbow": [0, -1.4, 0]}, len(places))
+    ends = skin.posed(many)
+    belly = skin.balls.of_capsule[SEGMENTS.index("belly")]
+    ends[:, belly] = (wrist + np.outer(places, [0.0, 0.0, 1.0]))[:, None] / skin.unit
+    gaps = segment_gaps(skin.balls, ends, 0.2)
+    x = many.positions / skin.unit
+    limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
+    free, none = np.ones((len(many), len(skin.limbs), 2)), np.zeros_like(gaps)
+    d = displacements(skin.balls, skin.displaced, ends, limbs, free, np.ones(len(many), bool), gaps, none, none, none)
+    ahead = wrist[2] / skin.unit + d[:, 0, 1, 2] - ends[:, belly, 0, 2]
+    inside = gaps.min(axis=1) < -1e-3
+    assert (ahead[inside] > 0).all()
+
+
+def test_an_arm_bends_to_where_its_joints_are_displaced_to():
+    motion = standing({"LeftShoulder": [0.3, -0.8, 0.2], "LeftElbow": [0, -0.9, 0.1]}, 3)
+    skin = skin_of()
+    shoulder, elbow, wrist = skin.limbs[0].joints
+    turn = Rotation.from_rotvec([0.1, 0.2, -0.15])
+    x = motion.positions
+    d = np.zeros((3, len(skin.limbs), 2, 3))
+    d[:, 0, 0] = turn.apply(x[:, elbow] - x[:, shoulder]) - (x[:, elbow] - x[:, shoulder])
+    d[:, 0, 1] = d[:, 0, 0] + turn.inv().apply(x[:, wrist] - x[:, elbow]) - (x[:, wrist] - x[:, elbow])
+    moved = bent(motion, skin.limbs, d)
+    np.testing.assert_allclose(moved.positions[:, elbow], x[:, elbow] + d[:, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(moved.positions[:, wrist], x[:, wrist] + d[:, 0, 1], atol=1e-12)
+    others = [joint for joint in range(len(PERSON)) if joint not in PERSON.subtree(shoulder)]
+    np.testing.assert_allclose(moved.positions[:, others], x[:, others], atol=1e-12)
+    same = (
+        Rotation.from_quat(moved.world_rotations_of(wrist)) * Rotation.from_quat(motion.world_rotations_of(wrist)).inv()
+    )
+    assert same.magnitude().max() < 1e-7  # the hand keeps its rotation in the world
+
+
+def test_no_displacement_is_the_motion_itself():
+    motion, skin = hand_in_belly()
+    assert bent(motion, skin.limbs, np.zeros((1, len(skin.limbs), 2, 3))) is motion

@@ -1,0 +1,61 @@
+"""Skin on a character: what touches and sinks in, through `retarget`."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from distretarget import Options, load_target, read_bvh, retarget
+
+ROOT = Path(__file__).resolve().parents[1]
+HERO = ROOT / "sample_characters" / "hero.glb"
+BONES_ALONE = Options(skin="none")
+
+
+def sample(name, frames=slice(None)):
+    return read_bvh(ROOT / "sample_bvh" / f"{name}.bvh")[frames]
+
+
+@pytest.mark.parametrize("name", ["hands_on_hips", "clap", "walk"])
+def test_hands_and_forearms_stay_outside(name):
+    run = retarget(sample(name), load_target(HERO))
+    assert run.figures["rotation_copy"]["skin_depth"] > 0.5
+    assert run.figures["result"]["skin_depth"] < 1
+    assert run.figures["result"]["slide"] < 0.05
+
+
+def test_where_nothing_is_near_nothing_changes():
+    """The arms are held out to the sides, and the legs stand apart."""
+    source = sample("turn")
+    arms = [source.skeleton.index(f"{side}Shoulder") for side in ("Left", "Right")]
+    still = np.tile(source.rotations[:1], (30, 1, 1))
+    still[:, :, :] = [0.0, 0.0, 0.0, 1.0]
+    held = type(source)(source.skeleton, source.root_positions[:30], still, source.frame_time_text)
+    assert arms
+    kept, alone = (retarget(held, load_target(HERO), options).motion for options in (Options(), BONES_ALONE))
+    np.testing.assert_array_equal(kept.rotations, alone.rotations)
+    np.testing.assert_array_equal(kept.root_positions, alone.root_positions)
+
+
+def test_a_target_without_mesh_or_radii_has_no_thickness():
+    target = load_target(ROOT / "sample_bvh" / "child.json")
+    kept, alone = (retarget(sample("clap"), target, options).motion for options in (Options(), BONES_ALONE))
+    np.testing.assert_array_equal(kept.rotations, alone.rotations)
+
+
+def test_an_average_adult_can_be_asked_for():
+    target = load_target(ROOT / "sample_bvh" / "long_arms.json")
+    run = retarget(sample("hands_on_hips"), target, Options(skin="average"))
+    assert run.figures["result"]["skin_depth"] < run.figures["rotation_copy"]["skin_depth"]
+
+
+def test_a_cut_and_a_single_frame_are_no_trouble():
+    clip = sample("hands_on_hips")
+    for frames in (slice(100, 101), slice(100, 103)):
+        assert retarget(clip[frames], load_target(HERO)).figures["result"]["skin_depth"] < 1.5
+
+
+def test_the_frame_rate_hardly_matters():
+    fast, slow = (retarget(sample("hands_on_hips", slice(None, None, step)), load_target(HERO)) for step in (1, 2))
+    apart = np.linalg.norm(fast.motion.positions[::2] - slow.motion.positions, axis=2).max()
+    assert apart < 0.03 * fast.matching.target.height

@@ -1,0 +1,82 @@
+"""Scenes of thick bodies: limbs leave the other performers, and hands lie on those whom they touch."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, moved
+from scipy.spatial.transform import Rotation
+
+from distretarget import Options, load_target, retarget, retarget_scene
+from distretarget.scene.scene_file import load_scene
+from distretarget.scene.skin import COUNT, FARTHEST, Bodies
+from distretarget.skin.capsules import SEGMENTS
+
+TOUCH = 0.005  # gaps of less in the source touch [body units]
+
+
+@cache
+def sources(name):
+    motions, _ = load_scene(SAMPLES / "scenes" / name / "scene.json").read()
+    return motions
+
+
+@cache
+def scene(name, order=1):
+    """The performers of a sample scene on a child and on a body as long as the source's, both as thick as adults."""
+    body = sources(name)[0].rigid_skeleton
+    targets = [load_target(SAMPLES / "child.json").for_source(body), body]
+    return retarget_scene(sources(name)[::order], targets[::order], skin="average").results
+
+
+def hand_gaps(name, kind, motions):
+    """(frames,), the least gap of a hand of one performer and the other's skin, in source or target [body units]."""
+    bodies = Bodies([getattr(one.skins, kind) for one in scene(name)])
+    pairs, hands = bodies.balls.pairs, [number for number, each in enumerate(SEGMENTS) if "hand" in each]
+    across = np.not_equal(*(pairs // COUNT).T) & np.isin(pairs % COUNT, hands).any(axis=1)
+    return bodies.gaps(motions)[:, across].min(axis=1)
+
+
+@cache
+def gaps(name):
+    """The gaps of hands in source and result."""
+    before, after = [one.matching.source_motion for one in scene(name)], [one.motion for one in scene(name)]
+    return hand_gaps(name, "source", before), hand_gaps(name, "target", after)
+
+
+@pytest.mark.parametrize("name", ["handshake", "high_five", "waltz", "push"])
+def test_hands_do_not_sink_into_others(name):
+    assert gaps(name)[1].min() > -2 * TOUCH  # flesh gives way by one
+
+
+@pytest.mark.parametrize("name", ["handshake", "high_five", "waltz"])
+def test_hands_lie_on_those_whom_they_touch(name):
+    before, after = gaps(name)
+    touches = before < TOUCH
+    assert touches.sum() > 20
+    assert np.median(after[touches]) < 2 * TOUCH
+
+
+def test_the_order_of_thick_performers_hardly_matters():
+    for one, other in zip(scene("waltz"), scene("waltz", -1)[::-1], strict=True):
+        np.testing.assert_allclose(one.motion.positions, other.motion.positions, atol=2.0)  # cm
+
+
+def test_thick_performers_who_never_meet_move_as_alone():
+    one, body = sources("push")[0], sources("push")[0].rigid_skeleton
+    other = moved(one, Rotation.identity(), shift=(1000.0, 0.0, 0.0))
+    apart = retarget_scene([one, other], [body] * 2, skin="average").results[0].motion
+    alone = retarget(one, body, Options(skin="average")).motion
+    np.testing.assert_allclose(apart.positions, alone.positions, atol=1e-6)
+
+
+def test_bodies_keep_their_own_gaps_among_others():
+    skins = [one.skins.target for one in scene("push")]
+    motions = [one.motion[:5] for one in scene("push")]
+    both = Bodies(skins)
+    for number, (skin, motion) in enumerate(zip(skins, motions, strict=True)):
+        alone = Bodies([skin])
+        own = (both.balls.pairs // COUNT == number).all(axis=1)
+        near = np.minimum(both.gaps(motions)[:, own] * both.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
+        expected = np.minimum(alone.gaps([motion]) * alone.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
+        np.testing.assert_allclose(near, expected, atol=1e-6)
