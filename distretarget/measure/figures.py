@@ -95,6 +95,7 @@ class Figure:
         limit: the value above which a run needs a look; None for no limit.
         rivals_copy: whether a run warns if it is worse than the rotation copy by more than `least`; false where the
             rotation copy is best by definition.
+        instead: the key of the figure that judges instead of this one, where that is known.
         factor: pages and the line of a run show the number times this.
         decimals: of the number in the line of a run.
         least: values up to this are too small to look at.
@@ -114,6 +115,7 @@ class Figure:
     still: float = 0.0
     limit: Limit | None = None
     rivals_copy: bool = False
+    instead: str = ""
     factor: float = 1.0
     decimals: int = 2
     least: float = 0.0
@@ -190,15 +192,24 @@ class Figure:
         return f"{result} / {source}" if self.judged == "ratio" else ""
 
     def needs_look(self, figures: Figures) -> bool:
-        """Whether the result's value is above the limit; false where either is missing."""
+        """Whether the result's value is above the limit; false where either is missing, or another figure judges."""
+        if self._is_judged_by_another(figures):
+            return False
         value = figures["result"].get(self.key)
         limit = self.limit.value(self.key, figures) if self.limit else None
         return value is not None and limit is not None and value > limit
 
     def worse_than_copy(self, figures: Figures) -> bool:
-        """Whether the result is clearly worse than the rotation copy though it should not be; false if unknown."""
+        """Whether the result is clearly worse than the rotation copy though it should not be; false if unknown, or if
+        another figure judges.
+        """
+        if self._is_judged_by_another(figures):
+            return False
         value, copy = (figures.get(side, {}).get(self.key) for side in ("result", "rotation_copy"))
         return self.rivals_copy and value is not None and copy is not None and value > copy + self.least
+
+    def _is_judged_by_another(self, figures: Figures) -> bool:
+        return figures["result"].get(self.instead) is not None
 
     def brief(self, value: float | None) -> str:
         """The number as the line of a run has it."""

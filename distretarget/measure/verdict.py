@@ -60,6 +60,11 @@ def verdict(figures: Figures, tracks: Mapping[Variant, Tracks]) -> str:
 
 
 def _contacts(figures: Figures) -> str:
+    if figures["result"].get("skin_depth") is not None:
+        gap = figures["result"]["skin_gap"]
+        return (
+            "no skins touch in the source" if gap is None else f"gaps of skins that touch {gap:.1f} % of the height off"
+        )
     figure = BY_KEY["contact_error"]
     result, copy = (figures[side][figure.key] for side in ("result", "rotation_copy"))
     if result is None or copy is None:

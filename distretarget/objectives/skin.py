@@ -42,7 +42,6 @@ SETTLE = (0.2, 0.05, 0.03)  # brought out again, displacements are averaged over
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
 SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
-HARD = 0.2  # hands and forearms press in by this share of the flesh of what they touch
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
@@ -169,8 +168,7 @@ def softness(pairs: Numbers, in_source: Array) -> Array:
     flesh = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
     limbs, parts = pairs.T
     hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
-    as_source = np.where(hard, 0.0, -in_source)
-    return np.asarray(np.maximum(np.where(hard, HARD * flesh[parts], flesh[limbs] + flesh[parts]), as_source))
+    return np.where(hard, 0.0, np.maximum(flesh[limbs] + flesh[parts], -in_source))
 
 
 def _are_arms(segments: Numbers) -> Flags:
