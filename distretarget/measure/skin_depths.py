@@ -12,6 +12,7 @@ from distretarget.measure.skin_clusters import Clusters, Patches
 from distretarget.measure.skin_points import LIMBS
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.kinematics import turned
 from distretarget.skin.capsules import SEGMENTS
 
 Array = NDArray[np.float64]
@@ -52,27 +53,16 @@ def find_depths(
 
 
 @inlined()
-def _turned(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
-    """The vector a b c turned by the quaternion x y z w."""
-    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
-    return (
-        a + 2.0 * (w * i + y * k - z * j),
-        b + 2.0 * (w * j + z * i - x * k),
-        c + 2.0 * (w * k + x * j - y * i),
-    )
-
-
-@inlined()
 def _placed(x, q, v):  # type: ignore[no-untyped-def]
     """The place of v relative to a joint at x with the rotation q."""
-    a, b, c = _turned(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
+    a, b, c = turned(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
     return x[0] + a, x[1] + b, x[2] + c
 
 
 @inlined()
 def _relative(x, q, a, b, c):  # type: ignore[no-untyped-def]
     """The place a b c relative to a joint at x with the rotation q."""
-    return _turned(-q[0], -q[1], -q[2], q[3], a - x[0], b - x[1], c - x[2])
+    return turned(-q[0], -q[1], -q[2], q[3], a - x[0], b - x[1], c - x[2])
 
 
 @inlined()

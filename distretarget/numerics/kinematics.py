@@ -140,6 +140,17 @@ def multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
     product[3] = w * r - x * i - y * j - z * k
 
 
+@inlined()
+def turned(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
+    """Return the vector a b c turned by the quaternion x y z w."""
+    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+    return (
+        a + 2.0 * (w * i + y * k - z * j),
+        b + 2.0 * (w * j + z * i - x * k),
+        c + 2.0 * (w * k + x * j - y * i),
+    )
+
+
 @compiled()
 def _positions(parents: Parents, root_positions: Array, bones: Array, world: Array, positions: Array) -> None:
     """Write positions: the parent's, plus the joint's translation rotated by the parent."""

@@ -25,12 +25,11 @@ from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, segment_gaps
-from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS
 from distretarget.skin.displacement import REACH, Displaced, displacements
 from distretarget.skin.limbs import bent
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
 FARTHEST = 0.06  # parts that are farther apart than this have nothing to do with each other [body units]
@@ -147,7 +146,7 @@ def how_touching(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
     """(frames, pairs), how near pairs of a limb's segment and one at a place are by their gaps, 0 to 1: only arms, and
     only the nearest at each place.
     """
-    return smoothstep((APART - gaps) / (APART - TOUCH)) * _nearest(limbs, places, gaps) * _are_arms(limbs)
+    return np.asarray(smoothstep((APART - gaps) / (APART - TOUCH)) * _nearest(limbs, places, gaps) * IS_ARM[limbs])
 
 
 def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
@@ -169,11 +168,6 @@ def softness(pairs: Numbers, in_source: Array) -> Array:
     limbs, parts = pairs.T
     hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
     return np.where(hard, 0.0, np.maximum(flesh[limbs] + flesh[parts], -in_source))
-
-
-def _are_arms(segments: Numbers) -> Flags:
-    """Whether each segment belongs to an arm."""
-    return np.array(["arm" in SEGMENTS[each] or "hand" in SEGMENTS[each] for each in segments], bool)
 
 
 def of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:

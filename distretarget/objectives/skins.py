@@ -13,7 +13,7 @@ from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.skin.balls import NEVER, Balls, balls_of, ordered
-from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.capsules import IS_ARM, Capsules
 from distretarget.skin.displacement import LEAST_SHARE, Displaced
 from distretarget.skin.limbs import Limb, shares_of
 
@@ -80,8 +80,7 @@ def _limbs_of(body: Body) -> tuple[Limb, ...]:
 
 def _mutual(balls: Balls) -> NDArray[np.bool_]:
     """(pairs,), whether both segments of a pair give way: arms to arms and legs to legs, but legs not to arms."""
-    arm = np.array(["arm" in name or "hand" in name for name in SEGMENTS])
-    return np.asarray(arm[balls.pairs[:, 0]] == arm[balls.pairs[:, 1]])
+    return np.asarray(IS_ARM[balls.pairs[:, 0]] == IS_ARM[balls.pairs[:, 1]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Balls along the limbs of a body, and the pairs of limb and body part whose surfaces can touch.
 
-In the solver a limb is a row of balls: a ball and a capsule always touch in one point, while two capsules that lie side
+A limb is a row of balls: a ball and a capsule always touch in one point, while two capsules that lie side
 by side touch along a line, and the point that counts would jump from end to end.
 """
 

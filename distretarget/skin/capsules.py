@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, read_only
+from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import over_blocks
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ SEGMENTS = (
     "belly",
     "pelvis",
 )
-
+IS_ARM = np.array(["arm" in name or "hand" in name for name in SEGMENTS])  # (segments,)
 
 # Segments that are one place to be touched: what is meant for one of them is meant for all.
 PLACES = (
@@ -75,12 +76,10 @@ def _write_posed(world, positions, joints, ends, posed):  # type: ignore[no-unty
             q, x = world[frame, joints[capsule]], positions[frame, joints[capsule]]
             for end in range(2):
                 v = ends[capsule, end]
-                i = q[1] * v[2] - q[2] * v[1]  # v + 2 w (q x v) + 2 q x (q x v), q the vector part
-                j = q[2] * v[0] - q[0] * v[2]
-                k = q[0] * v[1] - q[1] * v[0]
-                posed[frame, capsule, end, 0] = x[0] + v[0] + 2.0 * (q[3] * i + q[1] * k - q[2] * j)
-                posed[frame, capsule, end, 1] = x[1] + v[1] + 2.0 * (q[3] * j + q[2] * i - q[0] * k)
-                posed[frame, capsule, end, 2] = x[2] + v[2] + 2.0 * (q[3] * k + q[0] * j - q[1] * i)
+                a, b, c = turned(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
+                posed[frame, capsule, end, 0] = x[0] + a
+                posed[frame, capsule, end, 1] = x[1] + b
+                posed[frame, capsule, end, 2] = x[2] + c
 
 
 def no_capsules() -> Capsules:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import over_blocks
 from distretarget.skin.balls import NEVER, Balls, place_ball
 from distretarget.skin.closest import LEAST, place_on_axis
@@ -117,9 +118,9 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, re
     for frame in range(len(posed)):
         d, at, loose = result[frame], posed[frame], free[frame]
         if given:
-            _copy(before[frame], d)
+            copy_to(d, before[frame])
         elif frame > 0:
-            _copy(result[frame - 1], d)
+            copy_to(d, result[frame - 1])
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
         near = min(_way_to_go(apart[frame], d), reach)
@@ -138,7 +139,7 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, re
                 if touch > 0.0 or room_left <= _largest_of(displaced, found[first], d):
                     way = NEVER if sweep == 0 else _way_from(d, known[pair])
                     if way > SLACK:
-                        _copy(d, known[pair])
+                        copy_to(known[pair], d)
                     aim = soft[frame, pair], wanted[frame, pair], touch
                     met, their_gaps = found[first:last], gaps[first:last]
                     moved += _part(balls, displaced, at, d, met, their_gaps, known[pair], way, aim, loose, room)
@@ -219,15 +220,6 @@ def _way_to_go(gaps: Array, d: Array) -> float:
     for limb in range(len(d)):
         largest = max(largest, _largest(d[limb]))
     return 2.0 * (largest + deepest) + SLACK
-
-
-@inlined(fastmath=True)
-def _copy(d: Array, known: Array) -> None:
-    """Write a displacement to `known`."""
-    for limb in range(len(d)):
-        for joint in range(2):
-            for i in range(3):
-                known[limb, joint, i] = d[limb, joint, i]
 
 
 @inlined(fastmath=True)
