@@ -158,7 +158,7 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
                     continue
                 if room.spans[pair, 0] < 0:
                     far = near + max(apart[frame, pair], 0.0) if firmness[frame, pair] > 0.0 else near
-                    count = _find_meetings(balls, pair, min(far, reach), count, room)
+                    count = _find_meetings(balls, displaced, pair, d, min(far, reach), count, room)
                 aim = soft[frame, pair], wanted[frame, pair], touch
                 moved += _part(balls, displaced, pair, d, loose, aim, room)
             for limb in range(len(limbs[frame])):
@@ -206,21 +206,30 @@ def _begin(d, gaps, wanted, firmness, room):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, pair, far, count, room):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, displaced, pair, d, far, count, room):  # type: ignore[no-untyped-def]
     """Write the balls and capsules of a pair of segments that may meet after `count` others; return how many there are
     then.
     """
     limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
+    gone = room.way[room.limbs[pair, 0]] + room.way[room.limbs[pair, 1]]
     room.spans[pair, 0] = count
     for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
-        x, y, z = room.centres[ball, 0], room.centres[ball, 1], room.centres[ball, 2]
+        p, s, a = room.centres[ball], displaced.ball_shares[ball], d[displaced.of_ball[ball]]
+        x = p[0] + s[0] * a[0, 0] + s[1] * a[1, 0]
+        y = p[1] + s[0] * a[0, 1] + s[1] * a[1, 1]
+        z = p[2] + s[0] * a[0, 2] + s[1] * a[1, 2]
         for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
             axis, thick = room.axes[capsule], balls.radii[ball] + balls.reaches[capsule] + balls.spare[ball, capsule]
-            u, v, w = x - axis[0] - 0.5 * axis[3], y - axis[1] - 0.5 * axis[4], z - axis[2] - 0.5 * axis[5]
+            e, f = displaced.end_shares[capsule, 0], displaced.end_shares[capsule, 1]
+            b = d[displaced.of_end[capsule]]
+            g, h = 0.5 * (e[0] + f[0]), 0.5 * (e[1] + f[1])
+            u = x - axis[0] - 0.5 * axis[3] - g * b[0, 0] - h * b[1, 0]
+            v = y - axis[1] - 0.5 * axis[4] - g * b[0, 1] - h * b[1, 1]
+            w = z - axis[2] - 0.5 * axis[5] - g * b[0, 2] - h * b[1, 2]
             square = u * u + v * v + w * w
             if square < (thick + far) ** 2 and thick < NEVER and count < len(room.meetings):
                 room.meetings[count, 0], room.meetings[count, 1] = ball, capsule
-                room.bounds[count] = np.sqrt(square) - thick
+                room.bounds[count] = np.sqrt(square) - thick + gone
                 count += 1
     room.spans[pair, 1] = count
     return count
