@@ -14,6 +14,8 @@ from distretarget.body.body import Body, Pose
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.resting import feet_at_rest
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import lengths, normalised
 
@@ -62,6 +64,15 @@ def find_soles(
         feet = [replace(foot, up=normal, known=True) for foot, normal in zip(feet, normals, strict=True)]
     left, right = (foot.sole for foot in feet)
     return left, right
+
+
+def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
+    """Return the height of the lowest point of a sole over a motion, (frames,) [file units]. The points are beneath the
+    joints of the foot, as far as while it stands flat; a foot on its back has its joints.
+    """
+    upwards = Rotation.from_quat(motion.world_rotations_of(sole.joints.item(0))).apply(sole.normal) @ up
+    points = heights_of(motion.positions, sole.joints, up) - np.outer(np.maximum(upwards, 0.0), sole.heights)
+    return np.asarray(points.min(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

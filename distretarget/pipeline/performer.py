@@ -118,7 +118,7 @@ class Performer:
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
         undersides = self.match.undersides
-        feet = find_foot_lock(self.clip)
+        feet = find_foot_lock(self.clip, undersides)
         clip = self.clip.raised(np.outer(hips_rise(self.clip, feet), self.clip.up))
         supports = feet
         if options.supports == "hold":
