@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from distretarget.baseline.rotation_copy import find_root_scale
-from distretarget.body.resting import feet_at_rest
-from distretarget.body.soles import sole_height
+from distretarget.body.resting import feet_at_rest, feet_resting
+from distretarget.body.soles import floor_height, sole_height
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.kinematics import heights_of
@@ -46,14 +46,19 @@ def on_own_soles(matching: Matching, scale: float | None = None, undersides: Und
 
 def _floor_of_source(matching: Matching, on_mesh: bool) -> float:
     """The height of the source's floor [source file units]: the median of the lowest joints of its flat feet, or, if
-    feet are to stand `on_mesh`, of the lowest points of all resting soles; infinite where no foot rests.
+    feet are to stand `on_mesh`, the floor under its soles; infinite where no foot rests.
     """
-    motion, up, heights = matching.source_motion, matching.target.up_vector, []
-    for leg, (sole, _) in zip(matching.legs[0] if matching.legs else (), matching.soles, strict=True):
-        rests = feet_at_rest(motion, leg, up, matching.leg_lengths[0])
-        if on_mesh:
-            heights.append(sole_height(motion, sole, up)[rests.any(axis=1)])
-        else:
-            heights.append(heights_of(motion.positions[rests.all(axis=1)], sole.joints, up).min(axis=1))
+    motion, up, length = matching.source_motion, matching.target.up_vector, matching.leg_lengths[0]
+    feet = [*zip(matching.legs[0] if matching.legs else (), [sole for sole, _ in matching.soles], strict=True)]
+    if on_mesh:
+        shots = matching.source.shots_of(motion)
+        rests = [feet_resting(motion, leg, up, length, shots).max(axis=1) == 1.0 for leg, _ in feet]
+        return floor_height(
+            np.stack([sole_height(motion, sole, up) for _, sole in feet], axis=1), np.stack(rests, axis=1)
+        )
+    heights = []
+    for leg, sole in feet:
+        rests_flat = feet_at_rest(motion, leg, up, length).all(axis=1)
+        heights.append(heights_of(motion.positions[rests_flat], sole.joints, up).min(axis=1))
     resting = np.concatenate(heights)
     return float(np.median(resting)) if len(resting) else np.inf

@@ -108,6 +108,14 @@ def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
     return np.asarray(points.min(axis=1))
 
 
+def floor_height(heights: Array, rests: NDArray[np.bool_]) -> float:
+    """Return the height of the floor from those of soles, which rest or not, (frames, legs) each: the mean of the
+    medians of both legs; infinite where none rests.
+    """
+    medians = [np.median(sole[on]) for sole, on in zip(heights.T, rests.T, strict=True) if on.any()]
+    return float(np.mean(medians)) if medians else np.inf
+
+
 @dataclass(frozen=True, eq=False)
 class _Foot:
     """A foot in the axes of its ankle: its `joints`, their `points`, (joints, 3), relative to the ankle [file units],

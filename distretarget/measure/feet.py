@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
-from distretarget.body.soles import Sole
+from distretarget.body.soles import Sole, floor_height
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
@@ -179,7 +179,7 @@ def _on_floor(soles: Array, rests: Flags) -> Array:
     """
     if not rests.any():
         return soles
-    floor = np.median(soles[rests])
+    floor = floor_height(soles, rests)
     means = [over_runs(sole[:, None], rest.astype(float))[:, 0] for sole, rest in zip(soles.T, rests.T, strict=True)]
     means_of_rests = np.stack(means, axis=1)
     return np.asarray(np.where(np.abs(means_of_rests - floor) <= STEP, floor, means_of_rests))

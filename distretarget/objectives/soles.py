@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg
-from distretarget.body.soles import Sole, sole_height
+from distretarget.body.soles import Sole, floor_height, sole_height
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep, steadied
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.supports import RESTS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -97,7 +96,7 @@ def sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
         found = by_shot(steady, clip.shots, height[:, None], resting.max(axis=1), paths)
         heights.append(height)
         steady_heights.append(found[:, 0])
-    rest = np.stack([each.max(axis=1) >= RESTS for each in rests], axis=1)
+    rest = np.stack([each.max(axis=1) == 1.0 for each in rests], axis=1)
     on_floor = partial(_on_floor, length=length)
     return by_shot(on_floor, clip.shots, np.stack(heights, axis=1), np.stack(steady_heights, axis=1), rest)
 
@@ -108,7 +107,7 @@ def _on_floor(heights: Array, steady_heights: Array, rests: Flags, length: float
     """
     if not rests.any():
         return heights
-    floor, levels = np.median(heights[rests]), heights.copy()
+    floor, levels = floor_height(heights, rests), heights.copy()
     above = (steady_heights - floor) / length
     rises = floor + length * above * smoothstep(np.abs(above) / LEVEL - 1.0) - heights
     for leg, resting in enumerate(rests.T):
