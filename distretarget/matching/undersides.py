@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,6 +190,7 @@ def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
     return lowest_of
 
 
+@lru_cache(maxsize=2)
 def _carriers(mesh: SkinnedMesh) -> Numbers:
     """(vertices,), the joint that moves each vertex most."""
     return np.asarray(np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0])
