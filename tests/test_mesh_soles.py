@@ -10,7 +10,7 @@ from capsule_bodies import mesh_of
 from distretarget import Body, Options, load_target, read_bvh, retarget
 from distretarget.body.build import average_adult
 from distretarget.body.resting import feet_at_rest
-from distretarget.body.soles import floor_height
+from distretarget.body.soles import floor_height, level_on_floor
 from distretarget.target import Target
 
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
@@ -111,6 +111,18 @@ def test_a_level_floor_is_seen_through_soles_that_wander():
     result = retarget(source, target)
     heights, flat = lowest(target, result)
     assert np.percentile(np.abs(heights[flat].min(axis=1)), 90) < 0.003 * HEIGHT
+
+
+def test_soles_on_a_slope_or_on_steps_stay_and_those_on_a_level_floor_lie_on_it():
+    frames, all_rest = np.arange(100.0), np.ones((100, 2), bool)
+    slope, steps = (np.stack([heights, heights], axis=1) for heights in (frames * 0.01, frames // 20 * 0.2))
+    for heights in (slope, steps):
+        np.testing.assert_allclose(level_on_floor(heights, np.median(heights), all_rest, 1.0), heights, atol=1e-12)
+    wander = np.stack([0.02 * np.sin(frames), -0.02 * np.cos(frames)], axis=1)
+    np.testing.assert_allclose(level_on_floor(5.0 + wander, 5.0, all_rest, 1.0), 5.0)
+    onto_box = np.where(frames[:, None] < 80, wander, 0.4 + wander)
+    np.testing.assert_allclose(level_on_floor(onto_box, 0.0, all_rest, 1.0)[:80], 0.0, atol=1e-12)
+    np.testing.assert_allclose(level_on_floor(onto_box, 0.0, all_rest, 1.0)[80:], onto_box[80:])
 
 
 def test_the_floor_is_between_two_feet_that_disagree():

@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 
 PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average lie flat [rad]
 ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average lie flat [rad]
+LEVEL = 0.03  # a sole that rests nearer to a level floor than this lies on it; from twice this on not [leg lengths]
+GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
+SURELY = 0.65  # it is if this share of them is nearer to it than `LEVEL`, and
+HARDLY = 0.4  # it is not if it is no more than this
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
 
 
@@ -114,6 +118,19 @@ def floor_height(heights: Array, rests: NDArray[np.bool_]) -> float:
     """
     medians = [np.median(sole[on]) for sole, on in zip(heights.T, rests.T, strict=True) if on.any()]
     return float(np.mean(medians)) if medians else np.inf
+
+
+def level_on_floor(heights: Array, floor: float, rests: NDArray[np.bool_], length: float) -> Array:
+    """Return the heights of soles, (frames, legs), with those on a floor of this height where it is level:
+    floor + f(height - floor), f(d) = d smoothstep(|d| / `LEVEL` - 1). On a slope nothing changes, nor on steps.
+    `rests`, (frames, legs), says which soles rest; `length` is that of a leg.
+    """
+    off = np.abs(heights - floor) / length
+    near = off[rests & (off <= GROUND)]
+    if not len(near):
+        return heights
+    is_level = smoothstep((np.mean(near <= LEVEL, keepdims=True) - HARDLY) / (SURELY - HARDLY))
+    return np.asarray(heights - is_level * (heights - floor) * (1.0 - smoothstep(off / LEVEL - 1.0)))
 
 
 @dataclass(frozen=True, eq=False)

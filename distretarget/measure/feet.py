@@ -2,8 +2,7 @@
 
 Heights are compared in leg lengths of each body. A foot is compared with how the target's own foot stands on its flat
 sole, so that a foot of another build is not an error. Where the target's feet have a mesh, its lowest vertices are
-their soles, and belong on the floor: the median of the source's resting soles, and for a rest that is not near it, as
-on a step, its mean.
+their soles, and belong at the mean height of the source's sole over a rest, on a level floor (`level_on_floor`).
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
-from distretarget.body.soles import Sole, floor_height
+from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
@@ -32,7 +31,6 @@ SLOW = 0.35  # a resting foot joint is slower than this [leg lengths / s] ...
 LOW = 0.06  # ... and within this [leg lengths] of its lowest heights,
 LOWEST = 2.0  # which is this percentile of them [%]
 FLAT = 5.0  # a foot within this of the pitch of its flat sole stands flat [degrees]
-STEP = 0.045  # a rest that is no farther than this above or below the floor is on it [leg lengths]
 LEVEL = 0.5  # a sole stands on the floor, not on the tip or the back of the foot, if it is nearer to level [cosine]
 
 
@@ -179,10 +177,8 @@ def _on_floor(soles: Array, rests: Flags) -> Array:
     """
     if not rests.any():
         return soles
-    floor = floor_height(soles, rests)
     means = [over_runs(sole[:, None], rest.astype(float))[:, 0] for sole, rest in zip(soles.T, rests.T, strict=True)]
-    means_of_rests = np.stack(means, axis=1)
-    return np.asarray(np.where(np.abs(means_of_rests - floor) <= STEP, floor, means_of_rests))
+    return level_on_floor(np.stack(means, axis=1), floor_height(soles, rests), rests, 1.0)
 
 
 def _foot_tracks(motion: Motion, soles: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:

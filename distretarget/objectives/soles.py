@@ -1,12 +1,8 @@
 """The soles of feet over time: how far their lowest points are below the toes, by the joints or by the mesh.
 
-While a foot of the source rests, its sole lies on what it rests on: it does not rise or sink, and on the floor it is as
-high as any other. What joints show of it wanders. So the lowest vertex of a foot's mesh comes to
-
-    level = floor + f(steadied sole - floor),    f(d) = d smoothstep(|d| / LEVEL - 1)
-
-scaled, where the sole is the lowest of the source's points of it, and the floor their median while they rest. From one
-rest to the next the sole's offset from its level is interpolated.
+While a foot of the source rests, its sole lies on what it rests on: it does not rise or sink, and on a level floor it
+is as high as any other (`level_on_floor`). What joints show of it wanders: its height is steadied over each rest. From
+one rest to the next the offset of the sole from its level is interpolated.
 """
 
 from __future__ import annotations
@@ -20,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg
-from distretarget.body.soles import Sole, floor_height, sole_height
+from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_height
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
-from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep, steadied
+from distretarget.numerics.time_series import averaged, by_shot, median_of_three, steadied
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.clip import Clip
 
@@ -36,7 +32,6 @@ WAY = 0.1  # a place is averaged over about the way that a foot which does not s
 STILL = 1e-5  # a foot counts as moving at least as far as this in each frame [leg lengths]
 STEADY = 0.05  # speeds of feet are averaged over this time before and after [s]
 LITTLE = 1e-3  # weight of a foot that hardly rests
-LEVEL = 0.03  # a sole that rests nearer to the floor than this lies on it; from twice this on it does not [leg lengths]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +102,8 @@ def _on_floor(heights: Array, steady_heights: Array, rests: Flags, length: float
     """
     if not rests.any():
         return heights
-    floor, levels = floor_height(heights, rests), heights.copy()
-    above = (steady_heights - floor) / length
-    rises = floor + length * above * smoothstep(np.abs(above) / LEVEL - 1.0) - heights
+    rises = level_on_floor(steady_heights, floor_height(heights, rests), rests, length) - heights
+    levels = heights.copy()
     for leg, resting in enumerate(rests.T):
         frames = np.flatnonzero(resting)
         if len(frames):
