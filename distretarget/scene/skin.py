@@ -15,8 +15,10 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.build import average_adult
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
+from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep
 from distretarget.objectives.skin import (
@@ -30,7 +32,8 @@ from distretarget.objectives.skin import (
     softness,
 )
 from distretarget.objectives.skins import BodySkin, Skins
-from distretarget.pipeline.performer import Performer
+from distretarget.pipeline.options import SkinMode
+from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.sweeps import SceneContacts
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import PLACE, SEGMENTS
@@ -51,13 +54,30 @@ RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh":
 RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
 
 
-def with_skins(contacts: SceneContacts, poses: Sequence[Poses]) -> list[Motion]:
-    """Return the performers' motions with limbs bent as their own skins ask, and those of the others."""
+def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
+    """Return the skin that each performer has to the others: its own; or that of an average adult for one without, if
+    any of the others has one and its own mode is not "none".
+    """
+    if not any(match.skins for match in matches):
+        return [None] * len(matches)
+    adult = average_adult()
+
+    def on(matching: Matching) -> Skins | None:
+        return Skins.of(matching, adult.on(matching.source), adult.on(matching.target))
+
+    return [
+        match.skins or (on(match.matching) if mode != "none" else None)
+        for match, mode in zip(matches, modes, strict=True)
+    ]
+
+
+def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[Skins | None]) -> list[Motion]:
+    """Return the performers' motions with limbs bent as their own skins ask, and those that they have to the others."""
     performers = contacts.performers
     posed = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
     held = zip(performers, contacts.springs(posed, posed), posed, strict=True)
     posed = [_drawn(one, drawn).with_own_skin(now) for one, drawn, now in held]
-    known = {number: one.match.skins for number, one in enumerate(performers) if one.match.skins}
+    known = {number: skin for number, skin in enumerate(skins) if skin}
     numbers = [*known]
     if len(numbers) < 2:
         return posed
@@ -74,7 +94,10 @@ def _drawn(one: Performer, springs: Springs) -> Performer:
 
 def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Sequence[Motion]) -> Sequence[Motion]:
     """The motions of performers with hands that touch others drawn to them, and then all skins apart."""
-    bodies, sources = Bodies([each.target for each in skins]), Bodies([each.source for each in skins])
+    sticks = [one.match.skins is None for one in performers]
+    bodies, sources = (
+        Bodies(each, sticks) for each in zip(*((skin.target, skin.source) for skin in skins), strict=True)
+    )
     balls, clips = bodies.balls, [each.clip for each in performers]
     in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
@@ -114,12 +137,13 @@ class Bodies:
 
     Attributes:
         skins: of each body.
+        sticks: whether each is thick to the others alone; False for all if not given.
         unit: the mean of their body units [file units].
         balls: of all bodies, with the pairs of each and those of any two.
         displaced: how they move with the limbs of all bodies.
     """
 
-    def __init__(self, skins: Sequence[BodySkin]) -> None:
+    def __init__(self, skins: Sequence[BodySkin], sticks: Sequence[bool] = ()) -> None:
         self.skins = skins
         self.unit = float(np.mean([skin.unit for skin in skins]))
         own = [skin.balls for skin in skins]
@@ -128,7 +152,7 @@ class Bodies:
             np.cumsum([0, *map(len, lists)])
             for lists in ([b.carriers for b in own], [b.joints for b in own], [skin.limbs for skin in skins])
         )
-        pairs = [b.pairs + i * COUNT for i, b in enumerate(own)]
+        pairs = [b.pairs + i * COUNT for i, b in enumerate(own) if not (sticks and sticks[i])]
         pairs += [_pairs_between(own, *both) for both in permutations(range(len(own)), 2)]
         spare = np.zeros((balls[-1], capsules[-1]))
         for i, (b, scale) in enumerate(zip(own, scales, strict=True)):
