@@ -193,7 +193,7 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
     free = free_placement(motion.positions, scale, level, matching.source.up_vector)
     if not max(extent(free(motion.positions)), scale * extent(motion.skeleton.offsets)) <= LARGEST:
         raise MotionError(f"{prop.name!r} reaches beyond {LARGEST:g} with a scale of {scale:g}; choose a smaller scale")
-    return PlacedProp(motion, free, grips)
+    return PlacedProp(motion, free, grips, prop.surface)
 
 
 def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:

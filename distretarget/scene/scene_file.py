@@ -11,15 +11,16 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.errors import DistretargetError, MotionError, closest
 from distretarget.io.build_file import load_build, with_source
 from distretarget.io.files import read_text
-from distretarget.io.input_file import load_file
+from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.obj import parse_obj
+from distretarget.io.obj import parse_obj, parse_obj_mesh
 from distretarget.io.target_file import load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, SkinMode
+from distretarget.scene.prop_surface import Surface
 from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 
@@ -127,11 +128,12 @@ class SceneSetup:
         """
         own = [prop for prop in self.props if prop.part_of is None]
         motions: dict[SceneClip, Motion] = {clip: _read(clip) for clip in (*self.performers, *own)}
+        surfaces = {prop: _surface(prop) for prop in own}
         moving = [*self.performers, *(prop for prop in own if len(motions[prop]) != 1)]
         clips = synchronised([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
         motions |= zip(moving, clips, strict=True)
         sources = [motions[performer] for performer in self.performers]
-        return sources, [_made(prop, motions, sources) for prop in self.props]
+        return sources, [_made(prop, motions, surfaces.get(prop), sources) for prop in self.props]
 
     def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
@@ -172,14 +174,27 @@ def _read(clip: SceneClip) -> Motion:
         motion, _ = parse_motion(load_file(clip.file))
     else:
         file = load_file(clip.file)
-        is_obj = file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY")
-        motion = parse_obj(file.text, clip.file) if is_obj else parse_motion(file)[0]
+        motion = parse_obj(file.text, clip.file) if _is_obj(file) else parse_motion(file)[0]
         if len(motion) == 1:
             return motion
     try:
         return started(motion, clip.start)
     except MotionError as error:
         raise error.in_file(clip.file) from None
+
+
+def _is_obj(file: InputFile) -> bool:
+    return file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY")
+
+
+def _surface(prop: PropFiles) -> Surface | None:
+    """The surface in a prop's OBJ file; None for files of other kinds."""
+    file = load_file(prop.file)
+    if not _is_obj(file):
+        return None
+    root = parse_obj(file.text, prop.file).positions[0, 0]
+    vertices, triangles = parse_obj_mesh(file.text, prop.file)
+    return Surface.of_mesh(vertices - root, triangles)
 
 
 def started(motion: Motion, start: float) -> Motion:
@@ -200,11 +215,11 @@ def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> lis
     return list(motions)
 
 
-def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], sources: Sequence[Motion]) -> Prop:
+def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], surface: Surface | None, sources: Sequence[Motion]) -> Prop:
     """A prop with the motion in its own file, or with that of the joint where it begins."""
     try:
         if prop.part_of is None:
-            return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by)
+            return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by, surface=surface)
         source, joint = sources[prop.part_of.performer], prop.part_of.joint
         above = source.skeleton.line(source.skeleton.index(joint))[1:2]
         held_by = prop.held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
