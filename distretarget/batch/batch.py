@@ -18,7 +18,7 @@ from distretarget.batch.plan import Clip, check_page, find_clips, plan
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
-from distretarget.checks import check_kind, check_number, check_path
+from distretarget.checks import check_choice, check_kind, check_number, check_path
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import (
     check_inside,
@@ -33,7 +33,7 @@ from distretarget.io.files import (
 from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
@@ -163,7 +163,7 @@ class Batch:
                 content = read_bytes(clip.path)
                 record["input_hash"] = hash_of(content)
                 output_hash = None if self.overwrite else hash_of_file(self.folder / clip.place)
-                if output_hash and self.manifest.is_done(record, output_hash):
+                if output_hash and self.manifest.is_done(record, output_hash, self.hashes_of_others(clip)):
                     self.manifest.confirm(record["output"], output_hash)
                     show(None)
                     continue
@@ -173,6 +173,10 @@ class Batch:
                 continue
             about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
             yield self._job(source, clip, record, about, split)
+
+    def hashes_of_others(self, clip: Clip) -> dict[str, str | None]:
+        """The hashes of the other results of a clip, by their paths in the folder of results; None if missing."""
+        return {place.as_posix(): hash_of_file(self.folder / place) for place in clip.others}
 
     def _report_jobs(self, records: dict[str, ManifestRecord]) -> Iterator[Job]:
         """The clips that need a report on their present output."""
@@ -190,7 +194,7 @@ class Batch:
     ) -> Job:
         target = self._prepared[str(clip.target.path)]
         ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing, self.builds
-        return Job(source, target, *ways)
+        return Job(source, target, *ways, others=tuple(place.as_posix() for place in clip.others))
 
     def _finish(self, result: Result, show: Show) -> None:
         """Write the output of a clip, its line of the manifest, and its report."""
@@ -213,15 +217,20 @@ class Batch:
 
     def _put(self, result: Result) -> None:
         """Write an output; its line of the manifest comes just before the output is put in place."""
-        record, output = result.record, result.output
-        parts: Parts = [output] if isinstance(output, bytes) else []
-        path = self.folder / record["output"]
+        record, path = result.record, self.folder / result.record["output"]
         check_inside(path, self.folder)
-        if isinstance(output, Animation):
-            parts = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
+        parts = self._parts(path, result)
+        if isinstance(result.output, Animation):
             record["output_hash"] = hash_of(*parts)
+        others = {
+            name: self._parts(self.folder / name, replace(result, output=each)) for name, each in result.others.items()
+        }
+        if others:
+            record["others"] = {name: hash_of(*each) for name, each in others.items()}
         make_folder(path.parent)
         with self.manifest.locked():
+            for name, each in others.items():
+                self._put_beside(name, each, record)
             output_hash = hash_of_file(path)
             if output_hash == record["output_hash"]:
                 self.manifest.add(record)  # another run was faster
@@ -230,6 +239,24 @@ class Batch:
                 self.manifest.check_replaceable(record, path, output_hash)
             replaces = self.overwrite or output_hash is not None
             write_whole(path, parts, replaces, lambda: self.manifest.add(record))
+
+    def _parts(self, path: Path, result: Result) -> Parts:
+        """The content of the file of a result, in parts."""
+        if isinstance(result.output, bytes):
+            return [result.output]
+        character = self._characters[result.record["target"]]
+        return with_animations(path, character, [result.output], self.writing.animations)
+
+    def _put_beside(self, name: str, parts: Parts, record: ManifestRecord) -> None:
+        """Write another output of a clip, before its first one, unless it is there already."""
+        path = self.folder / name
+        check_inside(path, self.folder)
+        output_hash = hash_of_file(path)
+        if output_hash == record["others"][name]:
+            return
+        if not self.overwrite:
+            self.manifest.check_replaceable(record, path, output_hash, name)
+        write_whole(path, parts, self.overwrite or output_hash is not None)
 
     def _write_report(self, result: Result) -> None:
         """Write the report on a clip, if any, or remember why that failed."""
@@ -279,7 +306,7 @@ def convert_folder(
     rest: str | Path | None = None,
     clip: str | None = None,
     fps: float | None = None,
-    kind: str | None = None,
+    formats: Sequence[str] = (),
     writing: OutputSettings = DEFAULT_OUTPUT,
     options: Options = DEFAULT_OPTIONS,
     builds: Builds = OWN_BUILDS,
@@ -304,7 +331,8 @@ def convert_folder(
         rest: a file of the clips' rig whose first frame is a standing pose, as `--rest` takes it.
         clip: the animation to read of files that have several.
         fps: the frame rate to sample animations at [frames/s]; their own keys by default.
-        kind: of the results, such as "glb"; by default that of the target if it is glTF, else "bvh".
+        formats: of the results, such as ("bvh", "npz"): files of each clip, named alike; by default, and for "own",
+            that of the target if it is glTF, else "bvh".
         writing: how motions are put into the files of characters.
         options: how to retarget.
         builds: how thick the bodies are, if other files say it than their own.
@@ -326,6 +354,9 @@ def convert_folder(
     check_kind("builds", builds, Builds)
     check_kind("include", include, Sequence)
     check_kind("exclude", exclude, Sequence)
+    check_kind("formats", formats, Sequence)
+    for each in [formats] if isinstance(formats, str) else formats:
+        check_choice("formats", each, FORMATS)
     for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
         check_kind(name, number, int, NoneType)
         check_number(name, least if number is None else number, least, sys.maxsize)
@@ -334,7 +365,7 @@ def convert_folder(
     found, unread = find_clips(paths, (), include, exclude)
     if unread:
         raise unread[0]
-    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, kind, clip)
+    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, formats, clip)
     index, pairs = Path(report) if report else None, load_map(map_file, rest)
 
     def about(clip: PurePath, result: PurePath) -> About:

@@ -37,9 +37,15 @@ made_from = itemgetter("input_hash", "target_hash", "options", "version")  # wha
 
 
 class _OfDone(TypedDict, total=False):
-    """What the line of a clip that is done has as well: the alignment of the two bodies, as `alignment_text` has it."""
+    """What the line of a clip that is done has as well.
+
+    Attributes:
+        alignment: of the two bodies, as `alignment_text` has it.
+        others: the hashes of the other results, by their paths in the folder of results.
+    """
 
     alignment: str
+    others: dict[str, str]
 
 
 class ManifestRecord(ClipRecord, _OfDone):
@@ -106,10 +112,12 @@ def parse_record(line: bytes) -> ManifestRecord | None:
     record = _parsed(line)
     if any(not isinstance(record.get(key, ...), kind) for kind, keys in KINDS.items() for key in keys):
         return None
-    sides = record["figures"].values()
+    sides, others = record["figures"].values(), record.get("others", {})
     sound = (
         record.get("status") in ("done", "failed")
         and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"], record.get("alignment", "")))
+        and isinstance(others, dict)
+        and all(isinstance(text, str) for text in others.values())
         and all(isinstance(side, dict) for side in sides)
         and all(isinstance(number, int | float | None) for side in sides for number in side.values())
     )
@@ -164,16 +172,25 @@ class Manifest:
         with self._named_errors(), self._lock:
             yield
 
-    def is_done(self, record: ManifestRecord, output_hash: str | None) -> bool:
-        """Return whether the output with this hash was made from the same files in the same way as `record` says."""
-        made = self._record_of(record["output"], output_hash)
-        return made is not None and bool(made_from(made) == made_from(record))
-
-    def check_replaceable(self, record: ManifestRecord, path: Path, output_hash: str | None) -> None:
-        """Raise a FileError if an output may replace the file at `path`, which has this hash, only with --overwrite: no
-        batch made it, or one from another clip or target.
+    def is_done(
+        self, record: ManifestRecord, output_hash: str | None, others: Mapping[str, str | None] | None = None
+    ) -> bool:
+        """Return whether the output with this hash was made from the same files in the same way as `record` says, and
+        with it the `others`, hashes by paths in the folder of results.
         """
         made = self._record_of(record["output"], output_hash)
+        if made is None or made_from(made) != made_from(record):
+            return False
+        return all(hash_ and made.get("others", {}).get(name) == hash_ for name, hash_ in (others or {}).items())
+
+    def check_replaceable(
+        self, record: ManifestRecord, path: Path, output_hash: str | None, name: str | None = None
+    ) -> None:
+        """Raise a FileError if an output may replace the file at `path`, which has this hash, only with --overwrite: no
+        batch made it, or one from another clip or target. `name` is its path in the folder of results, if it is not
+        that of `record`.
+        """
+        made = self._record_of(name or record["output"], output_hash)
         if made is None:
             if path.exists():
                 check_writable(path)
@@ -238,6 +255,8 @@ class Manifest:
             self._last[record["output"]] = self._size
             if record["output_hash"]:
                 self._made[record["output"], record["output_hash"]] = self._size
+                for name, output_hash in record.get("others", {}).items():
+                    self._made[name, output_hash] = self._size
         elif line.strip():
             self.broken.append(self._lines)
         self._size += len(line)
