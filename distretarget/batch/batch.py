@@ -13,6 +13,9 @@ from pathlib import Path, PurePath
 from types import NoneType
 
 from distretarget.batch.alignment_spread import spread_warnings
+from distretarget.batch.figure_table import check_table, is_table
+from distretarget.batch.figure_table import table as table_of
+from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
@@ -67,6 +70,8 @@ class Batch:
     reading: Reading = DEFAULT_READING
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
+    table: Path | None = None  # the table of all clips
+    keep: Condition | None = None  # clips that fail it are left out
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def record_of(self, clip: Clip) -> ManifestRecord:
@@ -109,14 +114,15 @@ class Batch:
         """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
         if not self.clips:
             raise BatchError("there are no clips to convert")
-        if self.index is None:
-            return
-        check_page(self.index, self.clips, self.folder, self.map_file.path)
-        above = next(path for path in (self.index, *self.index.absolute().parents) if os.path.lexists(path))
-        if above == self.index:
-            check_writable(self.index, self._is_replaceable(self.index))
-        elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
-            raise FileError(self.index, f"nothing can be written to {str(above)!r}")
+        if self.table:
+            check_table(self.table)
+        for path in filter(None, (self.index, self.table)):
+            check_page(path, self.clips, self.folder, self.map_file.path)
+            above = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
+            if above == path:
+                check_writable(path, self._is_replaceable(path))
+            elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
+                raise FileError(path, f"nothing can be written to {str(above)!r}")
 
     def convert(self, workers: Workers, tally: Tally, show: Show = lambda _record: None) -> None:
         """Retarget the clips that are not done, count them, and write the pages.
@@ -137,6 +143,8 @@ class Batch:
             for result in convert_all(workers, self._jobs(workers.count, count)):
                 self._finish(result, count)
             tally.alignments = [*spread_warnings(self.manifest.latest(self.clips))]
+            if self.table:
+                self._write_page(self.table, table_of(self.table, self.manifest.latest(self.clips), VERSION))
             if self.index:
                 self._write_pages(self.index, workers)
         finally:
@@ -162,10 +170,8 @@ class Batch:
             try:
                 content = read_bytes(clip.path)
                 record["input_hash"] = hash_of(content)
-                output_hash = None if self.overwrite else hash_of_file(self.folder / clip.place)
-                if output_hash and self.manifest.is_done(record, output_hash, self.hashes_of_others(clip)):
-                    self.manifest.confirm(record["output"], output_hash)
-                    show(None)
+                if known := self.known(clip, record, self.manifest):
+                    show(self._again(known))
                     continue
                 source = with_files_beside(InputFile(content, clip.path))
             except DistretargetError as error:
@@ -174,7 +180,40 @@ class Batch:
             about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
             yield self._job(source, clip, record, about, split)
 
-    def hashes_of_others(self, clip: Clip) -> dict[str, str | None]:
+    def known(self, clip: Clip, record: ManifestRecord, manifest: Manifest) -> ManifestRecord | None:
+        """The line of a clip that needs no work: it is done, or was left out and would be again; None for others."""
+        if self.overwrite:
+            return None
+        output_hash = hash_of_file(self.folder / clip.place)
+        if output_hash and (made := manifest.made(record, output_hash, self._hashes_of_others(clip))):
+            return made
+        left_out = manifest.left_out(record)
+        return left_out if left_out and self.keep and self.keep.fault(left_out) else None
+
+    def _again(self, known: ManifestRecord) -> ManifestRecord | None:
+        """What to show of a clip that needs no work; None if it is done."""
+        if self.keep and (fault := self.keep.fault(known)):
+            return self._leave_out(known, fault)
+        self.manifest.confirm(known["output"], known["output_hash"] or "")
+        return None
+
+    def _leave_out(self, record: ManifestRecord, fault: str) -> ManifestRecord:
+        """Say in the manifest that a clip is left out, and remove results of it that a batch has made."""
+        if record.get("left_out") == fault:
+            return record
+        names, reason = (record["output"], *record.get("others", {})), f"left out: {fault}"
+        gone: ManifestRecord = {**record, "status": "failed", "error": reason, "left_out": fault, "output_hash": None}
+        for key in ("alignment", "others"):
+            gone.pop(key, None)  # type: ignore[misc]
+        with self.manifest.locked():
+            for path, name in ((self.folder / name, name) for name in names):
+                check_inside(path, self.folder)
+                if self.manifest.has_made(name, hash_of_file(path)):
+                    path.unlink(missing_ok=True)
+            self.manifest.add(gone)
+        return gone
+
+    def _hashes_of_others(self, clip: Clip) -> dict[str, str | None]:
         """The hashes of the other results of a clip, by their paths in the folder of results; None if missing."""
         return {place.as_posix(): hash_of_file(self.folder / place) for place in clip.others}
 
@@ -199,6 +238,10 @@ class Batch:
     def _finish(self, result: Result, show: Show) -> None:
         """Write the output of a clip, its line of the manifest, and its report."""
         record = result.record
+        if record["status"] == "done" and self.keep and (fault := self.keep.fault(record)):
+            others = dict.fromkeys(result.others, "")
+            show(self._leave_out({**record, "others": others}, fault))
+            return
         try:
             if record["status"] == "done":
                 self._put(result)
@@ -276,14 +319,14 @@ class Batch:
         """Whether a clip has a report on its present output, not on an earlier one."""
         return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
 
-    def _write_page(self, path: Path, html: str) -> None:
+    def _write_page(self, path: Path, content: str | bytes) -> None:
         make_folder(path.parent)
         with self.manifest.locked():
-            write_whole(path, html, self._is_replaceable(path))
+            write_whole(path, content, self._is_replaceable(path))
 
     def _is_replaceable(self, page: Path) -> bool:
         """Whether a page may be replaced, because this program wrote it or `overwrite` is set."""
-        return self.overwrite or MARK in _head(page)
+        return self.overwrite or (is_table(page) if page == self.table else MARK in _head(page))
 
 
 def _head(path: Path) -> str:
@@ -315,6 +358,8 @@ def convert_folder(
     fail_fast: bool = False,
     report: str | Path | None = None,
     reports: int | None = 10,
+    table: str | Path | None = None,
+    keep: str | None = None,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
 
@@ -341,9 +386,11 @@ def convert_folder(
         fail_fast: whether to stop at the first clip that fails.
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
+        table: a table to write with a row for each clip, .csv or .parquet.
+        keep: a condition on figures, as `--keep` takes it; clips that fail it are left out.
 
     Returns:
-        The numbers of clips converted, skipped and failed, and `lines` to print.
+        The numbers of clips converted, skipped, failed and left out, and `lines` to print.
 
     Raises:
         BatchError: there are no clips, results would replace clips, or `fail_fast` stopped the batch.
@@ -354,6 +401,7 @@ def convert_folder(
     check_kind("builds", builds, Builds)
     check_kind("include", include, Sequence)
     check_kind("exclude", exclude, Sequence)
+    check_kind("keep", keep, str, NoneType)
     check_kind("formats", formats, Sequence)
     for each in [formats] if isinstance(formats, str) else formats:
         check_choice("formats", each, FORMATS)
@@ -367,12 +415,15 @@ def convert_folder(
         raise unread[0]
     clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, formats, clip)
     index, pairs = Path(report) if report else None, load_map(map_file, rest)
+    of_all = Path(table) if table else None
 
     def about(clip: PurePath, result: PurePath) -> About:
         return About(a=clip.name, b=result.name)
 
     ways = options, pairs, about, index, reports, overwrite, fail_fast
-    batch = Batch(clips, Path(folder), *ways, Reading(clip, fps), writing, builds)
+    batch = Batch(
+        clips, Path(folder), *ways, Reading(clip, fps), writing, builds, of_all, Condition(keep) if keep else None
+    )
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:

@@ -155,12 +155,12 @@ def _parts(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | 
 
 
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
-    """Raise a BatchError if the page over all clips would replace an input or a file of the batch in `folder`."""
+    """Raise a BatchError if a page or table on all clips would replace an input or a file of the batch in `folder`."""
     written = {
         folder.resolve() / place for place in (PurePath(MANIFEST), *(place for clip in clips for place in clip.places))
     }
     if page.resolve() in written or _file(page) in {*_inputs(clips), _file(map_path) or ()}:
-        raise BatchError(f"{page}: is an input, or the place of a result; give the page another name")
+        raise BatchError(f"{page}: is an input, or the place of a result; give it another name")
 
 
 def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:

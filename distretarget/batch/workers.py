@@ -138,6 +138,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         "notes": [*parts_without_source(result.matching), *others_without_source(result.matching)],
         "warnings": [*lost, *result.warnings],
         "alignment": alignment_text(result.matching),
+        "verdict": result.verdict,
     }
     report = run_page(result, job.about) if job.about else ""
 

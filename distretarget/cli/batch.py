@@ -13,6 +13,7 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.batch import Batch, load_targets
+from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest, ManifestRecord, Tally
 from distretarget.batch.merge import clips_folder
 from distretarget.batch.merge import merge as write_merged
@@ -20,7 +21,7 @@ from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.workers import Processes, Reading, Workers
 from distretarget.cli.options import PATH, SkinFiles, of_formats, of_reports, quiet, reading, retargeting, writing
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
-from distretarget.errors import BatchError, DistretargetError, FileError, counted
+from distretarget.errors import BatchError, DistretargetError, FileError, SettingsError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, OutputSettings, output_kind
@@ -30,6 +31,14 @@ from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
+
+
+def of_condition(text: str) -> Condition:
+    """The condition in the text."""
+    try:
+        return Condition(text)
+    except SettingsError as error:
+        raise click.BadParameter(error.reason.removeprefix("keep ")) from error
 
 
 @click.command("batch")
@@ -102,6 +111,19 @@ INTERRUPTED = 130  # exit status
     help="With --report, the clips that get a report of their own: worst:N for the N with the largest "
     f"{FIGURES[0].label}, all or none.",
 )
+@click.option(
+    "--table",
+    type=PATH,
+    metavar="FILE",
+    help="Write a table, .csv or .parquet, with a row for each clip: its figures, verdict, warnings, and hashes.",
+)
+@click.option(
+    "--keep",
+    type=of_condition,
+    metavar="CONDITION",
+    help="Leave out clips that fail a condition on their figures, such as 'contact_error < 0.01 and snap == 0'. It has "
+    "the names that --table has, numbers, < <= > >= == !=, and, or, not.",
+)
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 @quiet
 def batch_command(
@@ -127,6 +149,8 @@ def batch_command(
     fail_fast: bool,
     index: Path | None,
     reports: int | None,
+    table: Path | None,
+    keep: Condition | None,
     dry_run: bool,
 ) -> None:
     """Retarget many clips to one or several targets.
@@ -174,7 +198,8 @@ def batch_command(
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
-    batch = Batch(clips, results, *ways, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds())
+    how = Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()
+    batch = Batch(clips, results, *ways, *how, table, keep)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:
@@ -248,10 +273,10 @@ def _print_plan(batch: Batch) -> None:
         path = batch.folder / clip.place
         record = batch.record_of(clip)
         try:
-            record["input_hash"], output_hash = hash_of(read_bytes(clip.path)), hash_of_file(path)
-            skip = not batch.overwrite and manifest.is_done(record, output_hash, batch.hashes_of_others(clip))
+            record["input_hash"] = hash_of(read_bytes(clip.path))
+            skip = batch.known(clip, record, manifest)
             if not skip and not batch.overwrite:
-                manifest.check_replaceable(record, path, output_hash)
+                manifest.check_replaceable(record, path, hash_of_file(path))
         except DistretargetError as error:
             say(f"fail     {error}")
         else:
