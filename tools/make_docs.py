@@ -17,6 +17,7 @@ import numpy as np
 from tables import table, with_tables
 
 from distretarget.cli import ImportedCommand, cli
+from distretarget.measure.clip_faults import KINDS
 from distretarget.measure.figures import FIGURES, SUFFIXES, Figure, figures_at
 from distretarget.objectives.settings import ContactSettings
 
@@ -33,6 +34,7 @@ def documents() -> dict[Path, str]:
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
         DOCS / "diff.md": with_tables(DOCS / "diff.md", {"figures": figure_table(), "limits": limit_table()}),
+        DOCS / "data_sets.md": with_tables(DOCS / "data_sets.md", {"faults": fault_table()}),
         README: with_tables(README, {"front": front_table()}),
         SCHEMA: schema(),
     }
@@ -101,6 +103,14 @@ def limit_table() -> str:
         if (limit := figure.limit)
     )
     return table(("figure", "above", "means", "likely cause"), rows)
+
+
+def fault_table() -> str:
+    """The kinds of faults that `audit` finds."""
+    rows = (
+        (f"`{key}`", kind.meaning, "" if kind.plain else f"{kind.limit:g} {kind.unit}") for key, kind in KINDS.items()
+    )
+    return table(("fault", "", "above"), rows)
 
 
 def schema() -> str:

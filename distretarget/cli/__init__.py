@@ -23,6 +23,7 @@ from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
 
 COMMANDS = {  # by name: where the command is, and its short help
+    "audit": ("distretarget.cli.audit:audit_command", "Say what is wrong with the clips in a folder."),
     "batch": ("distretarget.cli.batch:batch_command", "Retarget many clips to one or several targets."),
     "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
     "retarget": (
@@ -85,6 +86,7 @@ def cli() -> None:
     \b
     distretarget walk.bvh hero.glb -o hero_walk.glb   one clip; short for: distretarget retarget
     distretarget batch FOLDER TARGET -o FOLDER        a folder of clips
+    distretarget audit FOLDER                         what is wrong with the clips as they are
     distretarget scene A.bvh B.bvh -t TARGET -o DUET  performers who share a world
     distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
     distretarget skeleton match SOURCE TARGET         which joint drives which
