@@ -18,7 +18,7 @@ from distretarget.skeleton import Skeleton
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-WRIST = np.radians(60.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
+WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
 LEAST = 1e-9  # smaller angles are none [rad]
 UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 
@@ -75,13 +75,14 @@ def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motio
     skeleton, some = motion.skeleton, motion[frames]
     world, x, moved = some.world_rotations, some.positions, displacements[frames]
     local = some.rotations.copy()
-    turns = np.empty((3, len(frames), 4))  # of the upper part, the lower part, and what is beyond
+    turns = np.empty((4, len(frames), 4))  # of the upper part, the lower part, what is beyond, and the rest of the body
+    turns[3] = UNTURNED
     for number, limb in enumerate(limbs):
         upper, lower = x[:, limb.middle] - x[:, limb.top], x[:, limb.end] - x[:, limb.middle]
         turns[0] = least_rotation(upper, upper + moved[:, number, 0])
         turns[1] = least_rotation(lower, lower + moved[:, number, 1] - moved[:, number, 0])
         turns[2] = _excess(turns[1]) if limb.is_arm else UNTURNED
-        of_joint = np.full(len(skeleton), 2)
+        of_joint = np.full(len(skeleton), 3)
         for part, joint in enumerate(limb.joints):
             of_joint[skeleton.subtree(joint)] = part
         edges = np.flatnonzero((of_joint != of_joint[skeleton.parents]) & ~skeleton.end_sites)
