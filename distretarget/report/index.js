@@ -1,6 +1,9 @@
 // The page over all clips: head, figures over the clips, failures, and the table with its filters.
 
-const batch = JSON.parse($('batch').textContent);
+import {$, counted, element, embedded, followTheme, showFacts, shown, term, terms} from './dom.js';
+import {figuresAt, nameOf} from './registry.js';
+
+const batch = embedded('batch');
 const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
 const done = clips.filter(clip => clip.done), failures = clips.filter(clip => !clip.done);
 const PAGE = 500; // rows of the table that are added at a time
@@ -54,10 +57,6 @@ function statusOf(clip) {
   return clip.done ? 'converted' : 'failed';
 }
 
-function counted(number, what) {
-  return `${number.toLocaleString('en')} ${what}${number === 1 ? '' : 's'}`;
-}
-
 function total(values) {
   return values.reduce((sum, value) => sum + value, 0);
 }
@@ -94,7 +93,7 @@ function buildHead() {
     ...batch.folder ? [['Folder', batch.folder]] : [],
     ['Made by', `distretarget version ${batch.version}`],
   ];
-  $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
+  showFacts(facts);
   $('terms').append(...terms([...SHOWN.map(({name, explanation}) => [name, explanation]), ['Medians', MEDIANS]]));
 }
 
@@ -287,11 +286,6 @@ function buildFilters() {
 }
 
 // ---- all of it
-
-/** What the painting loop of base.js calls; this page paints nothing. */
-function tick() {
-  waiting = false;
-}
 
 function start() {
   buildHead();

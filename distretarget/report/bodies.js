@@ -1,0 +1,91 @@
+// Bodies: meshes and tapered capsules as geometry that three.js bends by the joints of a motion.
+/* global THREE */
+
+import {unpacked} from './motion.js';
+
+const ROUND = 14, THIN = 6; // sides of a capsule, and of a bone
+
+/** The geometry of a body in its rest pose, with the places of its joints there as `bind`, (joints, 3). */
+export async function bodyOf(data) {
+  const bind = await unpacked(data.bind, Float32Array);
+  return {bind, geometry: data.mesh ? await meshOf(data.mesh) : await capsulesOf(data)};
+}
+
+async function meshOf({vertices, normals, joints, weights, triangles, offset, scale}) {
+  const places = Float32Array.from(await unpacked(vertices, Uint16Array), (x, k) => offset[k % 3] + scale * x);
+  const geometry = new THREE.BufferGeometry();
+  const attributes = [['position', places, 3, false], ['normal', await unpacked(normals, Int8Array), 3, true],
+    ['skinIndex', await unpacked(joints, Uint16Array), 4, false],
+    ['skinWeight', await unpacked(weights, Uint16Array), 4, true]];
+  for (const [name, ...rest] of attributes) geometry.setAttribute(name, new THREE.BufferAttribute(...rest));
+  geometry.setIndex(new THREE.BufferAttribute(await unpacked(triangles, Uint32Array), 1));
+  return geometry;
+}
+
+/** The outline of a tapered capsule along y, from its tip below to its tip above. */
+function outline(length, first, last, steps) {
+  const lean = Math.abs(first - last) < length ? Math.asin((first - last) / length) : first > last ? 1.57 : -1.57;
+  const arc = (radius, height, from, to) => Array.from({length: steps + 1}, (_, k) => {
+    const angle = from + (to - from) * k / steps;
+    return new THREE.Vector2(Math.max(radius * Math.cos(angle), 0), height + radius * Math.sin(angle));
+  });
+  return [...arc(first, 0, -Math.PI / 2, lean), ...arc(last, length, lean, Math.PI / 2)];
+}
+
+/** One geometry of all capsules of a body, each moved by its carrier alone. */
+async function capsulesOf(data) {
+  const ends = await unpacked(data.ends, Float32Array), radii = await unpacked(data.radii, Float32Array);
+  const parts = data.carriers.map((carrier, k) => {
+    const [from, to] = [0, 3].map(end => new THREE.Vector3().fromArray(ends, 6 * k + end));
+    const along = to.clone().sub(from), length = along.length(), thin = radii[2 * k] < 0.012;
+    const part = new THREE.LatheGeometry(
+      outline(length, radii[2 * k], radii[2 * k + 1], thin ? 2 : 5), thin ? THIN : ROUND);
+    const turn = new THREE.Quaternion();
+    if (length > 0) turn.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.divideScalar(length));
+    part.applyQuaternion(turn).translate(from.x, from.y, from.z);
+    return {part, carrier};
+  });
+  const sum = of => parts.reduce((total, {part}) => total + of(part), 0);
+  const vertices = sum(part => part.attributes.position.count);
+  const places = new Float32Array(3 * vertices), normals = new Float32Array(3 * vertices);
+  const joints = new Uint16Array(4 * vertices), weights = new Float32Array(4 * vertices);
+  const corners = new Uint32Array(sum(part => part.index.count));
+  let vertex = 0, corner = 0;
+  for (const {part, carrier} of parts) {
+    const {position, normal} = part.attributes;
+    places.set(position.array, 3 * vertex);
+    normals.set(normal.array, 3 * vertex);
+    corners.set(part.index.array.map(index => index + vertex), corner);
+    for (let k = 0; k < position.count; k++) {
+      joints[4 * (vertex + k)] = carrier;
+      weights[4 * (vertex + k)] = 1;
+    }
+    vertex += position.count;
+    corner += part.index.count;
+  }
+  const geometry = new THREE.BufferGeometry();
+  for (const [name, array, size] of [['position', places, 3], ['normal', normals, 3], ['skinIndex', joints, 4],
+    ['skinWeight', weights, 4]]) geometry.setAttribute(name, new THREE.BufferAttribute(array, size));
+  geometry.setIndex(new THREE.BufferAttribute(corners, 1));
+  return geometry;
+}
+
+/** A mesh of a body that `pose` bends as a motion is placed. */
+export function skinnedBody({bind, geometry}, material) {
+  const joints = Array.from({length: bind.length / 3}, () => new THREE.Bone());
+  const inverses = joints.map((_, k) => new THREE.Matrix4().makeTranslation(
+    -bind[3 * k], -bind[3 * k + 1], -bind[3 * k + 2]));
+  const mesh = new THREE.SkinnedMesh(geometry, material);
+  mesh.bindMode = 'detached';
+  mesh.bind(new THREE.Skeleton(joints, inverses), new THREE.Matrix4());
+  Object.assign(mesh, {castShadow: true, frustumCulled: false});
+  return mesh;
+}
+
+const place = new THREE.Vector3(), turn = new THREE.Quaternion(), unscaled = new THREE.Vector3(1, 1, 1);
+
+/** Bends a mesh as a motion is placed. */
+export function bend(mesh, {positions, rotations}) {
+  mesh.skeleton.bones.forEach((bone, k) => bone.matrixWorld.compose(
+    place.fromArray(positions, 3 * k), turn.fromArray(rotations, 4 * k), unscaled));
+}

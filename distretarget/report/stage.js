@@ -1,0 +1,203 @@
+// The stage: actors on a floor, in a view for each side or in one, through one camera.
+/* global THREE */
+
+import {clamp, colourOf, onTheme} from './dom.js';
+import {bend, bodyOf, skinnedBody} from './bodies.js';
+import {Motion} from './motion.js';
+
+const CELL = 0.25; // of the grid [body units]
+const SAMPLES = 24; // frames from which the size of the view is found
+const PERFORMERS = ['result', 'amber', 'violet', 'green'];
+const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
+const NARROW = 560; // a stage with less pixels shows two of three sides at first
+const VEILED = 0.4; // opacity of what another body is laid over
+
+export class Stage {
+  /** A stage with the actors of a page; `repaint` is called when the camera moves. */
+  static async of(canvas, data, repaint) {
+    const stage = Object.assign(new Stage(), {canvas, overlaid: false, follow: true, facing: data.facing, framed: ''});
+    const bodies = await Promise.all(data.bodies.map(bodyOf));
+    stage.sides = data.sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
+    stage.actors = await Promise.all(data.actors.map(async (actor, number) => {
+      const side = stage.sides[actor.side];
+      const tone = actor.role === 'other' ? PERFORMERS[side.actors.length % 4] : COLOURS[actor.role];
+      const mesh = skinnedBody(bodies[actor.body], new THREE.MeshLambertMaterial());
+      const made = {...actor, number, tone, mesh, motion: null};
+      side.actors.push(made);
+      side.group.add(mesh);
+      made.motion = await Motion.of(actor);
+      return made;
+    }));
+    if (canvas.clientWidth < NARROW && stage.sides.length === 3) stage.sides[1].shown = false;
+    stage.build(repaint);
+    return stage;
+  }
+
+  build(repaint) {
+    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: true});
+    this.renderer.setScissorTest(true);
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(26, 1, 0.05, 100);
+    this.controls = new THREE.OrbitControls(this.camera, this.canvas);
+    Object.assign(this.controls, {minDistance: 0.15, maxDistance: 40, maxPolarAngle: 1.75});
+    this.controls.addEventListener('change', repaint);
+    this.room = this.measured();
+    const reach = this.room.across, light = new THREE.DirectionalLight(0xffffff, 2.1);
+    light.position.set(0.5, 1.4, 0.6).multiplyScalar(2 * reach).add(new THREE.Vector3(0, 0.5, 0));
+    light.castShadow = true;
+    light.shadow.mapSize.set(1024, 1024);
+    light.shadow.radius = 3;
+    light.shadow.normalBias = 0.012;
+    Object.assign(light.shadow.camera, {left: -reach, right: reach, top: reach, bottom: -reach, far: 8 * reach});
+    this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
+    const ground = new THREE.PlaneGeometry(3 * reach, 3 * reach).rotateX(-Math.PI / 2);
+    this.floor = new THREE.Mesh(ground, new THREE.ShadowMaterial({depthWrite: false}));
+    this.floor.receiveShadow = true;
+    this.grids = [[CELL, 'line-floor'], [4 * CELL, 'line-strong']].map(([cell, tone]) => {
+      const grid = new THREE.GridHelper(80 * CELL, Math.round(80 * CELL / cell));
+      grid.material.transparent = true;
+      return Object.assign(grid, {tone});
+    });
+    this.scene.add(light, light.target, this.sky, this.floor, ...this.grids, ...this.sides.map(({group}) => group));
+    this.look(this.facing + 0.5, 0.2);
+    onTheme(() => {
+      this.paint();
+      repaint();
+    });
+  }
+
+  /** Takes the colours of the page. */
+  paint() {
+    const ground = new THREE.Color(colourOf('stage'));
+    this.renderer.setClearColor(ground);
+    this.scene.fog = new THREE.Fog(ground, 1, 10);
+    this.sky.groundColor.set(colourOf('stage-below'));
+    this.floor.material.opacity = Number(colourOf('shadow-opacity'));
+    for (const {material, tone} of this.grids) {
+      material.color.set(colourOf(tone));
+      material.vertexColors = false;
+      material.needsUpdate = true;
+    }
+    for (const {mesh, tone} of this.actors) mesh.material.color.set(colourOf(tone));
+    this.painted?.();
+  }
+
+  /** Where the performers of a side are at a frame, on the floor: [x, z]. */
+  centre(side, frame) {
+    const leads = side.actors.filter(({role}) => role !== 'prop'), sum = [0, 0];
+    const seen = leads.length ? leads : side.actors;
+    for (const {motion, centre} of seen) {
+      motion.place(frame);
+      sum[0] += motion.positions[3 * centre] / seen.length;
+      sum[1] += motion.positions[3 * centre + 2] / seen.length;
+    }
+    return sum;
+  }
+
+  /** How wide and high the view has to be [body units], and the middle of each side over the clip. */
+  measured() {
+    const wide = [], high = [], last = Math.max(...this.actors.map(({motion}) => motion.count * motion.step)) - 1;
+    for (const side of this.sides) {
+      const middles = [];
+      for (let k = 0; k < SAMPLES; k++) {
+        const frame = Math.round(k * last / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
+        middles.push([x, z]);
+        let across = 0, top = 0;
+        for (const {motion} of side.actors) {
+          motion.place(frame);
+          for (let joint = 0; joint < motion.positions.length; joint += 3) {
+            across = Math.max(across, Math.hypot(motion.positions[joint] - x, motion.positions[joint + 2] - z));
+            top = Math.max(top, motion.positions[joint + 1]);
+          }
+        }
+        wide.push(across);
+        high.push(top);
+      }
+      side.middle = [0, 1].map(axis => middles.reduce((sum, one) => sum + one[axis], 0) / SAMPLES);
+    }
+    const most = values => values.sort((p, q) => p - q)[Math.floor(0.9 * (values.length - 1))];
+    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.12, 0.5, 20)};
+  }
+
+  get views() {
+    const seen = this.sides.filter(({shown}) => shown);
+    return this.overlaid ? [seen] : seen.map(side => [side]);
+  }
+
+  /** Looks from a direction, angles from z about y and upwards [rad], at the whole room; pans and zooms are undone. */
+  look(azimuth, elevation) {
+    this.controls.target.set(0, 0.48 * this.room.high, 0);
+    this.camera.position.setFromSphericalCoords(1, Math.PI / 2 - elevation, azimuth).add(this.controls.target);
+    this.framed = '';
+  }
+
+  /** Goes so far away that the whole room is in view, where the views have changed since the last time. */
+  frame(aspect) {
+    const key = `${aspect.toFixed(2)}`;
+    if (key === this.framed) return;
+    this.framed = key;
+    const slope = 2 * Math.tan(this.camera.fov * Math.PI / 360), {high, across} = this.room;
+    const away = Math.max(1.1 * high, across / aspect) / slope + 0.3 * across;
+    this.camera.position.sub(this.controls.target).setLength(away).add(this.controls.target);
+    this.controls.update();
+  }
+
+  draw(frame) {
+    const {clientWidth: width, clientHeight: height} = this.canvas, views = this.views;
+    if (width < 1 || height < 1 || !views.length) return;
+    const ratio = Math.min(devicePixelRatio, 2), size = this.renderer.getSize(new THREE.Vector2());
+    if (size.x !== width || size.y !== height || this.renderer.getPixelRatio() !== ratio) {
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height, false);
+    }
+    const share = width / views.length;
+    this.camera.aspect = share / height;
+    this.camera.updateProjectionMatrix();
+    this.frame(this.camera.aspect);
+    const away = this.camera.position.distanceTo(this.controls.target);
+    Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
+    for (const side of this.sides.filter(({shown}) => shown)) this.place(side, frame, views[0]);
+    views.forEach((sides, k) => {
+      for (const side of this.sides) side.group.visible = sides.includes(side);
+      const [x, , z] = sides[sides.length - 1].group.position.toArray();
+      for (const grid of this.grids) grid.position.set(x % (4 * CELL), 0.001, z % (4 * CELL));
+      this.renderer.setViewport(k * share, 0, share, height);
+      this.renderer.setScissor(k * share, 0, share, height);
+      this.renderer.render(this.scene, this.camera);
+    });
+  }
+
+  /** Bends the actors of a side, and moves the side so that the view follows it. */
+  place(side, frame, together) {
+    const centred = this.follow ? side : this.overlaid ? together[together.length - 1] : side;
+    const [x, z] = this.follow ? this.centre(centred, frame) : centred.middle;
+    side.group.position.set(-x, 0, -z);
+    for (const {motion, mesh} of side.actors) {
+      motion.place(frame);
+      bend(mesh, motion);
+      const veiled = this.overlaid && side !== together[together.length - 1];
+      if (mesh.material.transparent !== veiled) {
+        Object.assign(mesh.material, {transparent: veiled, opacity: veiled ? VEILED : 1, needsUpdate: true});
+      }
+    }
+  }
+
+  /** Turns the camera by angles [rad], moves it by pixels, or zooms it by a factor. */
+  orbit(azimuth, elevation) {
+    this.controls.rotateLeft(azimuth);
+    this.controls.rotateUp(elevation);
+    this.controls.update();
+  }
+
+  pan(x, y) {
+    this.controls.pan(x, y);
+    this.controls.update();
+  }
+
+  zoom(factor) {
+    this.camera.position.sub(this.controls.target).divideScalar(factor).add(this.controls.target);
+    this.controls.update();
+  }
+}
