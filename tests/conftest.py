@@ -11,6 +11,7 @@ settings.register_profile("however slow", deadline=None)  # a busy machine is no
 settings.load_profile("however slow")
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+PLAYER_BUILT = "async () => { while (!globalThis.app) await new Promise(requestAnimationFrame); }"
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # draws WebGL without a graphics card
 
 
@@ -60,7 +61,7 @@ def open_player(open_page):
 
     def opens(path, **options):
         tab = open_page(path, **options)
-        tab.wait_for_function("globalThis.player")
+        tab.evaluate(PLAYER_BUILT)
         settle(tab)
         return tab
 

@@ -91,11 +91,11 @@ def frame(tab):
 
 def camera(tab):
     settle(tab)
-    return np.array(tab.evaluate("player.stage.camera.position.toArray()"))
+    return np.array(tab.evaluate("app.stage.camera.position.toArray()"))
 
 
 def picture(tab):
-    return tab.evaluate("(player.stage.draw(player.clock.frame), $('player').toDataURL())")
+    return tab.evaluate("(app.stage.draw(app.clock.frame), $('player').toDataURL())")
 
 
 def test_joints_and_vertices_are_where_the_result_has_them(opened):
@@ -103,7 +103,7 @@ def test_joints_and_vertices_are_where_the_result_has_them(opened):
     unit, floor = 2 * run.matching.leg_lengths[1], None
     for number in (0, 100, len(run.motion) - 1):
         placed = (
-            "number => { const {motion} = player.stage.actors[2]; motion.place(number); return [...motion.positions] }"
+            "number => { const {motion} = app.stage.actors[2]; motion.place(number); return [...motion.positions] }"
         )
         shown = np.array(tab.evaluate(placed, number)).reshape(-1, 3)
         expected = run.motion.positions[number] / unit
@@ -113,9 +113,9 @@ def test_joints_and_vertices_are_where_the_result_has_them(opened):
         chosen = np.linspace(0, len(run.mesh.vertices) - 1, 10).astype(int)
         vertices = tab.evaluate(
             """([number, chosen]) => {
-                player.goTo(number);
-                player.stage.draw(number);
-                const {mesh} = player.stage.actors[2], x = new THREE.Vector3();
+                app.goTo(number);
+                app.stage.draw(number);
+                const {mesh} = app.stage.actors[2], x = new THREE.Vector3();
                 return chosen.map(vertex => mesh.getVertexPosition(vertex, x).toArray());
             }""",
             [number, chosen.tolist()],
@@ -128,9 +128,7 @@ def test_joints_and_vertices_are_where_the_result_has_them(opened):
 
 def test_of_a_file_with_z_up_y_is_up(opened):
     tab = opened("Z up")
-    shown = np.array(
-        tab.evaluate("(player.stage.actors[1].motion.place(7), [...player.stage.actors[1].motion.positions])")
-    )
+    shown = np.array(tab.evaluate("(app.stage.actors[1].motion.place(7), [...app.stage.actors[1].motion.positions])"))
     motion = diff(*[moved(swaying(PERSON, 40), Z_UP)] * 2)
     expected = Z_UP.inv().apply(motion.b.positions[7]) / (2 * motion.matching.leg_lengths[1])
     shown = shown.reshape(-1, 3)
@@ -140,7 +138,7 @@ def test_of_a_file_with_z_up_y_is_up(opened):
 def test_it_plays_in_real_time_and_stops(opened):
     tab = opened()
     tab.select_option("#speed", "4")
-    shown = tab.evaluate("(setPlaying(true), tick(before + 250), player.clock.frame)")
+    shown = tab.evaluate("(setPlaying(true), tick(before + 250), app.clock.frame)")
     assert shown == pytest.approx(4 * 60 / 4, abs=1)
     assert tab.get_attribute("#play", "aria-label") == "Stop"
     tab.click("#play")
@@ -153,7 +151,7 @@ def test_it_plays_in_real_time_and_stops(opened):
 def test_a_loop_is_played_again_and_again(opened):
     tab = opened()
     for number in (40, 50):
-        tab.evaluate("number => player.goTo(number)", number)
+        tab.evaluate("number => app.goTo(number)", number)
         tab.click("#loop")
     assert tab.inner_text("#loop") == "Loop 40 – 50"  # noqa: RUF001
     for passed in (0.1, 0.2, 3.0):
@@ -164,7 +162,7 @@ def test_a_loop_is_played_again_and_again(opened):
 
 def test_keys_move_the_frame_and_the_camera(opened):
     tab = opened()
-    last = tab.evaluate("player.clock.count - 1")
+    last = tab.evaluate("app.clock.count - 1")
     for key, expected in (
         ("ArrowRight", 1),
         ("Shift+ArrowRight", 11),
@@ -176,7 +174,7 @@ def test_keys_move_the_frame_and_the_camera(opened):
     ):
         tab.keyboard.press(key)
         assert frame(tab) == expected, key
-    jumps = sorted(tab.evaluate("player.clock.jumps.map(one => one.frame)"))
+    jumps = sorted(tab.evaluate("app.clock.jumps.map(one => one.frame)"))
     tab.keyboard.press("n")
     assert frame(tab) == next(one for one in jumps if one > 0)
     before = camera(tab)
@@ -217,14 +215,14 @@ def test_a_link_leads_to_a_frame_and_the_address_follows(opened):
     assert tab.evaluate("location.hash") == "#frame=67"
     for other in ("#frame=99999", "#frame=-1", "#frame=x"):
         tab.evaluate("hash => { location.hash = hash; }", other)
-    assert frame(tab) == tab.evaluate("player.clock.count - 1")
+    assert frame(tab) == tab.evaluate("app.clock.count - 1")
 
 
 def test_what_is_chosen_by_mouse_goes_to_that_frame(opened):
     tab = opened()
     box = tab.locator(".track canvas").first.bounding_box()
     tab.mouse.click(box["x"] + 0.25 * box["width"], box["y"] + 5)
-    assert abs(frame(tab) - 0.25 * tab.evaluate("player.clock.count - 1")) < 2
+    assert abs(frame(tab) - 0.25 * tab.evaluate("app.clock.count - 1")) < 2
     tab.fill("#slider", "66")
     assert frame(tab) == 66
     option = tab.locator("#jump option").nth(1)
@@ -253,7 +251,7 @@ def test_sides_are_hidden_and_laid_over_each_other(opened):
 def test_the_picture_changes_with_frame_theme_and_paths(opened):
     tab = opened(color_scheme="light")
     seen = [picture(tab)]
-    tab.evaluate("player.goTo(100)")
+    tab.evaluate("app.goTo(100)")
     settle(tab)
     seen.append(picture(tab))
     tab.click("#trails")

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 THREE, ESBUILD = "0.187.0", "0.28.2"
-SHA256 = "d42f5431bd17671da33a1e49f2c589560b608c94e97a2b1977aa8b64c97dde37"
+SHA256 = "da8032364f605e92d8f1bbf7180eb5320fe1bfd3bf4b812c08c53539e7cd6fce"
 REPORT = Path(__file__).resolve().parents[1] / "distretarget" / "report"
 FILE, LICENCE = REPORT / "three.min.js", REPORT / "three.LICENSE.txt"
 BANNER = f"/*! three.js {THREE}, MIT licence, https://threejs.org: see three.LICENSE.txt */"
@@ -25,7 +25,17 @@ CORE = (
     *("WebGLRenderer", "Scene", "PerspectiveCamera", "Group", "Color", "Fog", "HemisphereLight", "DirectionalLight"),
     *("BufferGeometry", "BufferAttribute", "LatheGeometry", "PlaneGeometry", "GridHelper", "Mesh", "SkinnedMesh"),
     *("Skeleton", "Bone", "Sprite", "SpriteMaterial", "MeshLambertMaterial", "MeshBasicMaterial", "ShadowMaterial"),
-    *("CanvasTexture", "Texture", "Vector2", "Vector3", "Quaternion", "Matrix4", "PCFShadowMap", "DoubleSide"),
+    *(
+        "CanvasTexture",
+        "Texture",
+        "Vector2",
+        "Vector3",
+        "Quaternion",
+        "Matrix4",
+        "BasicShadowMap",
+        "PCFShadowMap",
+        "DoubleSide",
+    ),
     *("SRGBColorSpace", "RepeatWrapping"),
 )
 ADDONS = {"OrbitControls": "controls/OrbitControls", "Line2": "lines/Line2"}

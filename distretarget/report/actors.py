@@ -46,6 +46,7 @@ class Actor:
         motion: how it moves.
         body: whose motion it is; None for a prop.
         capsules, mesh: its surface; without either its bones are drawn.
+        up: (3,), the unit vector up.
         unit: the length that the page counts in [file units].
         floor: the height of the floor, along the axis that points up [file units].
     """
@@ -57,6 +58,7 @@ class Actor:
     body: Body | None
     capsules: Capsules | None
     mesh: SkinnedMesh | None
+    up: Array
     unit: float
     floor: float = 0.0
 
@@ -73,16 +75,16 @@ def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | N
     return float(np.percentile(heights.min(axis=1), ON_FLOOR))
 
 
-def thinned(actors: Sequence[Actor], up: Array) -> dict[str, Any]:
+def thinned(actors: Sequence[Actor]) -> dict[str, Any]:
     """Return the actors of a page as `actors_data`, with as many frames as fit in `BUDGET`."""
-    data, step = actors_data(actors, up, 1), 1
+    data, step = actors_data(actors, 1), 1
     while (size := sum(len(actor["rotations"]) for actor in data["actors"])) > BUDGET:
         step *= -(-size // BUDGET)
-        data = actors_data(actors, up, step)
+        data = actors_data(actors, step)
     return data
 
 
-def actors_data(actors: Sequence[Actor], up: Array, step: int) -> dict[str, Any]:
+def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
     """Return the actors of a page, and their bodies, each once; one frame in `step` is in it."""
     bodies: list[dict[str, Any]] = []
     known: dict[tuple[int, int], int] = {}
@@ -91,8 +93,8 @@ def actors_data(actors: Sequence[Actor], up: Array, step: int) -> dict[str, Any]
         key = id(actor.mesh or actor.capsules or actor.motion.skeleton), id(actor.motion.skeleton)
         if key not in known:
             known[key] = len(bodies)
-            bodies.append(_body_data(actor, upright(up)))
-        data.append({**_actor_data(actor, upright(up), step), "body": known[key]})
+            bodies.append(_body_data(actor, upright(actor.up)))
+        data.append({**_actor_data(actor, upright(actor.up), step), "body": known[key]})
     return {"actors": data, "bodies": bodies}
 
 
@@ -149,7 +151,8 @@ def _body_data(actor: Actor, turn: Rotation) -> dict[str, Any]:
     bind = packed(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
     if actor.mesh is not None:
         return {"bind": bind, "mesh": _mesh_data(actor.mesh, turn, unit)}
-    joints, ends, radii = _bones(actor)
+    carried = actor.capsules.joints if actor.capsules is not None else np.zeros(0, np.intp)
+    joints, ends, radii = _bones(actor, carried)
     if actor.capsules is not None and len(actor.capsules):
         own = actor.capsules
         joints = np.concatenate([own.joints, joints])
@@ -164,12 +167,14 @@ def _body_data(actor: Actor, turn: Rotation) -> dict[str, Any]:
     }
 
 
-def _bones(actor: Actor) -> tuple[NDArray[np.intp], Array, Array]:
-    """The bones as thin capsules: joints, ends and radii as in `Capsules`; none above the hips."""
+def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array, Array]:
+    """The bones as thin capsules: joints, ends and radii as in `Capsules`; none above the hips, and none of joints that
+    are `covered`.
+    """
     skeleton, body = actor.motion.rigid_skeleton, actor.body
-    above = [*body.above_hips, *body.handles] if body else []
-    lower = np.flatnonzero((skeleton.lengths > 0) & (skeleton.parents >= 0) & ~np.isin(skeleton.parents, above))
-    lower = lower[~np.isin(lower, above)]
+    others = [*body.above_hips, *body.handles] if body else []
+    lower = np.flatnonzero((skeleton.lengths > 0) & (skeleton.parents >= 0) & ~np.isin(skeleton.parents, covered))
+    lower = lower[~(np.isin(lower, others) | np.isin(skeleton.parents[lower], others))]
     ends = np.stack([np.zeros((len(lower), 3)), skeleton.offsets[lower]], axis=1)
     return skeleton.parents[lower], ends, np.full((len(lower), 2), STICK * actor.unit)
 

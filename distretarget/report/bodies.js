@@ -3,7 +3,7 @@
 
 import {unpacked} from './motion.js';
 
-const ROUND = 14, THIN = 6; // sides of a capsule, and of a bone
+const ROUND = 12, THIN = 5; // sides of a capsule, and of a bone
 
 /** The geometry of a body in its rest pose, with the places of its joints there as `bind`, (joints, 3). */
 export async function bodyOf(data) {
@@ -39,7 +39,7 @@ async function capsulesOf(data) {
     const [from, to] = [0, 3].map(end => new THREE.Vector3().fromArray(ends, 6 * k + end));
     const along = to.clone().sub(from), length = along.length(), thin = radii[2 * k] < 0.012;
     const part = new THREE.LatheGeometry(
-      outline(length, radii[2 * k], radii[2 * k + 1], thin ? 2 : 5), thin ? THIN : ROUND);
+      outline(length, radii[2 * k], radii[2 * k + 1], thin ? 1 : 4), thin ? THIN : ROUND);
     const turn = new THREE.Quaternion();
     if (length > 0) turn.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.divideScalar(length));
     part.applyQuaternion(turn).translate(from.x, from.y, from.z);

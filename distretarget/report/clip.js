@@ -53,7 +53,8 @@ function buildWorst() {
 
 function contactRow({regions, joints_b: joints, frames, distance_a: a, distance_b: b, error, worst_frame: worst}) {
   const go = button(worst, () => goTo(worst), {'aria-label': `Go to frame ${worst}, ${regions}`});
-  return element('tr', {}, element('th', {scope: 'row'}, regions, element('small', {}, joints.join(' – '))),
+  const names = joints.map(name => name.replace(/^.*:/, '')).join(' – ');
+  return element('tr', {}, element('th', {scope: 'row'}, regions, element('small', {}, names)),
     ...[['Frames', frames], ['D in A', shown(a)], ['D in B', shown(b)], ['Error', shown(error)], ['Worst', go]].map(
       ([name, content]) => element('td', {'data-name': name}, content)));
 }

@@ -7,21 +7,23 @@ import {unpacked} from './motion.js';
 
 const FLAT_CURVE = 1e-9; // values below this are rounding errors, and are shown as 0
 
-/** Draws one curve, x over all frames; a single value between gaps becomes a dot. */
+/** Draws one curve, x over all frames, the largest of those in half a pixel; a value between gaps becomes a dot. */
 function drawCurve(context, width, height, values, top, dotted) {
   const y = value => height - 2 - Math.min(value / top, 1) * (height - 8);
   const x = frame => 1 + (clock.count > 1 ? frame / (clock.count - 1) : 0.5) * (width - 2);
   context.setLineDash(dotted ? [1, 3] : []);
   context.beginPath();
   let inside = false;
-  values.forEach((value, frame) => {
+  const step = Math.max(Math.floor(values.length / (2 * width)), 1);
+  for (let frame = 0; frame < values.length; frame += step) {
+    const value = Math.max(...values.subarray(frame, frame + step));
     if (Number.isNaN(value)) inside = false;
     else {
       if (!inside) context.moveTo(x(frame) - 0.4, y(value));
       context.lineTo(x(frame) + 0.4, y(value));
       inside = true;
     }
-  });
+  }
   context.stroke();
 }
 

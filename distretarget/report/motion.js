@@ -24,9 +24,10 @@ function multiply(out, o, p, i, q, j) {
 
 /** A motion as `place` shows it: `positions`, (joints, 3), and world `rotations`, (joints, 4), x y z w. */
 export class Motion {
-  static async of(data) {
+  /** The motion in the data of an actor, on a page with this time between frames [s]. */
+  static async of(data, frameTime) {
     const motion = Object.assign(new Motion(), {parents: data.parents, turning: data.turning, still: data.still,
-      moving: data.moving, step: data.step, frameTime: data.frameTime, frame: -1});
+      moving: data.moving, rate: frameTime / data.frameTime / data.step, frame: -1});
     const {path, rotations, fixed, offsets, translations} = data;
     [motion.path, motion.rows, motion.fixed, motion.offsets, motion.translations] = await Promise.all([
       unpacked(path, Float32Array), unpacked(rotations, Int16Array), unpacked(fixed, Float32Array),
@@ -49,7 +50,7 @@ export class Motion {
 
   /** Places the joints at a frame of the clip; a motion that ends before keeps its last pose. */
   place(frame) {
-    const at = Math.min(Math.floor(frame / this.step), this.count - 1);
+    const at = Math.min(Math.floor(frame * this.rate + 1e-6), this.count - 1);
     if (at === this.frame) return;
     this.frame = at;
     for (let joint = 0; joint < this.joints; joint++) this.placeJoint(joint, at);

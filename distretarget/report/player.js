@@ -4,7 +4,7 @@ import {$, button, embedded, element} from './dom.js';
 import {buildTimeline} from './timeline.js';
 import {buildTransport, clock, goTo, jump, markLoop, onFrame, repaint, setPlaying} from './playback.js';
 import {Marks} from './marks.js';
-import {Stage} from './stage.js';
+import {MOST_VIEWS, Stage} from './stage.js';
 
 const KEYS = [
   ['Space', ' ', 'play or stop', () => setPlaying(!clock.playing)],
@@ -68,9 +68,18 @@ function label(stage) {
     side => (side.actors.length > 1 ? several(side) : [alone(side)])))));
 }
 
-/** Buttons that show and hide the sides; the last that is shown stays. */
+/** Buttons that show and hide the sides, of which one stays, or a list to choose one of many. */
 function buildSides(stage) {
   $('sides').hidden = stage.sides.length < 2;
+  if (stage.sides.length > MOST_VIEWS) {
+    $('sides').append(element('select', {'aria-label': 'File', on: {change: event => {
+      stage.sides.forEach((side, k) => { side.shown = k === event.target.selectedIndex; });
+      $('reset').click();
+      label(stage);
+      repaint();
+    }}}, ...stage.sides.map(({title}) => new Option(title))));
+    return;
+  }
   for (const side of stage.sides) {
     const made = button(side.title, () => {
       if (side.shown && stage.views.flat().length === 1) return;
@@ -105,7 +114,7 @@ function buildKeys() {
   $('keys').addEventListener('close', () => $('player').focus());
 }
 
-/** Builds the player of the page from its data; `player` in the console of the browser drives it. */
+/** Builds the player of the page from its data; `app` in the console of the browser drives it. */
 export async function buildPlayer() {
   const data = embedded('stage'), canvas = $('player');
   buildTransport(data.frames, data.frame_time, data.jumps);
@@ -117,7 +126,7 @@ export async function buildPlayer() {
   toggle('follow', stage, 'follow');
   toggle('trails', marks, 'trails');
   toggle('marks', marks, 'shown');
-  $('overlaid').hidden = stage.sides.length < 2;
+  $('overlaid').hidden = stage.sides.length < 2 || stage.sides.length > MOST_VIEWS;
   $('marks').hidden = !rows.length;
   look('front', stage, data.facing, 0.05);
   look('side', stage, data.facing + Math.PI / 2, 0.05);
@@ -130,10 +139,10 @@ export async function buildPlayer() {
   new ResizeObserver(repaint).observe(canvas);
   onFrame(frame => {
     marks.update(frame, data.frame_time);
-    stage.draw(frame);
+    stage.draw(frame, clock.playing);
     const touching = rows.filter(row => row.kind === 'contact' && row.codes[frame]).map(row => row.name);
     canvas.setAttribute('aria-label', `${stage.sides.map(({title}) => title).join(', ')} at frame ${frame}`
       + `${touching.length ? `; touching: ${touching.join(', ')}` : ''}`);
   });
-  globalThis.player = {stage, clock, marks, goTo, setPlaying};
+  globalThis.app = {stage, clock, marks, goTo, setPlaying};
 }

@@ -184,7 +184,7 @@ def _player_page(
         "facing": _facing(bodies, up),
         "rows": [row.data for row in rows],
         "jumps": [*contact_jumps(rows)],
-        **thinned(actors, up),
+        **thinned(actors),
     }
     return html_page("scene", title, {"stage": stage, "numbers": tables})
 
@@ -209,6 +209,7 @@ def _actors(bodies: Sequence[ShownBody], up: Array, unit: float, side: int) -> I
             body=(matching.source, matching.target)[side] if matching else None,
             capsules=body.skins[side],
             mesh=mesh,
+            up=up,
             unit=unit,
             floor=min(floors),
         )

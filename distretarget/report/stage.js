@@ -9,13 +9,24 @@ const CELL = 0.25; // of the grid [body units]
 const SAMPLES = 24; // frames from which the size of the view is found
 const PERFORMERS = ['result', 'amber', 'violet', 'green'];
 const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
+const RESTS = 200; // a picture that has been the same for so long rests [ms]
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
+export const MOST_VIEWS = 4; // of more sides one is shown at a time
 const VEILED = 0.4; // opacity of what another body is laid over
+
+/** Whether the browser draws without a graphics card. */
+function isSoftware() {
+  const gl = document.createElement('canvas').getContext('webgl'), told = gl?.getExtension('WEBGL_debug_renderer_info');
+  const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : '';
+  gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
 
 export class Stage {
   /** A stage with the actors of a page; `repaint` is called when the camera moves. */
   static async of(canvas, data, repaint) {
-    const stage = Object.assign(new Stage(), {canvas, overlaid: false, follow: true, facing: data.facing, framed: ''});
+    const {facing, frames} = data;
+    const stage = Object.assign(new Stage(), {canvas, facing, frames, overlaid: false, follow: true, framed: ''});
     const bodies = await Promise.all(data.bodies.map(bodyOf));
     stage.sides = data.sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
     stage.actors = await Promise.all(data.actors.map(async (actor, number) => {
@@ -25,26 +36,30 @@ export class Stage {
       const made = {...actor, number, tone, mesh, motion: null};
       side.actors.push(made);
       side.group.add(mesh);
-      made.motion = await Motion.of(actor);
+      made.motion = await Motion.of(actor, data.frame_time);
       return made;
     }));
     if (canvas.clientWidth < NARROW && stage.sides.length === 3) stage.sides[1].shown = false;
+    if (stage.sides.length > MOST_VIEWS) stage.sides.forEach((side, k) => { side.shown = !k; });
     stage.build(repaint);
     return stage;
   }
 
   build(repaint) {
-    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: true});
+    Object.assign(this, {repaint, drawn: -Infinity});
+    this.software = isSoftware();
+    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !this.software});
     this.renderer.setScissorTest(true);
     this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.renderer.shadowMap.type = this.software ? THREE.BasicShadowMap : THREE.PCFShadowMap;
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(26, 1, 0.05, 100);
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     Object.assign(this.controls, {minDistance: 0.15, maxDistance: 40, maxPolarAngle: 1.75});
     this.controls.addEventListener('change', repaint);
-    this.room = this.measured();
-    const reach = this.room.across, light = new THREE.DirectionalLight(0xffffff, 2.1);
+    for (const side of this.sides) side.room = this.measured(side);
+    const reach = Math.max(...this.sides.map(({room}) => room.across));
+    const light = new THREE.DirectionalLight(0xffffff, 2.1);
     light.position.set(0.5, 1.4, 0.6).multiplyScalar(2 * reach).add(new THREE.Vector3(0, 0.5, 0));
     light.castShadow = true;
     light.shadow.mapSize.set(1024, 1024);
@@ -96,29 +111,32 @@ export class Stage {
     return sum;
   }
 
-  /** How wide and high the view has to be [body units], and the middle of each side over the clip. */
-  measured() {
-    const wide = [], high = [], last = Math.max(...this.actors.map(({motion}) => motion.count * motion.step)) - 1;
-    for (const side of this.sides) {
-      const middles = [];
-      for (let k = 0; k < SAMPLES; k++) {
-        const frame = Math.round(k * last / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
-        middles.push([x, z]);
-        let across = 0, top = 0;
-        for (const {motion} of side.actors) {
-          motion.place(frame);
-          for (let joint = 0; joint < motion.positions.length; joint += 3) {
-            across = Math.max(across, Math.hypot(motion.positions[joint] - x, motion.positions[joint + 2] - z));
-            top = Math.max(top, motion.positions[joint + 1]);
-          }
+  /** How wide and high the view of a side has to be [body units], and its middle over the clip, [x, z]. */
+  measured(side) {
+    const wide = [], high = [], middle = [0, 0];
+    for (let k = 0; k < SAMPLES; k++) {
+      const frame = Math.round(k * (this.frames - 1) / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
+      let across = 0, top = 0;
+      for (const {motion} of side.actors) {
+        motion.place(frame);
+        for (let joint = 0; joint < motion.positions.length; joint += 3) {
+          across = Math.max(across, Math.hypot(motion.positions[joint] - x, motion.positions[joint + 2] - z));
+          top = Math.max(top, motion.positions[joint + 1]);
         }
-        wide.push(across);
-        high.push(top);
       }
-      side.middle = [0, 1].map(axis => middles.reduce((sum, one) => sum + one[axis], 0) / SAMPLES);
+      wide.push(across);
+      high.push(top);
+      middle[0] += x / SAMPLES;
+      middle[1] += z / SAMPLES;
     }
     const most = values => values.sort((p, q) => p - q)[Math.floor(0.9 * (values.length - 1))];
-    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.12, 0.5, 20)};
+    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.12, 0.5, 20), middle};
+  }
+
+  /** The largest room of the sides that are shown. */
+  get room() {
+    const rooms = this.views.flat().map(({room}) => room);
+    return {across: Math.max(...rooms.map(room => room.across)), high: Math.max(...rooms.map(room => room.high))};
   }
 
   get views() {
@@ -144,10 +162,20 @@ export class Stage {
     this.controls.update();
   }
 
-  draw(frame) {
+  /** Pixels per pixel of the page. Without a graphics card a picture that moves has few; when it rests it gets more. */
+  sharpness(playing) {
+    if (!this.software) return Math.min(devicePixelRatio, 2);
+    const now = performance.now(), moving = playing || now - this.drawn < RESTS;
+    clearTimeout(this.waiting);
+    if (moving && !playing) this.waiting = setTimeout(this.repaint, 1.5 * RESTS);
+    this.drawn = now;
+    return moving ? 1 : 2;
+  }
+
+  draw(frame, playing = false) {
     const {clientWidth: width, clientHeight: height} = this.canvas, views = this.views;
     if (width < 1 || height < 1 || !views.length) return;
-    const ratio = Math.min(devicePixelRatio, 2), size = this.renderer.getSize(new THREE.Vector2());
+    const ratio = this.sharpness(playing), size = this.renderer.getSize(new THREE.Vector2());
     if (size.x !== width || size.y !== height || this.renderer.getPixelRatio() !== ratio) {
       this.renderer.setPixelRatio(ratio);
       this.renderer.setSize(width, height, false);
@@ -172,7 +200,7 @@ export class Stage {
   /** Bends the actors of a side, and moves the side so that the view follows it. */
   place(side, frame, together) {
     const centred = this.follow ? side : this.overlaid ? together[together.length - 1] : side;
-    const [x, z] = this.follow ? this.centre(centred, frame) : centred.middle;
+    const [x, z] = this.follow ? this.centre(centred, frame) : centred.room.middle;
     side.group.position.set(-x, 0, -z);
     for (const {motion, mesh} of side.actors) {
       motion.place(frame);

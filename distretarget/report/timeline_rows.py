@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from distretarget.measure.contacts import CONTACT_DISTANCE
 from distretarget.measure.diff import Diff
 from distretarget.measure.figures import BY_KEY
-from distretarget.measure.skin import GRAZING
 from distretarget.numerics.time_series import spans_of
 from distretarget.report.actors import packed
 
@@ -22,6 +21,7 @@ Point = tuple[int, int]
 """An actor of the page, and one of its joints."""
 
 FAR = CONTACT_DISTANCE / 3  # a contact whose D is farther off than this is not kept well
+SEEN = 0.3  # skin that is less deep inside than this is not shown [limits]
 CODES = 254  # steps of how far something is off
 LIMB_ROLES = {"hand": "Hand", "forearm": "LowerArm"}
 # The kinds of the tracks that have a row for each part, and what is said of a part.
@@ -105,20 +105,21 @@ def _tracks(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
     """A row for each part of what is measured of feet, other supports and skin."""
     anatomy, keys = diff.matching.target.anatomy, diff.b.skeleton.keys
     for key, (kind, text) in TRACKS.items():
-        track, figure = diff.comparison.tracks[key], BY_KEY[key]
+        track, limit = diff.comparison.tracks[key], BY_KEY[key].limit
+        assert limit is not None
         for column, part in enumerate(track.parts):
             values = np.full(len(diff), np.nan)
             if track.values.ndim == 2 and len(track.values):
                 on = track.weights[:, column] > 0
                 if kind == "skin":
-                    on &= track.values[:, column] > GRAZING
+                    on &= track.values[:, column] > SEEN * limit.margin
                 values[: len(on)][on] = track.values[on, column]
             side, _, limb = part.partition(" ")
             joint = keys.index(part) if part in keys else None
             if joint is None and anatomy and limb in LIMB_ROLES:
                 joint = anatomy.roles.get(side + LIMB_ROLES[limb])
-            if joint is not None and figure.limit and np.isfinite(values).any():
+            if joint is not None and np.isfinite(values).any():
                 points = _points(diff, (joint,), actors)
                 regions = diff.matching.regions
                 name = part if limb in LIMB_ROLES else regions.names[regions.of_joint[joint]]
-                yield Row(text.format(name), kind, values, figure.limit.margin, figure.symbol, points)
+                yield Row(text.format(name), kind, values, limit.margin, BY_KEY[key].symbol, points)

@@ -1,0 +1,7 @@
+// A page with files in a player.
+
+import {followTheme} from './dom.js';
+import {buildPlayer} from './player.js';
+
+followTheme();
+buildPlayer();
