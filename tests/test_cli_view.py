@@ -2,14 +2,20 @@
 
 import json
 import re
+from base64 import b64encode
 
+import numpy as np
 import pytest
 from bodies import SAMPLES
 from click.testing import CliRunner
 from make_samples import CHARACTERS
 
+from distretarget import load_target
 from distretarget.cli import cli
 from distretarget.cli import view as view_module
+from distretarget.io.input_file import load_file
+from distretarget.report.actors import _materials
+from distretarget.skin.mesh import Looks, Material
 
 WALK, HERO = SAMPLES / "walk.bvh", CHARACTERS / "hero.glb"
 
@@ -37,6 +43,27 @@ def test_files_stand_side_by_side(tmp_path):
     assert "mesh" in bodies[1]
     assert str(tmp_path) not in page.read_text("utf-8")
     assert "exists" in str(view(WALK, "-o", page).exception)
+
+
+def test_a_character_has_the_materials_of_its_file(tmp_path):
+    assert view(HERO, "-o", tmp_path / "page.html").exit_code == 0
+    (body,) = stage_of(tmp_path / "page.html")["bodies"]
+    materials = load_file(HERO).gltf.text
+    named = json.loads(materials)["materials"]
+    shown = body["mesh"]["materials"]
+    colours = [named[one["number"]]["pbrMetallicRoughness"]["baseColorFactor"] for one in shown]
+    assert [one["colour"] for one in shown] == colours
+    assert len(shown) == len(named) > 1
+    assert sum(one["triangles"] for one in shown) == len(load_target(HERO).mesh().triangles)
+
+
+def test_an_image_goes_with_its_material():
+    image = b"\x89PNG" + bytes(64)
+    looks = Looks((Material(image=image, kind="image/png"), Material()), np.array([0, 1, 0, -1]), np.zeros((5, 2)))
+    first, *others = _materials(looks)
+    assert first["image"] == "data:image/png;base64," + b64encode(image).decode()
+    assert first["triangles"] == 2
+    assert [one["triangles"] for one in others] == [1, 1]
 
 
 def test_alone_a_clip_has_a_timeline(tmp_path):

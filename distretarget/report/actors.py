@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import zlib
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -21,12 +21,13 @@ from distretarget.body.body import Body
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
 from distretarget.skin.capsules import Capsules
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 
 Array = NDArray[np.float64]
 Role = Literal["source", "copy", "result", "other", "prop"]
 
 BUDGET = 8_000_000  # most characters for the rotations of all actors; longer clips are shown in part
+IMAGES = 6_000_000  # most bytes for the images of a character
 SAMPLES = 48  # frames from which the height of the floor is found
 ON_FLOOR = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
 STICK = 0.009  # radius of bones without skin [body units]
@@ -46,7 +47,7 @@ class Actor:
         motion: how it moves.
         body: whose motion it is; None for a prop.
         capsules, mesh: its surface; without either its bones are drawn.
-        up: (3,), the unit vector up.
+        turn: from the axes of the file to those of the page.
         unit: the length that the page counts in [file units].
         floor: the height of the floor, along the axis that points up [file units].
     """
@@ -58,7 +59,7 @@ class Actor:
     body: Body | None
     capsules: Capsules | None
     mesh: SkinnedMesh | None
-    up: Array
+    turn: Rotation
     unit: float
     floor: float = 0.0
 
@@ -93,13 +94,13 @@ def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
         key = id(actor.mesh or actor.capsules or actor.motion.skeleton), id(actor.motion.skeleton)
         if key not in known:
             known[key] = len(bodies)
-            bodies.append(_body_data(actor, upright(actor.up)))
-        data.append({**_actor_data(actor, upright(actor.up), step), "body": known[key]})
+            bodies.append(_body_data(actor))
+        data.append({**_actor_data(actor, step), "body": known[key]})
     return {"actors": data, "bodies": bodies}
 
 
-def _actor_data(actor: Actor, turn: Rotation, step: int) -> dict[str, Any]:
-    motion, skeleton, body = actor.motion[::step], actor.motion.skeleton, actor.body
+def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
+    motion, skeleton, body, turn = actor.motion[::step], actor.motion.skeleton, actor.body, actor.turn
     path = (_turned(turn, motion.root_positions) - [0.0, actor.floor, 0.0]) / actor.unit
     turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
     turning = np.union1d(turning, [0])
@@ -145,12 +146,12 @@ def _differences(numbers: Array) -> NDArray[np.int16]:
     return np.diff(rows, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)
 
 
-def _body_data(actor: Actor, turn: Rotation) -> dict[str, Any]:
+def _body_data(actor: Actor) -> dict[str, Any]:
     """The surface of an actor in its rest pose: its mesh, or tapered capsules for body and bones."""
-    rest, unit = actor.motion.skeleton.rest_positions, actor.unit
+    rest, unit, turn = actor.motion.skeleton.rest_positions, actor.unit, actor.turn
     bind = packed(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
     if actor.mesh is not None:
-        return {"bind": bind, "mesh": _mesh_data(actor.mesh, turn, unit)}
+        return {"bind": bind, "mesh": _mesh_data(actor.mesh.whole or actor.mesh, turn, unit)}
     carried = actor.capsules.joints if actor.capsules is not None else np.zeros(0, np.intp)
     joints, ends, radii = _bones(actor, carried)
     if actor.capsules is not None and len(actor.capsules):
@@ -180,7 +181,9 @@ def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], A
 
 
 def _mesh_data(mesh: SkinnedMesh, turn: Rotation, unit: float) -> dict[str, Any]:
-    """The mesh with 16-bit places, 8-bit normals, and the joints that move each vertex most."""
+    """The mesh with 16-bit places, 8-bit normals, and the joints that move each vertex most; its triangles in the order
+    of its materials.
+    """
     vertices = _turned(turn, mesh.vertices) / unit
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     scale = float((high - low).max() / 65535) or 1.0
@@ -188,6 +191,9 @@ def _mesh_data(mesh: SkinnedMesh, turn: Rotation, unit: float) -> dict[str, Any]
     spare = ((0, 0), (0, INFLUENCES - order.shape[1]))
     weights = np.pad(np.take_along_axis(mesh.weights, order, axis=1), spare)
     joints = np.pad(np.take_along_axis(mesh.joints, order, axis=1), spare)
+    looks = mesh.looks if mesh.looks and mesh.looks.materials else None
+    materials = [*_materials(looks)] if looks else []
+    triangles = [mesh.triangles[looks.of_triangle == one["number"]] for one in materials] if looks else [mesh.triangles]
     return {
         "offset": low.tolist(),
         "scale": scale,
@@ -195,8 +201,29 @@ def _mesh_data(mesh: SkinnedMesh, turn: Rotation, unit: float) -> dict[str, Any]
         "normals": packed(np.rint(127 * _normals(vertices, mesh.triangles)), "<i1"),
         "joints": packed(joints, "<u2"),
         "weights": packed(np.rint(65535 * weights / weights.sum(axis=1, keepdims=True)), "<u2"),
-        "triangles": packed(mesh.triangles, "<u4"),
+        "triangles": packed(np.concatenate(triangles), "<u4"),
+        "materials": materials,
+        "uv": packed(looks.uv, "<f4") if looks and any(one["image"] for one in materials) else "",
     }
+
+
+def _materials(looks: Looks) -> Iterator[dict[str, Any]]:
+    """The materials that triangles have, first those of most, with their images as long as these fit in `IMAGES`."""
+    counts, room = np.bincount(looks.of_triangle + 1, minlength=len(looks.materials) + 1), IMAGES
+    for number in np.argsort(-counts, kind="stable").tolist():
+        material = looks.materials[number - 1] if number else Material()
+        image = material.image if material.kind and len(material.image) <= room else b""
+        room -= len(image)
+        if counts[number]:
+            yield {
+                "number": number - 1,
+                "triangles": int(counts[number]),
+                "colour": material.colour,
+                "image": f"data:{material.kind};base64,{b64encode(image).decode('ascii')}" if image else "",
+                "mode": material.mode,
+                "cutoff": material.cutoff,
+                "two_sided": material.two_sided,
+            }
 
 
 def _normals(vertices: Array, triangles: NDArray[np.intp]) -> Array:

@@ -5,20 +5,49 @@ import {unpacked} from './motion.js';
 
 const ROUND = 12, THIN = 5; // sides of a capsule, and of a bone
 
-/** The geometry of a body in its rest pose, with the places of its joints there as `bind`, (joints, 3). */
+/** The geometry of a body in its rest pose, with the places of its joints there as `bind`, (joints, 3), and what its
+ * file says of its materials.
+ */
 export async function bodyOf(data) {
-  const bind = await unpacked(data.bind, Float32Array);
-  return {bind, geometry: data.mesh ? await meshOf(data.mesh) : await capsulesOf(data)};
+  const bind = await unpacked(data.bind, Float32Array), {materials = []} = data.mesh || {};
+  const images = await Promise.all(materials.map(({image}) => image && loaded(image)));
+  return {bind, materials, images, geometry: data.mesh ? await meshOf(data.mesh) : await capsulesOf(data)};
 }
 
-async function meshOf({vertices, normals, joints, weights, triangles, offset, scale}) {
+/** A texture of an image, or null where the browser cannot read it. */
+async function loaded(address) {
+  const image = Object.assign(new Image(), {src: address});
+  try {
+    await image.decode();
+  } catch {
+    return null;
+  }
+  return Object.assign(new THREE.Texture(image), {flipY: false, colorSpace: THREE.SRGBColorSpace,
+    wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping, needsUpdate: true});
+}
+
+/** The materials of a body as its file states them; a single plain one where it states none. */
+export function materialsOf({materials, images}) {
+  if (!materials.length) return [new THREE.MeshLambertMaterial()];
+  return materials.map(({colour, mode, cutoff, two_sided: both}, k) => new THREE.MeshLambertMaterial({
+    color: new THREE.Color(...colour), map: images[k] || null, alphaTest: mode === 'MASK' ? cutoff : 0,
+    opacity: mode === 'BLEND' ? colour[3] : 1, transparent: mode === 'BLEND', ...both && {side: THREE.DoubleSide}}));
+}
+
+async function meshOf({vertices, normals, joints, weights, triangles, offset, scale, materials, uv}) {
   const places = Float32Array.from(await unpacked(vertices, Uint16Array), (x, k) => offset[k % 3] + scale * x);
   const geometry = new THREE.BufferGeometry();
   const attributes = [['position', places, 3, false], ['normal', await unpacked(normals, Int8Array), 3, true],
     ['skinIndex', await unpacked(joints, Uint16Array), 4, false],
     ['skinWeight', await unpacked(weights, Uint16Array), 4, true]];
   for (const [name, ...rest] of attributes) geometry.setAttribute(name, new THREE.BufferAttribute(...rest));
+  if (uv) geometry.setAttribute('uv', new THREE.BufferAttribute(await unpacked(uv, Float32Array), 2));
   geometry.setIndex(new THREE.BufferAttribute(await unpacked(triangles, Uint32Array), 1));
+  let start = 0;
+  materials.forEach(({triangles: count}, k) => {
+    geometry.addGroup(start, 3 * count, k);
+    start += 3 * count;
+  });
   return geometry;
 }
 
@@ -71,11 +100,11 @@ async function capsulesOf(data) {
 }
 
 /** A mesh of a body that `pose` bends as a motion is placed. */
-export function skinnedBody({bind, geometry}, material) {
+export function skinnedBody({bind, geometry}, materials) {
   const joints = Array.from({length: bind.length / 3}, () => new THREE.Bone());
   const inverses = joints.map((_, k) => new THREE.Matrix4().makeTranslation(
     -bind[3 * k], -bind[3 * k + 1], -bind[3 * k + 2]));
-  const mesh = new THREE.SkinnedMesh(geometry, material);
+  const mesh = new THREE.SkinnedMesh(geometry, materials.length > 1 ? materials : materials[0]);
   mesh.bindMode = 'detached';
   mesh.bind(new THREE.Skeleton(joints, inverses), new THREE.Matrix4());
   Object.assign(mesh, {castShadow: true, frustumCulled: false});

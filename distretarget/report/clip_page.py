@@ -152,7 +152,7 @@ def _actors(
             body=body,
             capsules=skins[1] if side else skins[0],
             mesh=mesh if side else None,
-            up=diff.up,
+            turn=upright(diff.up),
             unit=(2 * leg_length(body.skeleton, own) if own else 0.0) or body.unit or 1.0,
             floor=floor if side else lowest_skin(motion, skins[0], None, diff.up),
         )

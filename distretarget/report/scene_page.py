@@ -209,7 +209,7 @@ def _actors(bodies: Sequence[ShownBody], up: Array, unit: float, side: int) -> I
             body=(matching.source, matching.target)[side] if matching else None,
             capsules=body.skins[side],
             mesh=mesh,
-            up=up,
+            turn=upright(up),
             unit=unit,
             floor=min(floors),
         )

@@ -2,7 +2,7 @@
 /* global THREE */
 
 import {clamp, colourOf, onTheme} from './dom.js';
-import {bend, bodyOf, skinnedBody} from './bodies.js';
+import {bend, bodyOf, materialsOf, skinnedBody} from './bodies.js';
 import {Motion} from './motion.js';
 
 const CELL = 0.25; // of the grid [body units]
@@ -32,8 +32,10 @@ export class Stage {
     stage.actors = await Promise.all(data.actors.map(async (actor, number) => {
       const side = stage.sides[actor.side];
       const tone = actor.role === 'other' ? PERFORMERS[side.actors.length % 4] : COLOURS[actor.role];
-      const mesh = skinnedBody(bodies[actor.body], new THREE.MeshLambertMaterial());
-      const made = {...actor, number, tone, mesh, motion: null};
+      const body = bodies[actor.body], plain = actor.role === 'copy' || !body.materials.length;
+      const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
+      materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
+      const mesh = skinnedBody(body, materials), made = {...actor, number, tone, mesh, materials, plain, motion: null};
       side.actors.push(made);
       side.group.add(mesh);
       made.motion = await Motion.of(actor, data.frame_time);
@@ -95,7 +97,7 @@ export class Stage {
       material.vertexColors = false;
       material.needsUpdate = true;
     }
-    for (const {mesh, tone} of this.actors) mesh.material.color.set(colourOf(tone));
+    for (const {materials, plain, tone} of this.actors) if (plain) materials[0].color.set(colourOf(tone));
     this.painted?.();
   }
 
@@ -202,14 +204,16 @@ export class Stage {
     const centred = this.follow ? side : this.overlaid ? together[together.length - 1] : side;
     const [x, z] = this.follow ? this.centre(centred, frame) : centred.room.middle;
     side.group.position.set(-x, 0, -z);
-    for (const {motion, mesh} of side.actors) {
+    const veiled = this.overlaid && side !== together[together.length - 1];
+    for (const {motion, mesh, materials} of side.actors) {
       motion.place(frame);
       bend(mesh, motion);
-      const veiled = this.overlaid && side !== together[together.length - 1];
-      if (mesh.material.transparent !== veiled) {
-        Object.assign(mesh.material, {transparent: veiled, opacity: veiled ? VEILED : 1, needsUpdate: true});
+      if (side.veiled === veiled) continue;
+      for (const one of materials) {
+        Object.assign(one, veiled ? {transparent: true, opacity: VEILED} : one.userData, {needsUpdate: true});
       }
     }
+    side.veiled = veiled;
   }
 
   /** Turns the camera by angles [rad], moves it by pixels, or zooms it by a factor. */
