@@ -26,6 +26,7 @@ from distretarget.report.page import html_page
 from distretarget.report.timeline_rows import Row, rows_of
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
+from distretarget.target import SkeletonEdit, Target
 
 Array = NDArray[np.float64]
 
@@ -62,8 +63,10 @@ def write_report(
     write_whole(path, html, overwrite)
 
 
-def run_page(result: RetargetResult, about: About) -> str:
-    """The HTML of the report on a run: its source, its rotation copy and its result."""
+def run_page(result: RetargetResult, about: About, target: Target | SkeletonEdit | None = None) -> str:
+    """The HTML of the report on a run: its source, its rotation copy and its result; `target` has the mesh to show, if
+    the result was made without it.
+    """
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
     skins = (result.skins.source.capsules, result.skins.target.capsules) if result.skins else _skins(diff)
@@ -72,7 +75,8 @@ def run_page(result: RetargetResult, about: About) -> str:
         ("Copied rotations", "copy", result.rotation_copy),
         ("Result", "result", diff.b),
     ]
-    return _page(diff, document(diff, about), moving, skins, result.mesh)
+    mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
+    return _page(diff, document(diff, about), moving, skins, mesh)
 
 
 def run_diff(result: RetargetResult) -> Diff:
@@ -109,7 +113,7 @@ def _page(
 ) -> str:
     """The page on a diff that plays motions, first that of A; the others are those of B's body."""
     actors = [*_actors(diff, moving, skins, mesh)]
-    rows = rows_of(diff, range(len(actors)))
+    rows = rows_of(diff, skins[1], range(len(actors)))
     source, result = ("source ", "result ") if document["figures"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
     frames = document["frames"]

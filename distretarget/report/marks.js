@@ -38,7 +38,7 @@ export class Marks {
         {transparent: true, depthWrite: false, fog: false})));
       side.paths = side.actors.flatMap(actor => actor.ends.map(joint => {
         const geometry = new THREE.LineGeometry().setPositions(new Float32Array(3 * PATH));
-        const line = new THREE.Line2(geometry, new THREE.LineMaterial({linewidth: 2, transparent: true, opacity: 0.7}));
+        const line = new THREE.Line2(geometry, new THREE.LineMaterial({linewidth: 3, transparent: true, opacity: 0.8}));
         side.group.add(line);
         return Object.assign(line, {visible: false, frustumCulled: false, actor, joint});
       }));
@@ -60,13 +60,17 @@ export class Marks {
     stage.actors.forEach(({motion}) => motion.place(frame));
     stage.sides.forEach((side, number) => {
       const judged = side.actors[0].role === 'result' || number === stage.sides.length - 1;
-      const active = this.shown ? this.rows.filter(row => row.codes[frame] && row.points[number]?.length
-        && (judged || row.kind !== 'skin')) : [];
+      const seen = this.shown && (judged || !stage.overlaid);
+      const active = this.rows.filter(({codes, kind, points}) => (
+        seen && codes[frame] && points[number]?.length && (judged || kind !== 'skin')));
       for (const [marks, kinds] of [[side.rings, ['support']], [side.spots, ['contact', 'skin']]]) {
         const own = active.filter(({kind}) => kinds.includes(kind));
         marks.forEach((mark, k) => {
           mark.visible = k < own.length;
-          if (mark.visible) this.put(mark, own[k], Marks.at(own[k].points[number], stage.actors), judged, frame);
+          if (!mark.visible) return;
+          const {points, spots} = own[k], [[actor]] = points[number];
+          const shown = spots && spots[frame] ? [[actor, spots[frame]]] : points[number];
+          this.put(mark, own[k], Marks.at(shown, stage.actors), judged, frame);
         });
       }
     });

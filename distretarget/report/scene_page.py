@@ -176,7 +176,7 @@ def _player_page(
             rows += _touching(pair, bodies, leg, scale)
     for number, body in enumerate(bodies):
         if body.measured:
-            rows += rows_of(body.measured, (number, count + number), f"{body.name}: ")
+            rows += rows_of(body.measured, body.skins[1], (number, count + number), f"{body.name}: ")
     stage = {
         "sides": sides,
         "frames": len(bodies[0].left),

@@ -62,7 +62,7 @@ export class Stage {
     for (const side of this.sides) side.room = this.measured(side);
     const reach = Math.max(...this.sides.map(({room}) => room.across));
     const light = new THREE.DirectionalLight(0xffffff, 2.1);
-    light.position.set(0.5, 1.4, 0.6).multiplyScalar(2 * reach).add(new THREE.Vector3(0, 0.5, 0));
+    light.position.setFromSphericalCoords(3.2 * reach + 0.5, 0.51, this.facing + 0.7);
     light.castShadow = true;
     light.shadow.mapSize.set(1024, 1024);
     light.shadow.radius = 3;

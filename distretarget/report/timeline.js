@@ -33,7 +33,8 @@ function drawRow(canvas, row) {
 
 /** Builds the rows of the timeline and returns them with their codes unpacked: 0, or how far off they are. */
 export async function buildTimeline(rows) {
-  const made = await Promise.all(rows.map(async row => ({...row, codes: await unpacked(row.codes, Uint8Array)})));
+  const made = await Promise.all(rows.map(async row => ({...row, codes: await unpacked(row.codes, Uint8Array),
+    spots: row.spots && await unpacked(row.spots, Uint16Array)})));
   $('timeline').hidden = !made.length;
   const parts = made.map(row => {
     const canvas = element('canvas', {role: 'img', 'aria-label': `${row.name}: ${row.account}`});

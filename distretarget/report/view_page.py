@@ -64,6 +64,6 @@ def _rows(actor: Actor) -> list[Row]:
     """What touches and rests in a motion; none where its body is not recognised."""
     try:
         with np.errstate(all="ignore"):
-            return [row for row in rows_of(diff(actor.motion, actor.motion), [0]) if row.points[0]]
+            return [row for row in rows_of(diff(actor.motion, actor.motion), actor.capsules, [0]) if row.points[0]]
     except DistretargetError:
         return []
