@@ -79,6 +79,12 @@ def test_of_a_folder_all_files_are_shown(tmp_path):
         (tmp_path / "clips" / name).write_bytes(WALK.read_bytes())
     assert view(tmp_path / "clips", "-o", tmp_path / "page.html").exit_code == 0
     assert stage_of(tmp_path / "page.html")["sides"] == ["a.bvh", "b.bvh", "c.bvh"]
+    (tmp_path / "clips" / "a.bvh").write_text("HIERARCHY")
+    done = view(tmp_path / "clips", "-o", tmp_path / "page.html", "--overwrite")
+    assert done.exit_code == 0
+    assert "warning: " in done.output
+    assert stage_of(tmp_path / "page.html")["sides"] == ["b.bvh", "c.bvh"]
+    assert view(tmp_path / "clips" / "a.bvh").exit_code == 1
     (tmp_path / "empty").mkdir()
     assert "has no motion or character" in str(view(tmp_path / "empty").exception)
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import tempfile
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import click
 
 from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, quiet
 from distretarget.cli.outputs import STANDARD, check_outputs, read_input, say, write_output
-from distretarget.errors import FileError, counted
+from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.files import is_folder
 from distretarget.io.input_file import KINDS, InputFile
 from distretarget.io.motion_file import parse_motion, read_scene
@@ -44,7 +44,7 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
     """  # noqa: D301
     chosen = [*_chosen(files)]
     check_outputs([output], chosen, overwrite)
-    actors = [_actor(read_input(path), number, clip) for number, path in enumerate(chosen[:MOST])]
+    actors = [*_actors(chosen[:MOST], {*files}, clip)]
     if len(chosen) > MOST:
         say(f"the first {MOST} of {counted(len(chosen), 'file')} are shown; name fewer to see the others", err=True)
     page = view_page(actors, actors[0].name if len(actors) == 1 else counted(len(actors), "file"))
@@ -73,6 +73,27 @@ def _chosen(files: Sequence[Path]) -> list[Path]:
                 raise FileError(path, f"has no motion or character in it, a file that ends in {', '.join(SUFFIXES)}")
         found += inside
     return found
+
+
+def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -> Iterator[Actor]:
+    """What files show; of those that are not `named`, but stand in a folder, only those that can be read.
+
+    Raises:
+        DistretargetError: one that is named cannot be read, or none can.
+    """
+    side, fault = 0, None
+    for path in chosen:
+        try:
+            yield _actor(read_input(path), side, clip)
+        except DistretargetError as error:
+            if path in named:
+                raise
+            fault = error
+            say(f"warning: {error}", err=True)
+        else:
+            side += 1
+    if fault and not side:
+        raise fault
 
 
 def _actor(file: InputFile, side: int, clip: str | None) -> Actor:

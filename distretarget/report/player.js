@@ -100,6 +100,13 @@ function look(id, stage, azimuth, elevation) {
   });
 }
 
+/** Copies the view to a picture for the printer, which cannot see what WebGL has drawn. */
+function copyView(stage) {
+  stage.draw(clock.frame);
+  const {width, height} = stage.canvas;
+  Object.assign($('still'), {width, height}).getContext('2d').drawImage(stage.canvas, 0, 0);
+}
+
 function savePicture(stage) {
   stage.draw(clock.frame);
   const link = element('a', {href: stage.canvas.toDataURL('image/png'), download: `frame_${clock.frame}.png`});
@@ -119,7 +126,12 @@ export async function buildPlayer() {
   const data = embedded('stage'), canvas = $('player');
   buildTransport(data.frames, data.frame_time, data.jumps);
   buildKeys();
-  const [stage, rows] = await Promise.all([Stage.of(canvas, data, repaint), buildTimeline(data.rows)]);
+  const bodies = Stage.of(canvas, data, repaint).catch(() => null);
+  const [stage, rows] = await Promise.all([bodies, buildTimeline(data.rows)]);
+  if (!stage) {
+    $('labels').replaceChildren(element('div', {}, 'No bodies are shown: this browser draws no WebGL.'));
+    return;
+  }
   const marks = new Marks(stage, rows);
   buildSides(stage);
   toggle('overlaid', stage, 'overlaid');
@@ -137,6 +149,7 @@ export async function buildPlayer() {
   addEventListener('keydown', event => onKey(event, stage));
   label(stage);
   new ResizeObserver(repaint).observe(canvas);
+  addEventListener('beforeprint', () => copyView(stage));
   onFrame(frame => {
     marks.update(frame, data.frame_time);
     stage.draw(frame, clock.playing);

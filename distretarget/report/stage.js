@@ -132,7 +132,7 @@ export class Stage {
       middle[1] += z / SAMPLES;
     }
     const most = values => values.sort((p, q) => p - q)[Math.floor(0.9 * (values.length - 1))];
-    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.12, 0.5, 20), middle};
+    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.16, 0.5, 20), middle};
   }
 
   /** The largest room of the sides that are shown. */
