@@ -17,29 +17,51 @@ import tempfile
 from pathlib import Path
 
 THREE, ESBUILD = "0.187.0", "0.28.2"
-SHA256 = "da8032364f605e92d8f1bbf7180eb5320fe1bfd3bf4b812c08c53539e7cd6fce"
+SHA256 = "b3995412f31b242fea10cd6136b345f1b3edf86d1febb2df3b8a2c8c26f34230"
 REPORT = Path(__file__).resolve().parents[1] / "distretarget" / "report"
 FILE, LICENCE = REPORT / "three.min.js", REPORT / "three.LICENSE.txt"
 BANNER = f"/*! three.js {THREE}, MIT licence, https://threejs.org: see three.LICENSE.txt */"
-CORE = (
-    *("WebGLRenderer", "Scene", "PerspectiveCamera", "Group", "Color", "Fog", "HemisphereLight", "DirectionalLight"),
-    *("BufferGeometry", "BufferAttribute", "LatheGeometry", "PlaneGeometry", "GridHelper", "Mesh", "SkinnedMesh"),
-    *("Skeleton", "Bone", "Sprite", "SpriteMaterial", "MeshLambertMaterial", "MeshBasicMaterial", "ShadowMaterial"),
-    *(
-        "CanvasTexture",
-        "Texture",
-        "Vector2",
-        "Vector3",
-        "Quaternion",
-        "Matrix4",
-        "BasicShadowMap",
-        "PCFShadowMap",
-        "DoubleSide",
-    ),
-    *("SRGBColorSpace", "RepeatWrapping"),
-)
+CORE = [
+    "WebGLRenderer",
+    "Scene",
+    "PerspectiveCamera",
+    "Group",
+    "Color",
+    "Fog",
+    "HemisphereLight",
+    "DirectionalLight",
+    "BasicShadowMap",
+    "PCFShadowMap",
+    "BufferGeometry",
+    "BufferAttribute",
+    "LatheGeometry",
+    "PlaneGeometry",
+    "GridHelper",
+    "Mesh",
+    "SkinnedMesh",
+    "Skeleton",
+    "Bone",
+    "Sprite",
+    "SpriteMaterial",
+    "MeshLambertMaterial",
+    "MeshBasicMaterial",
+    "ShadowMaterial",
+    "CanvasTexture",
+    "Texture",
+    "RepeatWrapping",
+    "SRGBColorSpace",
+    "DoubleSide",
+    "Vector2",
+    "Vector3",
+    "Quaternion",
+    "Matrix4",
+]
 ADDONS = {"OrbitControls": "controls/OrbitControls", "Line2": "lines/Line2"}
-ADDONS |= {"LineGeometry": "lines/LineGeometry", "LineMaterial": "lines/LineMaterial"}
+ADDONS |= {
+    "mergeGeometries": "utils/BufferGeometryUtils",
+    "LineGeometry": "lines/LineGeometry",
+    "LineMaterial": "lines/LineMaterial",
+}
 
 
 def bundle(modules: Path) -> bytes:

@@ -4,6 +4,7 @@
 import {unpacked} from './motion.js';
 
 const ROUND = 12, THIN = 5; // sides of a capsule, and of a bone
+const BONE = 0.012; // radius below which a capsule is a bone without skin [body units]
 
 /** The geometry of a body in its rest pose, with the places of its joints there as `bind`, (joints, 3), and what its
  * file says of its materials.
@@ -66,37 +67,19 @@ async function capsulesOf(data) {
   const ends = await unpacked(data.ends, Float32Array), radii = await unpacked(data.radii, Float32Array);
   const parts = data.carriers.map((carrier, k) => {
     const [from, to] = [0, 3].map(end => new THREE.Vector3().fromArray(ends, 6 * k + end));
-    const along = to.clone().sub(from), length = along.length(), thin = radii[2 * k] < 0.012;
+    const along = to.clone().sub(from), length = along.length(), thin = radii[2 * k] < BONE;
     const part = new THREE.LatheGeometry(
       outline(length, radii[2 * k], radii[2 * k + 1], thin ? 1 : 4), thin ? THIN : ROUND);
-    const turn = new THREE.Quaternion();
+    const turn = new THREE.Quaternion(), {count} = part.attributes.position;
     if (length > 0) turn.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.divideScalar(length));
     part.applyQuaternion(turn).translate(from.x, from.y, from.z);
-    return {part, carrier};
+    const joints = Uint16Array.from({length: 4 * count}, (_, place) => (place % 4 ? 0 : carrier));
+    const weights = Float32Array.from({length: 4 * count}, (_, place) => (place % 4 ? 0 : 1));
+    part.setAttribute('skinIndex', new THREE.BufferAttribute(joints, 4));
+    part.setAttribute('skinWeight', new THREE.BufferAttribute(weights, 4));
+    return part;
   });
-  const sum = of => parts.reduce((total, {part}) => total + of(part), 0);
-  const vertices = sum(part => part.attributes.position.count);
-  const places = new Float32Array(3 * vertices), normals = new Float32Array(3 * vertices);
-  const joints = new Uint16Array(4 * vertices), weights = new Float32Array(4 * vertices);
-  const corners = new Uint32Array(sum(part => part.index.count));
-  let vertex = 0, corner = 0;
-  for (const {part, carrier} of parts) {
-    const {position, normal} = part.attributes;
-    places.set(position.array, 3 * vertex);
-    normals.set(normal.array, 3 * vertex);
-    corners.set(part.index.array.map(index => index + vertex), corner);
-    for (let k = 0; k < position.count; k++) {
-      joints[4 * (vertex + k)] = carrier;
-      weights[4 * (vertex + k)] = 1;
-    }
-    vertex += position.count;
-    corner += part.index.count;
-  }
-  const geometry = new THREE.BufferGeometry();
-  for (const [name, array, size] of [['position', places, 3], ['normal', normals, 3], ['skinIndex', joints, 4],
-    ['skinWeight', weights, 4]]) geometry.setAttribute(name, new THREE.BufferAttribute(array, size));
-  geometry.setIndex(new THREE.BufferAttribute(corners, 1));
-  return geometry;
+  return parts.length ? THREE.mergeGeometries(parts) : new THREE.BufferGeometry();
 }
 
 /** A mesh of a body that `pose` bends as a motion is placed. */

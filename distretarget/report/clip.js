@@ -1,11 +1,12 @@
 // The report on a clip: head, cards, curves and contacts below the player.
 
-import {$, button, counted, element, embedded, followTheme, showFacts, shown, term, terms} from './dom.js';
+import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms} from './dom.js';
 import {FIGURES, figuresAt, nameOf} from './registry.js';
 import {showCards} from './cards.js';
 import {showCurve} from './curves.js';
 import {clock, goTo} from './playback.js';
 import {buildPlayer} from './player.js';
+import {tableOf} from './tables.js';
 
 const report = embedded('document');
 const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
@@ -51,28 +52,6 @@ function buildWorst() {
   if (!worst.length) $('worst').append(element('p', {class: 'none'}, 'B moves like A in every frame.'));
 }
 
-function contactRow({regions, joints_b: joints, frames, distance_a: a, distance_b: b, error, worst_frame: worst}) {
-  const go = button(worst, () => goTo(worst), {'aria-label': `Go to frame ${worst}, ${regions}`});
-  const names = joints.map(name => name.replace(/^.*:/, '')).join(' – ');
-  return element('tr', {}, element('th', {scope: 'row'}, regions, element('small', {}, names)),
-    ...[['Frames', frames], ['D in A', shown(a)], ['D in B', shown(b)], ['Error', shown(error)], ['Worst', go]].map(
-      ([name, content]) => element('td', {'data-name': name}, content)));
-}
-
-function buildContactTable() {
-  if (!report.contacts.length) {
-    $('contacts').append(element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
-    return;
-  }
-  const heads = [['Regions', `${report.touching} Below are their joints that are nearest in A in the worst frame.`],
-    ['Frames', 'In how many frames they touch in A.'], ['D in A', D_MEANS], ['D in B', D_MEANS],
-    ['Error', 'Mean |D in A − D in B| over the frames of contact.'], ['Worst', 'The frame of the largest error.']];
-  $('contacts').append(element('table', {class: 'stacked'},
-    element('thead', {}, element('tr', {},
-      ...heads.map(([name, text]) => element('th', {scope: 'col'}, term(name, text))))),
-    element('tbody', {}, ...report.contacts.map(contactRow))));
-}
-
 async function start() {
   buildHead();
   buildNotes();
@@ -80,7 +59,9 @@ async function start() {
   followTheme();
   await buildPlayer();
   buildWorst();
-  buildContactTable();
+  const contacts = embedded('contact-table');
+  $('contacts').append(contacts.rows.length ? tableOf(contacts)
+    : element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
   const columns = embedded('columns');
   for (const figure of figuresAt('curve')) await showCurve(figure, columns);
 }

@@ -23,6 +23,7 @@ from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Actor, Role, lowest_skin, packed, thinned, upright
 from distretarget.report.diff_document import About, DiffDocument, document
 from distretarget.report.page import html_page
+from distretarget.report.scene_diff_document import Table
 from distretarget.report.timeline_rows import Row, rows_of
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -129,6 +130,7 @@ def _page(
     }
     data = {
         "document": {**document, "frames": None, "touching": TOUCHING},
+        "contact-table": contact_table(document),
         "columns": {key: packed([np.nan if row[key] is None else row[key] for row in frames], "<f4") for key in keys},
         "registry": as_data("A", "B"),
         "stage": stage,
@@ -169,6 +171,17 @@ def facing(body: Body, motion: Motion, up: Array) -> float:
     left, right = (motion.positions[0, leg.hip] for leg in body.legs)
     front = upright(up).apply(np.cross(left - right, up))
     return float(np.arctan2(front[0], front[2]))
+
+
+def contact_table(document: DiffDocument) -> Table:
+    """The contacts of each two regions, in D."""
+    rows: list[list[str | int]] = []
+    for one in document["contacts"]:
+        numbers = [f"{one['distance_a']:.3f}", f"{one['distance_b']:.3f}", f"{one['error']:.3f}"]
+        joints = " \u2013 ".join(key.rpartition(":")[2] for key in one["joints_b"])
+        rows.append([one["regions"], joints, str(one["frames"]), *numbers, one["worst_frame"]])
+    columns = ["regions", "nearest joints", "frames", "D in A", "D in B", "error", "worst frame"]
+    return {"title": "Contacts", "columns": columns, "rows": rows}
 
 
 def _worst(document: DiffDocument) -> Iterator[dict[str, Any]]:

@@ -23,9 +23,9 @@ STYLES = {
     "view": ("style.css", "player.css"),
 }
 SCRIPTS = {
-    "clip": (*PLAYER, "registry.js", "cards.js", "curves.js", "clip.js"),
+    "clip": (*PLAYER, "tables.js", "registry.js", "cards.js", "curves.js", "clip.js"),
     "index": ("dom.js", "registry.js", "index.js"),
-    "scene": (*PLAYER, "scene.js"),
+    "scene": (*PLAYER, "tables.js", "scene.js"),
     "view": (*PLAYER, "view.js"),
 }
 IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)

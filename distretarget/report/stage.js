@@ -64,7 +64,7 @@ export class Stage {
     const light = new THREE.DirectionalLight(0xffffff, 2.1);
     light.position.setFromSphericalCoords(3.2 * reach + 0.5, 0.51, this.facing + 0.7);
     light.castShadow = true;
-    light.shadow.mapSize.set(1024, 1024);
+    light.shadow.mapSize.setScalar(this.software ? 512 : 1024);
     light.shadow.radius = 3;
     light.shadow.normalBias = 0.012;
     Object.assign(light.shadow.camera, {left: -reach, right: reach, top: reach, bottom: -reach, far: 8 * reach});
