@@ -3,7 +3,15 @@
 
 import {unpacked} from './motion.js';
 
-const ROUND = 12, THIN = 5; // sides of a capsule, and of a bone
+/** Whether the browser draws without a graphics card. */
+export const SOFTWARE = (() => {
+  const gl = document.createElement('canvas').getContext('webgl'), told = gl?.getExtension('WEBGL_debug_renderer_info');
+  const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : '';
+  gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+})();
+const [ROUND, STEPS] = SOFTWARE ? [9, 3] : [18, 6]; // sides of a capsule, and rings of each of its ends
+const THIN = 5; // sides of a bone
 const BONE = 0.012; // radius below which a capsule is a bone without skin [body units]
 
 /** The geometry of a body in its rest pose, with the places of its joints there as `bind`, (joints, 3), and what its
@@ -12,7 +20,15 @@ const BONE = 0.012; // radius below which a capsule is a bone without skin [body
 export async function bodyOf(data) {
   const bind = await unpacked(data.bind, Float32Array), {materials = []} = data.mesh || {};
   const images = await Promise.all(materials.map(({image}) => image && loaded(image)));
-  return {bind, materials, images, geometry: data.mesh ? await meshOf(data.mesh) : await capsulesOf(data)};
+  const geometry = data.mesh ? await meshOf(data.mesh) : await capsulesOf(data);
+  return {bind, materials, images, geometry, crown: crownOf(geometry, bind)};
+}
+
+/** How far the skin reaches above the highest joint of the rest pose. */
+function crownOf(geometry, bind) {
+  geometry.computeBoundingBox();
+  const top = bind.reduce((highest, x, k) => (k % 3 === 1 ? Math.max(highest, x) : highest), 0);
+  return Math.max(geometry.boundingBox.max.y - top, 0);
 }
 
 /** A texture of an image, or null where the browser cannot read it. */
@@ -69,7 +85,7 @@ async function capsulesOf(data) {
     const [from, to] = [0, 3].map(end => new THREE.Vector3().fromArray(ends, 6 * k + end));
     const along = to.clone().sub(from), length = along.length(), thin = radii[2 * k] < BONE;
     const part = new THREE.LatheGeometry(
-      outline(length, radii[2 * k], radii[2 * k + 1], thin ? 1 : 4), thin ? THIN : ROUND);
+      outline(length, radii[2 * k], radii[2 * k + 1], thin ? 1 : STEPS), thin ? THIN : ROUND);
     const turn = new THREE.Quaternion(), {count} = part.attributes.position;
     if (length > 0) turn.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.divideScalar(length));
     part.applyQuaternion(turn).translate(from.x, from.y, from.z);

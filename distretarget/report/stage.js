@@ -2,7 +2,7 @@
 /* global THREE */
 
 import {clamp, colourOf, onTheme} from './dom.js';
-import {bend, bodyOf, materialsOf, skinnedBody} from './bodies.js';
+import {bend, bodyOf, materialsOf, skinnedBody, SOFTWARE} from './bodies.js';
 import {Motion} from './motion.js';
 
 const CELL = 0.25; // of the grid [body units]
@@ -13,14 +13,6 @@ const RESTS = 200; // a picture that has been the same for so long rests [ms]
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
 const VEILED = 0.4; // opacity of what another body is laid over
-
-/** Whether the browser draws without a graphics card. */
-function isSoftware() {
-  const gl = document.createElement('canvas').getContext('webgl'), told = gl?.getExtension('WEBGL_debug_renderer_info');
-  const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : '';
-  gl?.getExtension('WEBGL_lose_context')?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
-}
 
 export class Stage {
   /** A stage with the actors of a page; `repaint` is called when the camera moves. */
@@ -35,7 +27,8 @@ export class Stage {
       const body = bodies[actor.body], plain = actor.role === 'copy' || !body.materials.length;
       const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
       materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
-      const mesh = skinnedBody(body, materials), made = {...actor, number, tone, mesh, materials, plain, motion: null};
+      const mesh = skinnedBody(body, materials), {crown} = body;
+      const made = {...actor, number, tone, mesh, materials, plain, crown};
       side.actors.push(made);
       side.group.add(mesh);
       made.motion = await Motion.of(actor, data.frame_time);
@@ -49,11 +42,10 @@ export class Stage {
 
   build(repaint) {
     Object.assign(this, {repaint, drawn: -Infinity});
-    this.software = isSoftware();
-    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !this.software});
+    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE});
     this.renderer.setScissorTest(true);
     this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = this.software ? THREE.BasicShadowMap : THREE.PCFShadowMap;
+    this.renderer.shadowMap.type = SOFTWARE ? THREE.BasicShadowMap : THREE.PCFShadowMap;
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(26, 1, 0.05, 100);
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
@@ -64,7 +56,7 @@ export class Stage {
     const light = new THREE.DirectionalLight(0xffffff, 2.1);
     light.position.setFromSphericalCoords(3.2 * reach + 0.5, 0.51, this.facing + 0.7);
     light.castShadow = true;
-    light.shadow.mapSize.setScalar(this.software ? 512 : 1024);
+    light.shadow.mapSize.setScalar(SOFTWARE ? 512 : 1024);
     light.shadow.radius = 3;
     light.shadow.normalBias = 0.012;
     Object.assign(light.shadow.camera, {left: -reach, right: reach, top: reach, bottom: -reach, far: 8 * reach});
@@ -119,11 +111,11 @@ export class Stage {
     for (let k = 0; k < SAMPLES; k++) {
       const frame = Math.round(k * (this.frames - 1) / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
       let across = 0, top = 0;
-      for (const {motion} of side.actors) {
+      for (const {motion, crown} of side.actors) {
         motion.place(frame);
         for (let joint = 0; joint < motion.positions.length; joint += 3) {
           across = Math.max(across, Math.hypot(motion.positions[joint] - x, motion.positions[joint + 2] - z));
-          top = Math.max(top, motion.positions[joint + 1]);
+          top = Math.max(top, motion.positions[joint + 1] + crown);
         }
       }
       wide.push(across);
@@ -132,7 +124,7 @@ export class Stage {
       middle[1] += z / SAMPLES;
     }
     const most = values => values.sort((p, q) => p - q)[Math.floor(0.9 * (values.length - 1))];
-    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.16, 0.5, 20), middle};
+    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.06, 0.5, 20), middle};
   }
 
   /** The largest room of the sides that are shown. */
@@ -166,7 +158,7 @@ export class Stage {
 
   /** Pixels per pixel of the page. Without a graphics card a picture that moves has few; when it rests it gets more. */
   sharpness(playing) {
-    if (!this.software) return Math.min(devicePixelRatio, 2);
+    if (!SOFTWARE) return Math.min(devicePixelRatio, 2);
     const now = performance.now(), moving = playing || now - this.drawn < RESTS;
     clearTimeout(this.waiting);
     if (moving && !playing) this.waiting = setTimeout(this.repaint, 1.5 * RESTS);
