@@ -24,7 +24,7 @@ from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.actors import Actor, Role, lowest_skin, thinned, upright
+from distretarget.report.actors import Actor, lowest_skin, thinned, upright
 from distretarget.report.clip_page import contact_jumps, run_diff
 from distretarget.report.diff_document import About, document
 from distretarget.report.page import html_page
@@ -41,50 +41,50 @@ OFF = 50.0 * TOUCH_DISTANCE  # a gap that is farther off than this is not kept w
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShownBody:
-    """A performer or a prop, with its motions on the two sides of the page."""
+    """A performer or a prop.
+
+    Attributes:
+        name: its name.
+        motions: on each side of the page, first in A or the source.
+        joints: those that may touch others, on the first side and on the others.
+        measured: a performer's last motion against its first; None for a prop.
+        skins: the surface on the first side and on the others.
+        mesh: on the others.
+    """
 
     name: str
-    left: Motion
-    right: Motion
-    joints: tuple[NDArray[np.intp], NDArray[np.intp]]  # that may touch others, on the left and on the right
-    measured: Diff | None = None  # a performer's right side against its left
+    motions: tuple[Motion, ...]
+    joints: tuple[NDArray[np.intp], NDArray[np.intp]]
+    measured: Diff | None = None
     skins: tuple[Capsules | None, Capsules | None] = (None, None)
-    mesh: SkinnedMesh | None = None  # on the right
-
-    @property
-    def prop(self) -> bool:
-        """Whether it is a prop."""
-        return self.measured is None
+    mesh: SkinnedMesh | None = None
 
     @classmethod
     def of_performer(cls, name: str, measured: Diff, result: RetargetResult | None = None) -> ShownBody:
         """A performer, whose driven joints may touch others; as its result shows it, if it was made here."""
-        matching = measured.matching
-        joints = matching.body_joints
+        matching, frames = measured.matching, len(measured)
         skins = (capsules_of(matching.source), capsules_of(matching.target))
         if result and result.skins:
             skins = (result.skins.source.capsules, result.skins.target.capsules)
-        frames = len(measured)
         return cls(
             name=name,
-            left=measured.a[:frames],
-            right=measured.b[:frames],
-            joints=(matching.drivers[joints], joints),
+            motions=(measured.a[:frames], *([result.rotation_copy] if result else []), measured.b[:frames]),
+            joints=(matching.drivers[matching.body_joints], matching.body_joints),
             measured=measured,
             skins=skins,
             mesh=result.mesh if result else None,
         )
 
+    @classmethod
+    def of_prop(cls, name: str, *motions: Motion) -> ShownBody:
+        """A prop, all of whose joints may touch others."""
+        joints = np.arange(len(motions[0].skeleton))
+        return cls(name=name, motions=motions, joints=(joints, joints))
+
     def region(self, joint: int) -> str:
-        """The name of a body's region that one of the joints on the right is in; empty for a prop."""
+        """The name of a body's region that one of the joints of B is in; empty for a prop."""
         regions = self.measured.matching.regions if self.measured else None
         return f"'s {regions.names[regions.of_joint[joint]]}" if regions else ""
-
-    @classmethod
-    def of_prop(cls, name: str, left: Motion, right: Motion) -> ShownBody:
-        """A prop, all of whose joints may touch others."""
-        joints = np.arange(len(left.skeleton))
-        return cls(name=name, left=left, right=right, joints=(joints, joints))
 
 
 def write_scene_report(
@@ -125,9 +125,10 @@ def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     pairs = zip(names, result.results, strict=False)
     bodies = [ShownBody.of_performer(name, run_diff(one), one) for name, one in pairs]
     props = zip(names[len(bodies) :], result.props, strict=True)
-    bodies += [ShownBody.of_prop(name, prop.source, prop.motion) for name, prop in props]
+    bodies += [ShownBody.of_prop(name, prop.source, prop.copy, prop.motion) for name, prop in props]
     title, tables = " and ".join(names), [_gaps_of_result(result, names)]
-    return _player_page(title, ("Source", "Result"), bodies, result.results[0], result.world_scale, tables)
+    sides = ("Source", "Copied rotations", "Result")
+    return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables)
 
 
 def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
@@ -157,7 +158,7 @@ def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
 
 def _player_page(
     title: str,
-    sides: tuple[str, str],
+    sides: tuple[str, ...],
     bodies: Sequence[ShownBody],
     first: RetargetResult | Diff,
     scale: float,
@@ -165,69 +166,74 @@ def _player_page(
 ) -> str:
     """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props.
 
-    Both sides are shown in units of twice the leg length that the `first` performer has on the left; `scale` is in
-    units of the right side per unit of the left, along the floor.
+    All sides are shown in units of twice the leg length that the `first` performer has on the first; `scale` is in
+    units of the other sides per unit of the first, along the floor.
     """
     leg, up = first.matching.leg_lengths[0] or first.matching.source.unit / 2.0, first.world.up_vector
-    actors = [*_actors(bodies, up, 2.0 * leg, 0), *_actors(bodies, up, 2.0 * leg * scale, 1)]
-    count, rows = len(bodies), list[Row]()
-    for pair in combinations(range(count), 2):
-        if not bodies[pair[0]].prop:
-            rows += _touching(pair, bodies, leg, scale)
+    rows = [
+        row
+        for pair in combinations(range(len(bodies)), 2)
+        if bodies[pair[0]].measured
+        for row in _touching(pair, bodies, leg, scale)
+    ]
     for number, body in enumerate(bodies):
         if body.measured:
-            rows += rows_of(body.measured, body.skins[1], (number, count + number), f"{body.name}: ")
+            actors = range(number, len(sides) * len(bodies), len(bodies))
+            rows += rows_of(body.measured, body.skins[1], actors, f"{body.name}: ")
     stage = {
         "sides": sides,
-        "frames": len(bodies[0].left),
-        "frame_time": bodies[0].right.frame_time,
+        "frames": len(bodies[0].motions[0]),
+        "frame_time": bodies[0].motions[-1].frame_time,
         "facing": _facing(bodies, up),
         "rows": [row.data for row in rows],
         "jumps": [*contact_jumps(rows)],
-        **thinned(actors),
+        **thinned([*_actors(bodies, up, 2.0 * leg, 2.0 * leg * scale)]),
     }
     return html_page("scene", title, {"stage": stage, "numbers": tables})
 
 
-def _actors(bodies: Sequence[ShownBody], up: Array, unit: float, side: int) -> Iterator[Actor]:
-    """The performers and props on a side, on one floor."""
-    motions = [(body.left, body.right)[side] for body in bodies]
-    meshes = [body.mesh if side else None for body in bodies]
-    floors = [
-        lowest_skin(motion, body.skins[side], mesh, up)
-        for body, motion, mesh in zip(bodies, motions, meshes, strict=True)
-        if not body.prop
-    ]
-    for body, motion, mesh in zip(bodies, motions, meshes, strict=True):
-        role: Role = "prop" if body.prop else "other"
-        matching = body.measured.matching if body.measured else None
-        yield Actor(
-            name=body.name,
-            side=side,
-            role=role,
-            motion=motion,
-            body=(matching.source, matching.target)[side] if matching else None,
-            capsules=body.skins[side],
-            mesh=mesh,
-            turn=upright(up),
-            unit=unit,
-            floor=min(floors),
+def _actors(bodies: Sequence[ShownBody], up: Array, first_unit: float, unit: float) -> Iterator[Actor]:
+    """The performers and props on all sides; all that stand in one world have one floor, that of its last side."""
+    lowest = [
+        min(
+            lowest_skin(one.motions[-other], one.skins[other], one.mesh if other else None, up)
+            for one in bodies
+            if one.measured
         )
+        for other in (0, 1)
+    ]
+    for side in range(len(bodies[0].motions)):
+        other = min(side, 1)
+        for body in bodies:
+            matching = body.measured.matching if body.measured else None
+            yield Actor(
+                name=body.name,
+                side=side,
+                role="other" if matching else "prop",
+                motion=body.motions[side],
+                body=(matching.source, matching.target)[other] if matching else None,
+                capsules=body.skins[other],
+                mesh=body.mesh if other else None,
+                turn=upright(up),
+                unit=unit if other else first_unit,
+                floor=lowest[other],
+            )
 
 
 def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
     """The angle about y that shows the first two performers side by side [rad]."""
-    if len(bodies) < 2 or bodies[1].prop:
+    if len(bodies) < 2 or not bodies[1].measured:
         return 0.0
-    middles = [body.left.positions.mean(axis=(0, 1)) for body in bodies[:2]]
+    middles = [body.motions[0].positions.mean(axis=(0, 1)) for body in bodies[:2]]
     x, _, z = upright(up).apply(middles[1] - middles[0])
     return math.atan2(-z, x) - 0.55
 
 
 def _touching(pair: tuple[int, int], bodies: Sequence[ShownBody], leg: float, scale: float) -> Iterator[Row]:
-    """A row for each two regions of two bodies of which joints touch on the left: how far the gap is off."""
+    """A row for each two regions of two bodies of which joints touch on the first side: how far the gap is off."""
     one, other = (bodies[number] for number in pair)
-    a, b = one.left.positions[:, one.joints[0]], other.left.positions[:, other.joints[0]]
+    a, b = (body.motions[0].positions[:, body.joints[0]] for body in (one, other))
+    last = [body.motions[-1].positions for body in (one, other)]
     off: dict[str, Array] = defaultdict(lambda: np.full(len(a), np.inf))
     joints: dict[str, tuple[int, int]] = {}
     for frame, (x, y) in enumerate(zip(a, b, strict=True)):
@@ -235,13 +241,16 @@ def _touching(pair: tuple[int, int], bodies: Sequence[ShownBody], leg: float, sc
         for k in np.flatnonzero(gaps.min(axis=1) < TOUCH_DISTANCE * leg).tolist():
             n = int(gaps[k].argmin())
             u, v = int(one.joints[1][k]), int(other.joints[1][n])
-            right = float(np.linalg.norm(one.right.positions[frame, u] - other.right.positions[frame, v]))
+            gap = float(np.linalg.norm(last[0][frame, u] - last[1][frame, v])) / scale
             name = f"{one.name}{one.region(u)} - {other.name}{other.region(v)}"
-            off[name][frame] = min(off[name][frame], 100.0 * abs(right / scale - gaps[k, n]) / leg)
+            off[name][frame] = min(off[name][frame], 100.0 * abs(gap - gaps[k, n]) / leg)
             joints.setdefault(name, (k, n))
     for name, values in off.items():
         points = [
-            [(side * len(bodies) + pair[end], int(bodies[pair[end]].joints[side][joints[name][end]])) for end in (0, 1)]
-            for side in (0, 1)
+            [
+                (side * len(bodies) + at, int(bodies[at].joints[min(side, 1)][k]))
+                for at, k in zip(pair, joints[name], strict=True)
+            ]
+            for side in range(len(one.motions))
         ]
         yield Row(name, "contact", np.where(np.isfinite(values), values, np.nan), OFF, "% leg", points)
