@@ -20,16 +20,17 @@ function limitLine(name, limit, over, factor) {
 }
 
 function cardOf(report, figure) {
-  const {key, factor, judged, comparison, whole, missing} = figure, inUnits = judged === 'ratio' ? 1 : factor;
+  const {key, factor, judged, comparison, whole, missing, instead} = figure, inUnits = judged === 'ratio' ? 1 : factor;
   const {source, result, rotation_copy: copy, needs_look_above: above} = report.figures;
   const value = scaled(result[key], factor), number = whole ? String(value) : shown(value);
-  const look = result[key] === null || above[key] === null ? null : result[key] > above[key];
+  const unjudged = result[key] === null || above[key] === null || (result[instead] ?? null) !== null;
+  const look = unjudged ? null : result[key] > above[key];
   const rows = [];
   if (judged !== 'value') rows.push(['A', scaled(source[key], factor)]);
   if (copy && scaled(copy[key], 1) !== null) rows.push(['copy', scaled(copy[key], factor)]);
   const limits = report.limits.filter(one => one.figure === key);
   if (comparison && limits.length) rows.push([comparison, scaled(limits[0].value, inUnits)]);
-  const usual = look === null ? [] : [limitLine('', above[key], look, factor)];
+  const usual = unjudged ? [] : [limitLine('', above[key], look, factor)];
   return element('div', {class: look ? 'figure look' : 'figure'},
     element('h3', {}, term(nameOf(figure), figure.explanation)),
     element('p', {class: value === null ? 'big none' : 'big'}, value === null ? missing : number),

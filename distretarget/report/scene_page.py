@@ -20,6 +20,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff
+from distretarget.measure.figures import BY_KEY
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
@@ -253,4 +254,6 @@ def _touching(pair: tuple[int, int], bodies: Sequence[ShownBody], leg: float, sc
             ]
             for side in range(len(one.motions))
         ]
-        yield Row(name, "contact", np.where(np.isfinite(values), values, np.nan), OFF, "% leg", points)
+        yield Row(
+            name, "contact", np.where(np.isfinite(values), values, np.nan), OFF, BY_KEY["contact_gap"].symbol, points
+        )
