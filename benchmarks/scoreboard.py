@@ -30,12 +30,14 @@ from anny_characters import FAT, THIN, Build, Kind, made, mixamo, unreal
 from clips import CLIPS, PROCESSES, SAMPLES, found, markdown_option
 from contestants import COPY, Case, Contestant, contestants
 from numpy.typing import NDArray
-from skin_gaps import Gaps, gap_error, near, source_gaps
+from skin_gaps import PAIRS, Gaps, gap_error, near, source_gaps
 from skins import Skin
 from tables import mean_and_largest, publish, several, table
 from winding import Sinking
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
+from distretarget.body.anatomy import SIDES
+from distretarget.body.arms import raised
 from distretarget.errors import DistretargetError
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import Reference
@@ -138,9 +140,16 @@ def character(path: Path) -> Character:
 
 @lru_cache
 def _source_gaps(clip: Path, average: Path, sampling: Sampling) -> Array:
-    """(frames, pairs), the gaps of a clip's source."""
-    source, actor = sampling.clip(clip), character(average)
-    return source_gaps(actor.gaps, Case(source, actor.target).run, sampling.sampled(source))
+    """(frames, pairs), the gaps of a clip's source; nan for what a hanging arm is near, which is no contact."""
+    actor = character(average)
+    run, frames = Case(sampling.clip(clip), actor.target).run, sampling.sampled(sampling.clip(clip))
+    gaps, body = source_gaps(actor.gaps, run, frames), run.matching.source
+    hips, up = [leg.hip for leg in body.legs or ()], run.world.up_vector
+    for arm, side in product(body.arms, SIDES):
+        if body.anatomy and body.anatomy.roles.get(f"{side}Hand") == arm.wrist:
+            own = [hand == f"{side} hand" and part != "right hand" for hand, part in PAIRS]
+            gaps[np.ix_(raised(run.source[frames].positions, arm, hips, up) <= 0.0, own)] = np.nan
+    return gaps
 
 
 def measure(names: tuple[str, str], clip: Path, body: Path, average: Path, sampling: Sampling) -> list[Row]:

@@ -13,7 +13,7 @@ from distretarget.body.body import Body
 from distretarget.body.build import average_adult
 from distretarget.body.segments import find_segments
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
-from distretarget.skin.fit import Part, fit_capsules
+from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def _parts(body: Body) -> Iterator[Part]:
             closed = carrier == trunk[0], carrier == trunk[-1]
             yield Part(carrier, joints, segment, axis=up, across=left, closed=closed)
         elif name == "head":
-            yield Part(carrier, joints, segment, axis=up)
+            yield Part(carrier, joints, segment, axis=up, covered=COVERED_HARD)
         elif limb == "foot":
             is_toes = names.get(carrier, "").endswith("Toes")
             axis = _foot_axis(body, side)
@@ -79,7 +79,8 @@ def _parts(body: Body) -> Iterator[Part]:
         elif limb == "hand":
             is_palm = carrier == roles.get(f"{side}Hand")
             is_thumb = "Thumb" in names.get(carrier, "")
-            yield Part(carrier, joints, segment, closed=(False, True), most=3 if is_palm else 1 if is_thumb else 2)
+            most = 3 if is_palm else 1 if is_thumb else 2
+            yield Part(carrier, joints, segment, closed=(False, True), most=most, covered=COVERED_HARD)
         else:
             role = names.get(carrier, "")
             below = next((side + tip for part, tip in TIPS.items() if role == side + part), "head")

@@ -36,7 +36,7 @@ FARTHEST = 0.06  # parts that are farther apart than this have nothing to do wit
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
 LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE = (0.2, 0.05, 0.03)  # brought out again, displacements are averaged over these times before and after [s]
+SETTLE = (0.2, 0.1, 0.05, 0.03)  # brought out again, displacements are averaged over these times before and after [s]
 
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
@@ -106,8 +106,9 @@ def led(
     size = over_time(lambda each: widened(each, lead), lengths(raw))
     direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
     smooth = size[..., None] * normalised(direction)
-    for time in SETTLE:
-        out = find(*geometry, wanted, np.zeros_like(firmness), smooth)
+    for number, time in enumerate(SETTLE):
+        kept = firmness * (displaced.mutual & (0 < number < len(SETTLE) - 1))  # what arms have led apart meets again
+        out = find(*geometry, wanted, kept, smooth)
         smooth = over_time(partial(averaged, reach=max(round(time / frame_time), 1)), out)
     return smooth
 

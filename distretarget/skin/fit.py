@@ -24,7 +24,8 @@ MOST_POINTS = 30_000  # on the mesh that are looked at
 FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
 QUARTERS = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6  # the middles of a triangle's four quarters
 EDGES = 3.0, 97.0  # percentiles of the surface at which a part ends [%]
-COVERED = 0.85  # of the surface of a part [0 to 1]
+COVERED = 0.7  # of the surface of a part [0 to 1]
+COVERED_HARD = 0.85  # the same of hands and heads, which do not give way
 ROUND = 1.25  # of most parts, see `Part`
 DENT = 0.25  # how deep the dents between capsules side by side may be [radii]
 SIDES_OF_LEG, LEVELS_OF_LEG = 12, 8  # in which skin is compared with cloth
@@ -52,6 +53,7 @@ class Part:
         most: the number of capsules side by side, at most.
         is_leg: whether skirts and coats may hang round it.
         round: a cross-section is round if it is not more than this times as wide as high.
+        covered: the share of its surface that its capsules cover.
     """
 
     carrier: int
@@ -65,6 +67,7 @@ class Part:
     most: int = 3
     is_leg: bool = False
     round: float = ROUND
+    covered: float = COVERED
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +157,7 @@ def _fitted(surface: _Surface, part: Part, tip: Array | None) -> tuple[Array, Ar
         spread = np.linspace(-1.0, 1.0, many) * max(a[end] - b[end], 0.0) if many > 1 else np.zeros(1)
         sides = np.stack([np.full(many, starts[end]), w[end] + spread, np.full(many, h[end])])
         ends[:, end] = (axes @ sides).T
-    return ends, np.tile(_covering(surface, ends), (many, 1))
+    return ends, np.tile(_covering(surface, ends, part.covered), (many, 1))
 
 
 def _under_cloth(surface: _Surface, axes: Array) -> _Surface:
@@ -202,17 +205,17 @@ def _count(wide: float, high: float, part: Part) -> int:
     return min(1 + int(np.ceil(2.0 * (wide - high) / max(gap, 1e-9 * wide))), part.most)
 
 
-def _covering(surface: _Surface, ends: Array) -> Array:
-    """The radii, (2,), at the ends of axes side by side, (capsules, 2, 3), that cover most of a surface: quantile
+def _covering(surface: _Surface, ends: Array, covered: float) -> Array:
+    """The radii, (2,), at the ends of axes side by side, (capsules, 2, 3), that cover a share of a surface: quantile
     regression of their distances by least squares that are weighted anew (E. J. Schlossmacher, 1973).
     """
     away, at = distances(surface.points, ends, np.zeros((len(ends), 2)))
     shares, scale = np.stack([1.0 - at, at], axis=1), float(away.mean())
-    radii = np.full(2, surface.percentile(away, 100.0 * COVERED))
+    radii = np.full(2, surface.percentile(away, 100.0 * covered))
     slope = (scale / max(float(lengths(ends[:, 1] - ends[:, 0]).mean()), SMOOTH * scale)) ** 2
     for _ in range(ROUNDS):
         off = away - shares @ radii
-        weights = surface.areas * np.where(off > 0.0, COVERED, 1.0 - COVERED) / np.maximum(np.abs(off), SMOOTH * scale)
+        weights = surface.areas * np.where(off > 0.0, covered, 1.0 - covered) / np.maximum(np.abs(off), SMOOTH * scale)
         square = shares.T @ (weights[:, None] * shares) + FLAT * slope * weights.sum() * np.array(
             [[1.0, -1.0], [-1.0, 1.0]]
         )
