@@ -20,13 +20,11 @@ STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),
     "index": ("style.css", "index.css"),
     "scene": ("style.css", "player.css"),
-    "view": ("style.css", "player.css"),
 }
 SCRIPTS = {
     "clip": (*PLAYER, "tables.js", "registry.js", "cards.js", "curves.js", "clip.js"),
     "index": ("dom.js", "registry.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
-    "view": (*PLAYER, "view.js"),
 }
 IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)
 HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
@@ -34,7 +32,7 @@ ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u202
 
 
 def html_page(kind: str, title: str, data: Mapping[str, object]) -> str:
-    """The HTML of a "clip", "index", "scene" or "view" page. Its scripts read `data` by name."""
+    """The HTML of a "clip", "index" or "scene" page. Its scripts read `data` by name."""
     scripts = [_asset(LIBRARY)] if "stage.js" in SCRIPTS[kind] else []
     scripts.append("'use strict';\n" + "\n".join(IMPORT.sub("", _asset(name)) for name in SCRIPTS[kind]))
     parts = {

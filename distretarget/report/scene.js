@@ -1,4 +1,4 @@
-// The report on a scene: tables below the player.
+// The report on a scene, or files to look at: a player, and tables below it.
 
 import {$, element, embedded, followTheme} from './dom.js';
 import {buildPlayer} from './player.js';

@@ -53,7 +53,7 @@ export async function buildTimeline(rows) {
   onFrame(frame => {
     for (const {row, value} of parts) {
       const code = row.codes[frame];
-      value.textContent = code ? `${shown(offAt(row, frame))} ${row.unit}` : '';
+      value.textContent = code && row.unit ? `${shown(offAt(row, frame))} ${row.unit}` : '';
       value.className = code ? levelAt(row, frame) : '';
     }
     if (parts.length) {

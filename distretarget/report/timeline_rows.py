@@ -69,7 +69,8 @@ class Row:
     @property
     def data(self) -> dict[str, Any]:
         """The row for the page: each frame is 0, or 1 and how far off it is, in `CODES` steps up to `top`."""
-        top = max(3.0 * self.limit, float(np.nanmax(self.values)))
+        most = float(np.nanmax(self.values))
+        top = max(3.0 * self.limit, most)
         codes = np.where(np.isfinite(self.values), 1 + np.rint(CODES * self.values / top), 0)
         frames = int(np.isfinite(self.values).sum())
         return {
@@ -78,7 +79,7 @@ class Row:
             "unit": self.unit,
             "limit": self.limit,
             "top": top,
-            "account": f"{frames} frames, at most {np.nanmax(self.values):.3g} {self.unit} off",
+            "account": f"{frames} frames" + (f", at most {most:.3g} {self.unit} off" if self.unit else ""),
             "codes": packed(codes, "<u1"),
             "points": self.points,
             "spots": "" if self.spots is None else packed(self.spots, "<u2"),

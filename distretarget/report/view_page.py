@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -57,13 +58,14 @@ def view_page(actors: Sequence[Actor], title: str) -> str:
         "jumps": [*contact_jumps(rows)],
         **thinned(actors),
     }
-    return html_page("view", title, {"stage": stage})
+    return html_page("scene", title, {"stage": stage, "numbers": []})
 
 
 def _rows(actor: Actor) -> list[Row]:
     """What touches and rests in a motion; none where its body is not recognised."""
     try:
         with np.errstate(all="ignore"):
-            return [row for row in rows_of(diff(actor.motion, actor.motion), actor.capsules, [0]) if row.points[0]]
+            rows = rows_of(diff(actor.motion, actor.motion), actor.capsules, [0])
+            return [replace(row, unit="") for row in rows if row.points[0] and row.kind != "skin"]
     except DistretargetError:
         return []
