@@ -1,10 +1,10 @@
 // The report on a clip: head, cards, curves and contacts below the player.
 
-import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms} from './dom.js';
+import {$, counted, element, embedded, followTheme, onTheme, showFacts, shown, terms} from './dom.js';
 import {FIGURES, figuresAt, nameOf} from './registry.js';
 import {showCards} from './cards.js';
 import {showCurve} from './curves.js';
-import {clock, goTo} from './playback.js';
+import {clock, goTo, repaint} from './playback.js';
 import {buildPlayer} from './player.js';
 import {tableOf} from './tables.js';
 
@@ -48,7 +48,16 @@ function buildNotes() {
 
 function buildWorst() {
   const worst = clock.jumps.filter(({kind}) => kind === 'Worst frames');
-  $('worst').append(...worst.map(({frame, text}) => button(text, () => goTo(frame))));
+  globalThis.app?.stage.draw(clock.frame);
+  for (const {frame, text} of worst) {
+    const picture = element('canvas', {width: 264, height: 208, 'aria-hidden': 'true'});
+    $('worst').append(element('button', {type: 'button', on: {click: () => goTo(frame)}}, picture, text));
+    if (globalThis.app) onTheme(() => {
+      app.marks.update(frame, report.frame_time);
+      app.stage.snapshot(frame, picture);
+    });
+  }
+  repaint();
   if (!worst.length) $('worst').append(element('p', {class: 'none'}, 'B moves like A in every frame.'));
 }
 
@@ -58,12 +67,12 @@ async function start() {
   showCards(report);
   followTheme();
   await buildPlayer();
-  buildWorst();
   const contacts = embedded('contact-table');
   $('contacts').append(contacts.rows.length ? tableOf(contacts)
     : element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
   const columns = embedded('columns');
   for (const figure of figuresAt('curve')) await showCurve(figure, columns);
+  buildWorst();
 }
 
 start();

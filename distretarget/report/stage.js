@@ -191,6 +191,22 @@ export class Stage {
     });
   }
 
+  /** Draws a frame of the last side alone, from in front, on a 2D canvas. */
+  snapshot(frame, picture) {
+    const side = this.sides[this.sides.length - 1], {high, across} = side.room, {width, height} = picture;
+    const camera = new THREE.PerspectiveCamera(this.camera.fov, width / height, 0.05, 100);
+    const middle = new THREE.Vector3(0, 0.48 * high, 0), ratio = this.renderer.getPixelRatio();
+    const away = 1.02 * high / (2 * Math.tan(camera.fov * Math.PI / 360)) + 0.2 * across;
+    camera.position.setFromSphericalCoords(away, 1.4, this.facing + 0.5).add(middle);
+    camera.lookAt(middle);
+    Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
+    this.place(side, frame, [side]);
+    for (const one of this.sides) one.group.visible = one === side;
+    for (const set of ['setViewport', 'setScissor']) this.renderer[set](0, 0, width / ratio, height / ratio);
+    this.renderer.render(this.scene, camera);
+    picture.getContext('2d').drawImage(this.canvas, 0, this.canvas.height - height, width, height, 0, 0, width, height);
+  }
+
   /** Bends the actors of a side, and moves the side so that the view follows it. */
   place(side, frame, together) {
     const centred = this.follow ? side : this.overlaid ? together[together.length - 1] : side;

@@ -66,6 +66,6 @@ def _rows(actor: Actor) -> list[Row]:
     try:
         with np.errstate(all="ignore"):
             rows = rows_of(diff(actor.motion, actor.motion), actor.capsules, [0])
-            return [replace(row, unit="") for row in rows if row.points[0] and row.kind != "skin"]
+            return [row if row.kind == "skin" else replace(row, unit="") for row in rows if row.points[0]]
     except DistretargetError:
         return []
