@@ -25,16 +25,16 @@ def test_hands_and_forearms_stay_outside(name):
 
 
 def test_where_nothing_is_near_nothing_changes():
-    """The arms are held out to the sides, and the legs stand apart."""
+    """The arms are held out to the sides, and the legs stand apart, on flat soles."""
     source = sample("turn")
     arms = [source.skeleton.index(f"{side}Shoulder") for side in ("Left", "Right")]
     still = np.tile(source.rotations[:1], (30, 1, 1))
     still[:, :, :] = [0.0, 0.0, 0.0, 1.0]
-    held = type(source)(source.skeleton, source.root_positions[:30], still, source.frame_time_text)
+    held = type(source)(source.skeleton, source.root_positions[[0] * 30], still, source.frame_time_text)
     assert arms
     kept, alone = (retarget(held, load_target(HERO), options).motion for options in (Options(), BONES_ALONE))
-    np.testing.assert_array_equal(kept.rotations, alone.rotations)
-    np.testing.assert_array_equal(kept.root_positions, alone.root_positions)
+    np.testing.assert_allclose(kept.rotations, alone.rotations, atol=1e-5)  # soles of the mesh, soles of the joints
+    np.testing.assert_allclose(kept.root_positions, alone.root_positions, atol=1e-5)
 
 
 def test_a_target_without_mesh_or_radii_has_no_thickness():

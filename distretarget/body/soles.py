@@ -11,14 +11,23 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.axes import axis_vector, nearest_axis
 from distretarget.body.body import Body, Pose
-from distretarget.body.legs import Leg, Legs
+from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.resting import feet_at_rest
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.rotations import least_matrix
+from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import lengths, normalised
 
 Array = NDArray[np.float64]
 
+PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average lie flat [rad]
+ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average lie flat [rad]
+LEVEL = 0.03  # a sole that rests nearer to a level floor than this lies on it; from twice this on not [leg lengths]
+GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
+SURELY = 0.65  # it is if this share of them is nearer to it than `LEVEL`, and
+HARDLY = 0.4  # it is not if it is no more than this
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
 
 
@@ -62,6 +71,66 @@ def find_soles(
         feet = [replace(foot, up=normal, known=True) for foot, normal in zip(feet, normals, strict=True)]
     left, right = (foot.sole for foot in feet)
     return left, right
+
+
+def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Array) -> tuple[Array, Array]:
+    """Return the normals of the soles of both legs as feet rest in a motion, (3,) each, in the axes of the ankles.
+
+    Feet rest on the floor, but rest poses do not always show how: rigs whose legs are splayed there stand on the edges
+    of their feet. The median of up while ankle and toe rest is taken, as far as it is up to `PITCH` and `ROLL` off the
+    `soles` as known otherwise; of more, less is, and nothing from twice that on: feet may stand on their toes.
+    """
+    left, right = (
+        _resting_normal(motion, leg, sole.normal, up, leg_length(motion.skeleton, legs))
+        for leg, sole in zip(legs, soles, strict=True)
+    )
+    return left, right
+
+
+def _resting_normal(motion: Motion, leg: Leg, normal: Array, up: Array, length: float) -> Array:
+    """The normal of the sole of one leg, (3,)."""
+    resting = np.flatnonzero(feet_at_rest(motion, leg, up, length).all(axis=1))
+    if not len(resting):
+        return normal
+    to_ankle = Rotation.from_quat(motion[resting].world_rotations_of(leg.ankle)).inv()
+    positions = motion.positions[resting]
+    found = normalised(np.median(to_ankle.apply(up), axis=0))
+    toe = np.median(to_ankle.apply(positions[:, leg.toe] - positions[:, leg.ankle]), axis=0)
+    axes = np.stack([aside := normalised(np.cross(normal, toe)), np.cross(aside, normal)])
+    axis = np.cross(normal, found)
+    angles = axes @ normalised(axis) * np.arctan2(np.linalg.norm(axis), normal @ found)
+    angles *= 1.0 - smoothstep(np.abs(angles) / [PITCH, ROLL] - 1.0)
+    return np.asarray(Rotation.from_rotvec(angles @ axes).apply(normal))
+
+
+def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
+    """Return the height of the lowest point of a sole over a motion, (frames,) [file units]. The points are beneath the
+    joints of the foot, as far as while it stands flat; a foot on its back has its joints.
+    """
+    upwards = Rotation.from_quat(motion.world_rotations_of(sole.joints.item(0))).apply(sole.normal) @ up
+    points = heights_of(motion.positions, sole.joints, up) - np.outer(np.maximum(upwards, 0.0), sole.heights)
+    return np.asarray(points.min(axis=1))
+
+
+def floor_height(heights: Array, rests: NDArray[np.bool_]) -> float:
+    """Return the height of the floor from those of soles, which rest or not, (frames, legs) each: the mean of the
+    medians of both legs; infinite where none rests.
+    """
+    medians = [np.median(sole[on]) for sole, on in zip(heights.T, rests.T, strict=True) if on.any()]
+    return float(np.mean(medians)) if medians else np.inf
+
+
+def level_on_floor(heights: Array, floor: float, rests: NDArray[np.bool_], length: float) -> Array:
+    """Return the heights of soles, (frames, legs), with those on a floor of this height where it is level:
+    floor + f(height - floor), f(d) = d smoothstep(|d| / `LEVEL` - 1). On a slope nothing changes, nor on steps.
+    `rests`, (frames, legs), says which soles rest; `length` is that of a leg.
+    """
+    off = np.abs(heights - floor) / length
+    near = off[rests & (off <= GROUND)]
+    if not len(near):
+        return heights
+    is_level = smoothstep((np.mean(near <= LEVEL, keepdims=True) - HARDLY) / (SURELY - HARDLY))
+    return np.asarray(heights - is_level * (heights - floor) * (1.0 - smoothstep(off / LEVEL - 1.0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs, leg_length
-from distretarget.body.soles import Sole, find_soles
+from distretarget.body.soles import Sole, find_soles, resting_normals
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
@@ -44,6 +44,8 @@ class Matching:
         method: how each target joint was matched: "map", "name" (equal names), "names" (body parts by name or as the
             file's humanoid states), "shape" (body parts by shape), "tip" (child of a matched joint), or "" without a
             driver.
+        source_normals: the normals of the source's soles, left and right, if they are known otherwise than from its
+            poses; (3,) each, in the axes of its ankles.
     """
 
     source: Body
@@ -52,6 +54,7 @@ class Matching:
     rotation_sources: NDArray[np.intp]
     blend: NDArray[np.float64]
     method: tuple[str, ...]
+    source_normals: tuple[Array, Array] | None = None
 
     def __repr__(self) -> str:
         joints = self.target.skeleton.joints
@@ -189,8 +192,19 @@ class Matching:
             target = find_soles(*feet[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
             source = find_soles(*feet[0], (target[0].normal, target[1].normal))
+        if self.source_normals is not None:
+            source = find_soles(*feet[0], self.source_normals)
         pairs = zip(self.legs[1], source, target, strict=True)
         return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for leg, a, b in pairs)
+
+    @property
+    def on_resting_soles(self) -> Matching:
+        """The same matching, with the source's soles as they rest on the floor in its motion."""
+        if self.legs is None:
+            return self
+        soles = tuple(sole for sole, _ in self.soles)
+        normals = resting_normals(self.source_motion, self.legs[0], soles, self.source.up_vector)
+        return replace(self, source_normals=normals)
 
     @cached_property
     def pelvis(self) -> int:

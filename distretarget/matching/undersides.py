@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,15 +57,28 @@ class Underside:
                 result[:, column] = heights[:, column] - lowest
         return result
 
+    def foot(self, ankle: int) -> Numbers:
+        """Return the vertices of a foot; none without a mesh."""
+        if self.mesh is None:
+            return np.zeros(0, np.intp)
+        return np.flatnonzero(np.isin(_carriers(self.mesh), self.body.skeleton.subtree(ankle)))
+
+    def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
+        """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite where it has none."""
+        mesh, on = self.mesh, self.foot(ankle)
+        if mesh is None or not len(on):
+            return np.full(len(motion), np.inf)
+        lowest_of = _lowest_in(motion, self.body.skeleton.rest_positions, up)
+        return lowest_of(mesh.vertices[on], mesh.joints[on], mesh.weights[on], np.zeros(len(on)))
+
     def thickness(self, ankle: int, sole: Sole) -> float:
         """Return how far the skin of a foot that stands flat is below the lowest of its joints [file units]; 0 where
         there is none.
         """
-        own = self.body.skeleton.subtree(ankle)
         if self.mesh is not None:
-            points = self.mesh.vertices[np.isin(_carriers(self.mesh), own)] @ sole.normal
+            points = self.mesh.vertices[self.foot(ankle)] @ sole.normal
         else:
-            on = np.isin(self.capsules.joints, own)
+            on = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
             points = (self._rest_ends[on] @ sole.normal - self.capsules.radii[on]).ravel()
         rest = self.body.skeleton.rest_positions[ankle] @ sole.normal - sole.ankle
         return float(rest - points.min()) if len(points) else 0.0
@@ -133,6 +146,7 @@ class Undersides:
     # how far the skin of each reaches below the lowest joint of a foot that stands flat, the mean of both feet [file
     # units]; 0 without legs
     soles: tuple[float, float]
+    feet_have_mesh: bool  # whether a mesh shows the soles of both of the target's feet
 
     @classmethod
     def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:
@@ -144,7 +158,8 @@ class Undersides:
         feet = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
         thick = [[source.thickness(a.ankle, x), target.thickness(b.ankle, y)] for a, b, (x, y) in feet]
         mean, mean_of_target = np.mean(thick or np.zeros((1, 2)), axis=0).tolist()
-        return cls(source, target, (mean, mean_of_target))
+        have_mesh = bool(feet) and all(len(target.foot(b.ankle)) for _, b, _ in feet)
+        return cls(source, target, (mean, mean_of_target), have_mesh)
 
 
 def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
@@ -175,6 +190,7 @@ def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
     return lowest_of
 
 
+@lru_cache(maxsize=2)
 def _carriers(mesh: SkinnedMesh) -> Numbers:
     """(vertices,), the joint that moves each vertex most."""
     return np.asarray(np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0])

@@ -1,7 +1,8 @@
 """Feet and hips: when feet rest, how far they slide then, and how far feet and hips are from where they should be.
 
 Heights are compared in leg lengths of each body. A foot is compared with how the target's own foot stands on its flat
-sole, so that a foot of another build is not an error.
+sole, so that a foot of another build is not an error. Where the target's feet have a mesh, its lowest vertices are
+their soles, and belong at the mean height of the source's sole over a rest, on a level floor (`level_on_floor`).
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
-from distretarget.body.soles import Sole
+from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
+from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
+from distretarget.numerics.time_series import over_runs
 from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
@@ -116,11 +119,14 @@ class SourceFeet:
     leg: float  # the length of the target's legs [file units]
     stance: Flags  # as in `Feet`
     tracks: _FootTracks  # of the source
+    belongs: Array  # (frames, legs), the height at which the sole belongs [leg lengths]
+    undersides: Undersides | None  # the skins of source and target; None if no mesh shows the target's feet
 
     def in_result(self, result: Motion, others_carry: Flags) -> Feet:
         """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
         ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
         source, own = self.tracks, _foot_tracks(result, self.soles, self.leg, self.up)
+        sole = own.sole if self.undersides is None else self._lowest_skin(result, self.undersides)
         on_sole = ankle_rests & toe_rests & source.level
         flat = on_sole & (np.abs(source.pitch) <= FLAT)
         alone = ankle_rests & ~others_carry[:, None]
@@ -129,15 +135,23 @@ class SourceFeet:
             stance=self.stance,
             slide_source=source.slide,
             slide=own.slide,
-            foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(own.sole - source.sole), np.nan),
+            foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(sole - self.belongs), np.nan),
             foot_pitch=np.where(on_sole, np.abs(own.pitch - source.pitch), np.nan),
-            ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - source.sole), np.nan),
+            ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
             hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
         )
 
+    def _lowest_skin(self, result: Motion, undersides: Undersides) -> Array:
+        """(frames, legs), the height of the lowest vertex of each foot, less that below a flat foot [leg lengths]."""
+        lowest = [undersides.target.lowest_of_foot(result, sole.leg.ankle, self.up) for sole in self.soles]
+        return (np.stack(lowest, axis=1) + undersides.soles[1]) / self.leg
 
-def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
-    """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results."""
+
+def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None) -> SourceFeet:
+    """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results, `undersides` are the skins
+    of both bodies, if known.
+    """
+    on_mesh = undersides if undersides is not None and undersides.feet_have_mesh else None
     legs, target_legs = matching.legs or ((), ())
     soles = zip(*matching.soles, strict=True) if matching.soles else ((), ())
     source_feet, feet = (
@@ -145,13 +159,26 @@ def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
         for body, own, of_body in zip((matching.source, matching.target), (legs, target_legs), soles, strict=True)
     )
     length, target_length = matching.leg_lengths
+    stance, tracks = _stance(source, legs, length, up), _foot_tracks(source, source_feet, length, up)
     return SourceFeet(
         up=up,
         soles=feet,
         leg=target_length,
-        stance=_stance(source, legs, length, up),
-        tracks=_foot_tracks(source, source_feet, length, up),
+        stance=stance,
+        tracks=tracks,
+        belongs=tracks.sole if on_mesh is None else _on_floor(tracks.sole, stance[:, ::2] | stance[:, 1::2]),
+        undersides=on_mesh,
     )
+
+
+def _on_floor(soles: Array, rests: Flags) -> Array:
+    """(frames, legs), the heights at which soles belong that are at these heights in the source, (frames, legs), and
+    rest or not.
+    """
+    if not rests.any():
+        return soles
+    means = [over_runs(sole[:, None], rest.astype(float))[:, 0] for sole, rest in zip(soles.T, rests.T, strict=True)]
+    return level_on_floor(np.stack(means, axis=1), floor_height(soles, rests), rests, 1.0)
 
 
 def _foot_tracks(motion: Motion, soles: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:

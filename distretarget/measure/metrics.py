@@ -126,7 +126,7 @@ class Reference:
         """
         self.source, self.matching = source, matching
         self._skin = find_source_skin(source, matching.source, up, *(skins or (no_skin(), no_skin())))
-        self._feet = find_feet(source, matching, up)
+        self._feet = find_feet(source, matching, up, undersides)
         self._contacts = find_contacts(source, matching, self._feet.stance)
         self._supports = find_supports(source, matching, up, undersides)
         self._posture = find_posture(source, matching, up, self._feet.stance)

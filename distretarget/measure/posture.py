@@ -83,7 +83,10 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
         ankle_rests, rests = stance[:, 2 * k], stance[:, 2 * k] & stance[:, 2 * k + 1]
         both = zip(legs, (side[1 - k] for side in matching.legs or ()), strict=True)
         add("splay", legs[1].ankle, (partial(_outwards, *pair) for pair in both), ankle_rests)
-        add_axes("sole_tilt", [leg.ankle for leg in legs], [*map(_foot_axes, bodies, legs)], rests)
+        axes = [*map(_foot_axes, bodies, legs)]
+        if matching.source_normals is not None and axes[0][0].any():
+            axes[0] = matching.source_normals[k], axes[0][1]
+        add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
     return held
 
 

@@ -16,52 +16,51 @@ Feet that stand beside each other under narrow hips come no nearer than a foot's
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from distretarget.body.legs import Leg
 from distretarget.body.resting import feet_resting
 from distretarget.body.soles import Sole
 from distretarget.ik.springs import no_springs
+from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied, widened
-from distretarget.numerics.vectors import lengths, level
+from distretarget.numerics.time_series import by_shot, smoothed, widened
+from distretarget.numerics.vectors import level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.floor import no_floor
+from distretarget.objectives.soles import LITTLE, ROLL, STEADY, Foot, on_mesh, steadied_offset
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
 
 Array = NDArray[np.float64]
 
-ROLL = 0.05  # height over which the lowest point of the sole rolls from heel to toe [leg lengths]
-WAY = 0.1  # a place is averaged over about the way that a foot which does not stand still moves meanwhile [leg lengths]
-STILL = 1e-5  # a foot counts as moving at least as far as this in each frame [leg lengths]
-STEADY = 0.05  # speeds of feet are averaged over this time before and after [s]
 FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, figure 4.1) [leg lengths]
-LITTLE = 1e-3  # weight of a foot that hardly rests
 
 
-def find_foot_lock(clip: Clip) -> Supports:
-    """Return the feet at rest in the source, and where they belong on the target."""
+def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports:
+    """Return the feet at rest in the source, and where they belong on the target. `undersides` are the skins of both
+    bodies; None if they are not known.
+    """
     if not clip.legs:
         return no_supports(len(clip))
     length = clip.leg_lengths[0]
     blend = partial(widened, frames=BLEND / clip.frame_time)
 
-    def foot(pair: LegPair) -> tuple[Array, _Foot, _Foot]:
-        """The weights of ankle and toe, (frames, 2), and the foot of the source and of the rotation copy."""
-        weights = by_shot(blend, clip.shots, feet_resting(clip.source, pair.source, clip.up, length, clip.shots))
-        source = _Foot.of(clip.source, pair.source, pair.source_sole, clip.up, length)
-        copy = _Foot.of(clip.copy, pair.target, pair.target_sole, clip.up, clip.scale.height * length)
-        return weights, source, copy
+    def foot(pair: LegPair) -> tuple[Array, Array, Foot, Foot]:
+        """How much ankle and toe rest and their weights, (frames, 2), and the foot of source and rotation copy."""
+        rests = feet_resting(clip.source, pair.source, clip.up, length, clip.shots)
+        weights = by_shot(blend, clip.shots, rests)
+        source = Foot.of(clip.source, pair.source, pair.source_sole, clip.up, length)
+        copy = Foot.of(clip.copy, pair.target, pair.target_sole, clip.up, clip.scale.height * length)
+        return rests, weights, source, copy
 
     side_by_side = mapper_for(len(clip), len(clip.skeleton))
-    weights, sources, copies = zip(*side_by_side(foot, clip.legs), strict=True)
+    rests, weights, sources, copies = map(list, zip(*side_by_side(foot, clip.legs), strict=True))
+    if undersides is not None and undersides.feet_have_mesh:
+        copies = on_mesh(clip, undersides, rests, sources, copies)
     wider = _wider(clip, weights, sources, copies)
     places = [
         _places(clip, source, copy, of_foot.max(axis=1), aside)
@@ -79,7 +78,7 @@ def find_foot_lock(clip: Clip) -> Supports:
     )
 
 
-def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[_Foot], copies: Sequence[_Foot]) -> Array:
+def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Array:
     """(frames, 3), how much farther from the middle of the hips the left foot belongs than the source's, scaled, along
     the floor [target file units]; the right foot belongs as far to the other side.
 
@@ -125,49 +124,14 @@ def _heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
     return np.asarray(heights[:, 0] - heights.min(axis=1) - sole.ankle)
 
 
-@dataclass(frozen=True, eq=False)
-class _Foot:
-    """A foot over the frames of a motion."""
-
-    hip: Array  # (frames, 3), the places of the leg's hip joint [file units]
-    toe: Array  # (frames, 3), its places [file units]
-    bone: Array  # (frames, 3), from toe to ankle [file units]
-    # (frames,), how far the lowest point of the sole is below the toe; it rolls smoothly from heel to toe [file units]
-    below: Array
-
-    @classmethod
-    def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, length: float) -> _Foot:
-        """The foot of a leg in a motion; `length` is that of the legs [file units]."""
-        positions = motion.positions
-        toe = positions[:, leg.toe]
-        bone = positions[:, leg.ankle] - toe
-        normal = Rotation.from_quat(motion.world_rotations_of(leg.ankle)).apply(sole.normal) @ up
-        under = np.outer(np.maximum(normal, 0.0), sole.heights) - (
-            heights_of(positions, sole.joints, up) - (toe @ up)[:, None]
-        )
-        heel, others = under[:, 0], under[:, 1:]
-        front = others.max(axis=1) if others.shape[1] else heel
-        below = (heel + front + np.hypot(heel - front, ROLL * length)) / 2.0
-        return cls(positions[:, leg.hip], toe, bone, below)
-
-
-def _places(clip: Clip, source: _Foot, copy: _Foot, weights: Array, wider: Array) -> list[Array]:
+def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) -> list[Array]:
     """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest, and
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
     scale, up = clip.scale, clip.up
     offset = level(scale.height * source.bone - copy.bone, up) + wider
     paths = level(np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0], up)
-    steady = partial(_steady, reach=round(STEADY / clip.frame_time))
+    steady = partial(steadied_offset, reach=round(STEADY / clip.frame_time))
     toe = scale.places(source.toe, up) + by_shot(steady, clip.shots, offset, weights, paths)
     toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]
-
-
-def _steady(offset: Array, weights: Array, paths: Array, reach: int) -> Array:
-    """(frames, 3), the offset steadied, as firmly from one frame to the next as (`WAY` / step of ankle or toe, the
-    lesser)^2; `paths`, (frames, 2, 3), are theirs along the floor [leg lengths], averaged over `reach` frames.
-    """
-    paths = averaged(median_of_three(paths), reach)  # the median ignores a single faulty frame
-    steps = lengths(np.diff(paths, axis=0, append=paths[-1:])).min(axis=1)
-    return steadied(median_of_three(offset), weights + LITTLE, (WAY / np.maximum(steps, STILL)) ** 2)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
+from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.parallel import blocks_of, in_threads
 from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
@@ -37,6 +38,7 @@ TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the secon
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
 LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
 SETTLE = (0.2, 0.1, 0.05, 0.03)  # brought out again, displacements are averaged over these times before and after [s]
+RATE = 30.0  # displacements are found about as often, and interpolated [1/s]
 
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
@@ -45,36 +47,38 @@ SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
-    margin = round((4.0 * LEAD + sum(SETTLE)) / clip.frame_time) + 2
+    keys = KeyFrames.of(clip.shots, clip.frame_time, RATE)
+    margin = round((4.0 * LEAD + sum(SETTLE) + 2.0 * keys.time) / clip.frame_time) + 2
     chunks = chunks_of(len(clip), margin)
     posed.positions  # noqa: B018 - once for all chunks
 
     def displaced(chunk: Chunk) -> Array:
         around = chunk.context
-        d = _displaced(clip[around], skins, posed[around], supports[around], settings)
+        d = _displaced(clip[around], skins, posed[around], supports[around], settings, keys[around])
         return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
 
     d = np.concatenate([*in_threads(displaced, chunks)])
     return bent(posed, skins.target.limbs, skins.target.unit * d)
 
 
-def _displaced(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Array:
+def _displaced(
+    clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings, keys: KeyFrames
+) -> Array:
     """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units]."""
-    body, source = skins.target, skins.source
+    body, source, at = skins.target, skins.source, keys.numbers
     balls = body.balls
     ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
-    gaps = segment_gaps(balls, ends, FARTHEST)
-    in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source)), APART)
+    gaps = segment_gaps(balls, ends[at], FARTHEST)
+    in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source))[at], APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     soft = softness(balls.pairs, in_source)
-    firmness = _firmness(clip, body, in_source, supports, settings)
+    firmness = _firmness(clip, body, in_source, supports, settings, at)
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
         return np.zeros((len(clip), len(body.limbs), 2, 3))
-    free = how_free(clip, body, supports, settings)
-    given = ends, limb_places(body, posed), free, acts, gaps, soft, wanted, firmness
-    return led(balls, body.displaced, given, clip.shots, clip.frame_time)
+    given = ends, limb_places(body, posed), how_free(clip, body, supports, settings)
+    return led(balls, body.displaced, given, (acts, gaps, soft, wanted, firmness), keys)
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
@@ -86,39 +90,48 @@ def limb_places(body: BodySkin, posed: Motion) -> Array:
 def led(
     balls: Balls,
     displaced: Displaced,
-    given: tuple[Any, ...],
-    shots: Shots,
-    frame_time: float,
+    geometry: tuple[Array, Array, Array],
+    asked: tuple[Any, ...],
+    keys: KeyFrames,
     reach: float = REACH,
 ) -> Array:
     """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after.
 
-    `given` are the arguments of `displacements` from `posed` to `firmness`; `reach` is its own.
+    Of the arguments of `displacements`, `geometry` are `posed` to `free` in all frames, and `asked` are `acts` to
+    `firmness` at the key frames; `reach` is its own.
     """
-    *geometry, wanted, firmness = given
+    at = keys.numbers
+    shots, lead = keys.shots[at], LEAD / keys.time
     find: Callable[..., Array] = partial(displacements, balls, displaced, reach=reach)
 
-    def over_time(change: Callable[[Array], Array], values: Array) -> Array:
+    def over_time(change: Callable[[Array], Array], values: Array, shots: Shots = shots) -> Array:
         return by_shot(change, shots, values.reshape(len(values), -1)).reshape(values.shape)
 
-    lead = LEAD / frame_time
-    raw = by_shot(find, shots, *given)
+    at_keys = tuple(each[at] for each in geometry)
+    raw = by_shot(find, shots, *at_keys, *asked)
     size = over_time(lambda each: widened(each, lead), lengths(raw))
     direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
     smooth = size[..., None] * normalised(direction)
-    for number, time in enumerate(SETTLE):
-        kept = firmness * (displaced.mutual & (0 < number < len(SETTLE) - 1))  # what arms have led apart meets again
-        out = find(*geometry, wanted, kept, smooth)
-        smooth = over_time(partial(averaged, reach=max(round(time / frame_time), 1)), out)
-    return smooth
+    acts, gaps, soft, wanted, firmness = asked
+    for number, time in enumerate(SETTLE[:-1]):
+        kept = firmness * (displaced.mutual & (number > 0))  # what has led two arms apart lets them meet again
+        out = find(*at_keys, acts, gaps, soft, wanted, kept, smooth)
+        smooth = over_time(partial(averaged, reach=max(round(time / keys.time), 1)), out)
+    before, after = keys.around
+    acts, gaps, soft = acts[before] | acts[after], np.minimum(gaps[before], gaps[after]), keys.between(soft)
+    out = find(*geometry, acts, gaps, soft, gaps, np.zeros_like(gaps), keys.between(smooth))
+    reach_of_last = max(round(SETTLE[-1] / keys.frame_time), 1)
+    return over_time(partial(averaged, reach=reach_of_last), out, keys.shots)
 
 
-def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings) -> Array:
-    """(frames, pairs), how firmly pairs of segments touch, 0 to 1: they touch in the source, and are meant to."""
+def _firmness(
+    clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings, at: Numbers
+) -> Array:
+    """(keys, pairs), how firmly pairs of segments touch, 0 to 1: they touch in the source, and are meant to."""
     touching = how_touching(body.balls.pairs[:, 0], PLACE[body.balls.pairs[:, 1]], in_source)
     if not touching.any():
         return touching
-    return touching * _meant(clip, body, touching, supports, settings)
+    return touching * _meant(clip, body, touching, supports, settings, at)
 
 
 def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
@@ -181,10 +194,12 @@ def of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
     return result
 
 
-def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, settings: ContactSettings) -> Array:
-    """(frames, pairs), how much each pair of segments is meant to touch, 0 to 1: the largest activation of a contact
+def _meant(
+    clip: Clip, body: BodySkin, touching: Array, supports: Supports, settings: ContactSettings, at: Numbers
+) -> Array:
+    """(keys, pairs), how much each pair of segments is meant to touch, 0 to 1: the largest activation of a contact
     pair of the first segment and of the place that the second belongs to. Only blocks of frames in which any pair is
-    `touching`, (frames, pairs), count, and of the hands' joints only wrists and what is farthest from them.
+    `touching`, (keys, pairs), count, and of the hands' joints only wrists and what is farthest from them.
     """
     pairs, targets = body.balls.pairs, clip.distances.targets
     of_point = body.of_joint[targets]
@@ -194,15 +209,16 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
         if len(points):
             reach = clip.skeleton.path_lengths[targets[points[0]], targets[points]]
             chosen[points] = (points == points[0]) | (points == points[reach.argmax()])
-    contacts, meant = Contacts.of(clip, settings, chosen), np.zeros((len(clip), len(pairs)))
+    contacts, meant = Contacts.of(clip, settings, chosen), np.zeros(touching.shape)
     for block in blocks_of(len(clip)):
-        if not touching[block].any():
+        keys = slice(*np.searchsorted(at, (block.start, block.stop)))
+        if not touching[keys].any():
             continue
         near = contacts.near(block, supports[block].standing)
-        of_u, of_v = of_point[near.u], of_point[near.v]
-        for column in np.flatnonzero(touching[block].any(axis=0)):
+        of_u, of_v, f = of_point[near.u], of_point[near.v], near.f[at[keys] - block.start]
+        for column in np.flatnonzero(touching[keys].any(axis=0)):
             limb, other = pairs[column]
             on = ((of_u == limb) & (PLACE[of_v] == PLACE[other])) | ((of_v == limb) & (PLACE[of_u] == PLACE[other]))
             if on.any():
-                meant[block, column] = near.f[:, on].max(axis=1)
+                meant[keys, column] = f[:, on].max(axis=1)
     return meant

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,4 +96,10 @@ class Skins:
         """Return the skins of a source and its target; None where a body has no capsules."""
         if not len(source) or not len(target):
             return None
-        return cls(BodySkin.of(matching.source, source), BodySkin.of(matching.target, target))
+        return cls(BodySkin.of(matching.source, source), _of_target(matching.target, target))
+
+
+@lru_cache(maxsize=1)
+def _of_target(body: Body, capsules: Capsules) -> BodySkin:
+    """The skin of a target, kept for the next clip on it."""
+    return BodySkin.of(body, capsules)

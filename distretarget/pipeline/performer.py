@@ -82,7 +82,10 @@ def match_performer(
     pairs = {**goal.map, **(joint_map or {})}
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = None if options.objective == "paper" else _find_skins(matching, goal, target, options, builds)
-    return Match(world, matching, skins, goal.mesh() if skins and not builds.target else None)
+    found = Match(world, matching, skins, goal.mesh() if skins and not builds.target else None)
+    if found.undersides is not None and found.undersides.feet_have_mesh:
+        return replace(found, matching=matching.on_resting_soles)
+    return found
 
 
 def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
@@ -118,7 +121,7 @@ class Performer:
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
         undersides = self.match.undersides
-        feet = find_foot_lock(self.clip)
+        feet = find_foot_lock(self.clip, undersides)
         clip = self.clip.raised(np.outer(hips_rise(self.clip, feet), self.clip.up))
         supports = feet
         if options.supports == "hold":

@@ -78,7 +78,7 @@ def retarget(
     check_callable("mapper", mapper)
     check_callable("progress", progress)
     match = match_performer(source, target, options, joint_map, rest, builds)
-    match = replace(match, matching=on_own_soles(match.matching, options.root_scale))
+    match = replace(match, matching=on_own_soles(match.matching, options.root_scale, match.undersides))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
         return performer.result(*solve_paper(performer.clip, progress))

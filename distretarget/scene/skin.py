@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.motion import Motion
+from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep
 from distretarget.objectives.skin import (
     APART,
     LITTLE,
+    RATE,
     how_free,
     how_touching,
     led,
@@ -97,8 +99,9 @@ def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Seque
     acts = ((gaps + soft < -LITTLE) & (~own | drawn[:, None])).any(axis=1)
     if not acts.any():
         return posed
-    given = ends, bodies.limbs(posed), free, acts, gaps, soft, gaps, np.zeros_like(gaps)
-    return bodies.bent(posed, led(balls, bodies.displaced, given, shots, time, FARTHEST))
+    keys, given = KeyFrames.of(shots, time, RATE), (ends, bodies.limbs(posed), free)
+    asked = tuple(each[keys.numbers] for each in (acts, gaps, soft, gaps, np.zeros_like(gaps)))
+    return bodies.bent(posed, led(balls, bodies.displaced, given, asked, keys, FARTHEST))
 
 
 def _touching(pairs: Numbers, in_source: Array) -> Array:

@@ -1,0 +1,131 @@
+"""Feet with a mesh: its lowest vertices stand on the floor, whatever soles and heels no joint shows."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, person
+from capsule_bodies import mesh_of
+
+from distretarget import Body, Options, load_target, read_bvh, retarget
+from distretarget.body.build import average_adult
+from distretarget.body.resting import feet_at_rest
+from distretarget.body.soles import floor_height, level_on_floor
+from distretarget.target import Target
+
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
+PERSON = person()
+UP = np.array([0.0, 1.0, 0.0])
+BALL = 0.02
+"""The height of the ball of the foot over its sole [m]."""
+HEIGHT = 1.7
+PARTS = ("Ankle", "Toe")
+
+
+def block(low, high):
+    """The corners of a box."""
+    return np.array(list(product(*zip(low, high, strict=True)))), np.zeros((0, 3), np.intp)
+
+
+def shod(heel=0.0, platform=0.0):
+    """The person in shoes with a heel and a platform of these heights [m]: feet point down from the ankle to the toe by
+    as much as the heel is high, and soles are blocks below heel and toe.
+    """
+    offsets = np.array(PERSON.offsets)
+    toes = [PERSON.index(f"{side}Toe") for side in ("Left", "Right")]
+    offsets[toes] += [0.0, -heel, 0.0]
+    skeleton = PERSON.with_offsets(offsets)
+    surfaces = []
+    for ankle, toe in zip((PERSON.index(f"{side}Ankle") for side in ("Left", "Right")), toes, strict=True):
+        x, y, z = skeleton.rest_positions[toe]
+        floor, behind = y - BALL - platform, skeleton.rest_positions[ankle][2]
+        surfaces.append((ankle, block((x - 0.02, floor, behind - 0.08), (x + 0.02, floor + 0.03, behind - 0.04))))
+        surfaces.append((toe, block((x - 0.04, floor, z - 0.02), (x + 0.04, floor + 0.02, z + 0.06))))
+    mesh = mesh_of(surfaces)
+    return Target(skeleton, {}, "shod", mesh=lambda: mesh, capsules=average_adult().on(Body.of(skeleton)))
+
+
+def lowest(target, result):
+    """(frames, legs, parts), the heights of the lowest vertices of what ankle and toe carry; and whether the source's
+    ankle and toe rest, (frames, legs).
+    """
+    mesh, legs = target.mesh(), result.matching.legs
+    heights = [
+        [mesh.posed(result.motion, np.flatnonzero(mesh.joints[:, 0] == joint))[..., 1].min(axis=1) for joint in leg]
+        for leg in ((each.ankle, each.toe) for each in legs[1])
+    ]
+    rests = [feet_at_rest(result.source, leg, UP, result.matching.leg_lengths[0]).all(axis=1) for leg in legs[0]]
+    return np.transpose(heights, (2, 0, 1)), np.transpose(rests)
+
+
+def sample(name):
+    return read_bvh(SAMPLES / f"{name}.bvh")[:160:2]
+
+
+@pytest.mark.parametrize("clip", ["walk", "squat"])
+@pytest.mark.parametrize(("heel", "platform"), [(0.0, 0.0), (0.09, 0.0), (0.03, 0.12)])
+def test_heel_and_ball_of_any_shoe_stand_on_the_floor(clip, heel, platform):
+    target = shod(heel, platform)
+    result = retarget(sample(clip), target)
+    heights, flat = lowest(target, result)
+    assert np.abs(np.median(heights[flat], axis=0)).max() < 0.002 * HEIGHT
+    assert np.percentile(np.abs(heights[flat].min(axis=1)), 95) < 0.003 * HEIGHT
+    assert heights[flat].min() > -0.005 * HEIGHT
+    assert result.figures["result"]["foot_height"] < 0.5
+
+
+def test_a_platform_lifts_the_whole_body_by_its_height():
+    plain, high = (retarget(sample("squat"), shod(platform=platform)).motion for platform in (0.0, 0.1))
+    np.testing.assert_allclose(high.rotations, plain.rotations, atol=1e-6)
+    np.testing.assert_allclose(
+        high.root_positions - plain.root_positions, 0.1 * np.tile(UP, (len(plain), 1)), atol=1e-6
+    )
+
+
+def test_without_skin_the_mesh_is_ignored():
+    target = shod(heel=0.09)
+    bare = retarget(sample("walk"), target, Options(skin="none")).motion
+    of_joints = retarget(sample("walk"), target.skeleton).motion
+    np.testing.assert_array_equal(bare.rotations, of_joints.rotations)
+    np.testing.assert_array_equal(bare.root_positions, of_joints.root_positions)
+
+
+@pytest.mark.parametrize("rise", [0.0, 9.0])
+@pytest.mark.parametrize("clip", ["walk", "clap"])
+def test_a_character_stands_on_its_mesh_at_height_0(clip, rise):
+    source, target = sample(clip), load_target(HERO)
+    source = type(source)(source.skeleton, source.root_positions + rise * UP, source.rotations, source.frame_time_text)
+    result = retarget(source, target)
+    mesh, legs = target.mesh(), result.matching.legs
+    rests = np.stack([feet_at_rest(result.source, leg, UP, 1.0).any(axis=1) for leg in legs[0]], axis=1)
+    heights = mesh.posed(result.motion)[..., 1].min(axis=1)
+    assert np.abs(heights[rests.any(axis=1)]).max() < 0.005 * HEIGHT
+
+
+def test_a_level_floor_is_seen_through_soles_that_wander():
+    """The source's floor rises and falls by two hundredths of a leg from one step to the next."""
+    source = sample("walk")
+    wave = 0.02 * 85.0 * np.sin(np.arange(len(source)) / 12.0)
+    source = type(source)(source.skeleton, source.root_positions + np.outer(wave, UP), source.rotations, "0.02")
+    target = shod()
+    result = retarget(source, target)
+    heights, flat = lowest(target, result)
+    assert np.percentile(np.abs(heights[flat].min(axis=1)), 90) < 0.003 * HEIGHT
+
+
+def test_soles_on_a_slope_or_on_steps_stay_and_those_on_a_level_floor_lie_on_it():
+    frames, all_rest = np.arange(100.0), np.ones((100, 2), bool)
+    slope, steps = (np.stack([heights, heights], axis=1) for heights in (frames * 0.01, frames // 20 * 0.2))
+    for heights in (slope, steps):
+        np.testing.assert_allclose(level_on_floor(heights, np.median(heights), all_rest, 1.0), heights, atol=1e-12)
+    wander = np.stack([0.02 * np.sin(frames), -0.02 * np.cos(frames)], axis=1)
+    np.testing.assert_allclose(level_on_floor(5.0 + wander, 5.0, all_rest, 1.0), 5.0)
+    onto_box = np.where(frames[:, None] < 80, wander, 0.4 + wander)
+    np.testing.assert_allclose(level_on_floor(onto_box, 0.0, all_rest, 1.0)[:80], 0.0, atol=1e-12)
+    np.testing.assert_allclose(level_on_floor(onto_box, 0.0, all_rest, 1.0)[80:], onto_box[80:])
+
+
+def test_the_floor_is_between_two_feet_that_disagree():
+    soles, rests = np.array([[1.0, 3.0], [1.0, 3.0], [1.0, 9.0]]), np.array([[True, True], [True, True], [True, False]])
+    assert floor_height(soles, rests) == 2.0
+    assert floor_height(soles, rests & False) == np.inf
