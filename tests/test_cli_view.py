@@ -100,3 +100,17 @@ def test_a_browser_is_opened_or_the_page_is_named(opens, monkeypatch):
     assert path.endswith(".html")
     assert path in (done.output if opens else str(done.exception))
     assert (done.exit_code == 0) == opens
+
+
+def test_a_page_is_played_whatever_its_files_are_called(tmp_path, open_player):
+    name = "__proto__ \u202e&amp; <b>" + 100 * "x" + ".bvh"
+    (tmp_path / name).write_bytes(WALK.read_bytes())
+    files = [tmp_path / name, HERO, *[WALK] * 3]
+    assert view(*files, "-o", tmp_path / "page.html").exit_code == 0
+    tab = open_player(tmp_path / "page.html", width=390, height=844, color_scheme="dark")
+    assert tab.locator("#labels > div").all_inner_texts() == [name]
+    assert tab.evaluate("document.scrollingElement.scrollWidth") <= 390
+    tab.select_option("#sides select", index=1)
+    assert tab.locator("#labels > div").all_inner_texts() == ["hero.glb"]
+    tab.click("#play")
+    assert tab.get_attribute("#play", "aria-label") == "Stop"
