@@ -81,9 +81,9 @@ export class Marks {
   put(mark, row, [x, y, z], judged, frame) {
     const onFloor = row.kind === 'support' && y < ON_FLOOR, glows = row.kind === 'skin';
     mark.position.set(x, onFloor ? 0.004 : y, z);
-    mark.scale.setScalar({contact: 0.05, skin: 0.18, support: onFloor ? 0.3 : 0.12}[row.kind]);
+    mark.scale.setScalar({contact: 0.05, skin: 0.15, support: onFloor ? 0.3 : 0.12}[row.kind]);
     mark.material.color.set(colourOf(glows ? 'over' : judged ? levelAt(row, frame) : 'muted'));
-    mark.material.opacity = glows ? Math.min(offAt(row, frame) / row.limit, 1) : 1;
+    mark.material.opacity = glows ? Math.min((offAt(row, frame) / row.limit) ** 2, 1) : 1;
     mark.material.map = this.textures[glows ? 'glow' : 'ring'];
   }
 

@@ -2,10 +2,10 @@
 /* global THREE */
 
 import {clamp, colourOf, onTheme} from './dom.js';
+import {Ground} from './ground.js';
 import {bend, bodyOf, materialsOf, skinnedBody, SOFTWARE} from './bodies.js';
 import {Motion} from './motion.js';
 
-const CELL = 0.25; // of the grid [body units]
 const SAMPLES = 24; // frames from which the size of the view is found
 const PERFORMERS = ['result', 'amber', 'violet', 'green'];
 const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
@@ -53,23 +53,8 @@ export class Stage {
     this.controls.addEventListener('change', repaint);
     for (const side of this.sides) side.room = this.measured(side);
     const reach = Math.max(...this.sides.map(({room}) => room.across));
-    const light = new THREE.DirectionalLight(0xffffff, 2.1);
-    light.position.setFromSphericalCoords(3.2 * reach + 0.5, 0.51, this.facing + 0.7);
-    light.castShadow = true;
-    light.shadow.mapSize.setScalar(SOFTWARE ? 512 : 1024);
-    light.shadow.radius = 3;
-    light.shadow.normalBias = 0.012;
-    Object.assign(light.shadow.camera, {left: -reach, right: reach, top: reach, bottom: -reach, far: 8 * reach});
-    this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
-    const ground = new THREE.PlaneGeometry(3 * reach, 3 * reach).rotateX(-Math.PI / 2);
-    this.floor = new THREE.Mesh(ground, new THREE.ShadowMaterial({depthWrite: false}));
-    this.floor.receiveShadow = true;
-    this.grids = [[CELL, 'line-floor'], [4 * CELL, 'line-strong']].map(([cell, tone]) => {
-      const grid = new THREE.GridHelper(80 * CELL, Math.round(80 * CELL / cell));
-      grid.material.transparent = true;
-      return Object.assign(grid, {tone});
-    });
-    this.scene.add(light, light.target, this.sky, this.floor, ...this.grids, ...this.sides.map(({group}) => group));
+    this.ground = new Ground(this.scene, reach, this.facing);
+    this.scene.add(...this.sides.map(({group}) => group));
     this.look(this.facing + 0.5, 0.2);
     onTheme(() => {
       this.paint();
@@ -79,18 +64,8 @@ export class Stage {
 
   /** Takes the colours of the page. */
   paint() {
-    const ground = new THREE.Color(colourOf('stage'));
-    this.renderer.setClearColor(ground);
-    this.scene.fog = new THREE.Fog(ground, 1, 10);
-    this.sky.groundColor.set(colourOf('stage-below'));
-    this.floor.material.opacity = Number(colourOf('shadow-opacity'));
-    for (const {material, tone} of this.grids) {
-      material.color.set(colourOf(tone));
-      material.vertexColors = false;
-      material.needsUpdate = true;
-    }
+    this.renderer.setClearColor(this.ground.paint(this.scene));
     for (const {materials, plain, tone} of this.actors) if (plain) materials[0].color.set(colourOf(tone));
-    this.painted?.();
   }
 
   /** Where the performers of a side are at a frame, on the floor: [x, z]. */
@@ -184,7 +159,7 @@ export class Stage {
     views.forEach((sides, k) => {
       for (const side of this.sides) side.group.visible = sides.includes(side);
       const [x, , z] = sides[sides.length - 1].group.position.toArray();
-      for (const grid of this.grids) grid.position.set(x % (4 * CELL), 0.001, z % (4 * CELL));
+      this.ground.moveTo(x, z);
       this.renderer.setViewport(k * share, 0, share, height);
       this.renderer.setScissor(k * share, 0, share, height);
       this.renderer.render(this.scene, this.camera);
