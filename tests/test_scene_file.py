@@ -45,7 +45,17 @@ def test_the_samples_are_valid(path):
 def test_everything_that_a_scene_may_say(tmp_path):
     document = {
         **HEAD,
-        "performers": [{**ONE, "name": "lead", "map": "lead.map.json", "start": 0.5}, {**ONE, "name": "follower"}],
+        "performers": [
+            {
+                **ONE,
+                "name": "lead",
+                "map": "lead.map.json",
+                "start": 0.5,
+                "skin": "fat.glb",
+                "source_skin": "actor.glb",
+            },
+            {**ONE, "name": "follower", "skin": "average"},
+        ],
         "props": [
             {**STAFF, "scale": 1, "start": 0.5, "held_by": [{"performer": "follower", "joint": "LeftWrist"}]},
             {"name": "sword", "part_of": {"performer": "lead", "joint": "Sword"}, "scale": "lead"},
@@ -75,7 +85,11 @@ def test_everything_that_a_scene_may_say(tmp_path):
         1,
     )
     assert setup.skin == "none"
-    assert setup.performers[0].start == 0.5
+    lead, follower = setup.performers
+    assert lead.start == 0.5
+    assert (lead.skin, lead.source_skin) == (tmp_path / "fat.glb", tmp_path / "actor.glb")
+    assert (follower.skin, follower.source_skin) == ("average", None)
+    assert {*lead.skin_files} <= {*setup.inputs}
 
 
 BAD = {
@@ -91,6 +105,16 @@ BAD = {
     "name of a path": ({**HEAD, "performers": [{**ONE, "name": "../x"}]}, "performers[0].name", "without slashes"),
     "other supports": ({**HEAD, "performers": [ONE], "supports": "all"}, "supports", "one of"),
     "no flag": ({**HEAD, "performers": [ONE], "cut": 1}, "cut", "true or false"),
+    "no skin": (
+        {**HEAD, "performers": [{**ONE, "skin": "avrage"}]},
+        "performers[0].skin",
+        '"auto", "average", "none" or the path of a character',
+    ),
+    "skin of nobody": (
+        {**HEAD, "performers": [{**ONE, "skin": "none", "source_skin": "actor.glb"}]},
+        "performers[0].source_skin",
+        'leave out "source_skin"',
+    ),
     "same names": ({**HEAD, "performers": [ONE, ONE]}, "performers", "the name of two"),
     "no such performer": (
         {**HEAD, "performers": [ONE], "props": [{**STAFF, "scale": "two"}]},

@@ -8,6 +8,7 @@ from bodies import SAMPLES, moved
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, retarget, retarget_scene
+from distretarget.body.build import Build, Builds, average_adult
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, FARTHEST, Bodies
 from distretarget.skin.capsules import SEGMENTS
@@ -29,9 +30,9 @@ def scene(name, order=1):
     return retarget_scene(sources(name)[::order], targets[::order], skin="average").results
 
 
-def hand_gaps(name, kind, motions):
+def hand_gaps(performers, kind, motions):
     """(frames,), the least gap of a hand of one performer and the other's skin, in source or target [body units]."""
-    bodies = Bodies([getattr(one.skins, kind) for one in scene(name)])
+    bodies = Bodies([getattr(one.skins, kind) for one in performers])
     pairs, hands = bodies.balls.pairs, [number for number, each in enumerate(SEGMENTS) if "hand" in each]
     across = np.not_equal(*(pairs // COUNT).T) & np.isin(pairs % COUNT, hands).any(axis=1)
     return bodies.gaps(motions)[:, across].min(axis=1)
@@ -41,7 +42,7 @@ def hand_gaps(name, kind, motions):
 def gaps(name):
     """The gaps of hands in source and result."""
     before, after = [one.matching.source_motion for one in scene(name)], [one.motion for one in scene(name)]
-    return hand_gaps(name, "source", before), hand_gaps(name, "target", after)
+    return hand_gaps(scene(name), "source", before), hand_gaps(scene(name), "target", after)
 
 
 @pytest.mark.parametrize("name", ["handshake", "high_five", "waltz", "push"])
@@ -68,6 +69,32 @@ def test_thick_performers_who_never_meet_move_as_alone():
     apart = retarget_scene([one, other], [body] * 2, skin="average").results[0].motion
     alone = retarget(one, body, Options(skin="average")).motion
     np.testing.assert_allclose(apart.positions, alone.positions, atol=1e-6)
+
+
+def test_performers_have_skins_of_their_own():
+    body = sources("handshake")[0].rigid_skeleton
+    fat = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.5]) for part, ends in average_adult().parts.items()})
+    given = {"skin": ["auto", "average"], "builds": [Builds(target=fat), Builds()]}
+    one, other = (r.skins.target for r in retarget_scene(sources("handshake"), [body] * 2, **given).results)
+    np.testing.assert_allclose(one.capsules.radii, 1.5 * other.capsules.radii)
+
+
+def test_a_stick_figure_beside_a_thick_body_is_an_average_adult_to_it():
+    body = sources("handshake")[0].rigid_skeleton
+    thick = retarget_scene(sources("handshake"), [body] * 2, skin="average").results
+    beside = retarget_scene(sources("handshake"), [body] * 2, skin=["auto", "average"]).results
+    assert [one.skins is None for one in beside] == [True, False]
+    before = hand_gaps(thick, "source", [one.matching.source_motion for one in thick])
+    after = hand_gaps(thick, "target", [one.motion for one in beside])
+    assert after.min() > -2 * TOUCH
+    assert np.median(after[before < TOUCH]) < 2 * TOUCH
+
+
+def test_nobody_is_thick_to_one_who_is_to_have_no_thickness():
+    body, motions = sources("high_five")[0].rigid_skeleton, sources("high_five")
+    beside = retarget_scene(motions, [body] * 2, skin=["none", "average"]).results[0]
+    alone = retarget_scene(motions, [body] * 2, skin="none").results[0]
+    np.testing.assert_array_equal(beside.motion.positions, alone.motion.positions)
 
 
 def test_bodies_keep_their_own_gaps_among_others():

@@ -128,11 +128,6 @@ ENVIRONMENT_OPTION = _choice(
     "TARGET meet them, on average. scaled: where they are in SOURCE, scaled like the root's path, for a set that is "
     "scaled with the body.",
 )
-SKIN_OPTION = _choice(
-    "skin",
-    "How thick the targets are. auto: as their meshes or the radii in their files show; others have no thickness. "
-    "average: as average adults. none: not at all; distances count from joint to joint.",
-)
 STRIP_NAMESPACE_OPTION = click.option(
     "--strip-namespace",
     is_flag=True,

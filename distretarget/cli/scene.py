@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 from click.core import ParameterSource
@@ -17,7 +17,6 @@ from distretarget.cli.options import (
     ENVIRONMENT_OPTION,
     OVERWRITE_OPTION,
     PATH,
-    SKIN_OPTION,
     SUPPORTS_OPTION,
     positive,
     quiet,
@@ -25,10 +24,11 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import is_folder, make_folder, write_whole
+from distretarget.io.files import check_inside, is_folder, make_folder, write_whole
 from distretarget.io.input_file import MOTION_SUFFIXES, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
+from distretarget.pipeline.options import SkinMode
 from distretarget.report.run_summary import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
@@ -66,7 +66,24 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
 )
 @SUPPORTS_OPTION
 @ENVIRONMENT_OPTION
-@SKIN_OPTION
+@click.option(
+    "--skin",
+    "skins",
+    multiple=True,
+    metavar="[auto|average|none|FILE]",
+    help="How thick a target is, once for all performers, or once for each in order. auto, the default: as its mesh or "
+    "the radii in its file show; others have no thickness of their own. average: as an average adult. none: not at "
+    "all; distances count from joint to joint. FILE: as the character in this file.",
+)
+@click.option(
+    "--source-skin",
+    "source_skins",
+    multiple=True,
+    type=PATH,
+    metavar="FILE",
+    help="A character as thick as the performer of a source, once for all, or once for each in order. Default: what "
+    "the mesh in the source shows, else an average adult.",
+)
 @quiet
 def scene_command(
     sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any
@@ -85,6 +102,7 @@ def scene_command(
     setups = [(_setup(sources, targets, options), output)] if targets else _setups(sources, output, options)
     warm("contact")
     for setup, folder in setups:
+        check_inside(folder, output)
         existed = is_folder(folder)
         make_folder(folder)
         try:
@@ -115,14 +133,21 @@ def _setups(sources: Sequence[Path], output: Path, options: dict[str, Any]) -> l
 def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
     """The scene that the command line describes."""
     starts = options.pop("starts") or (0.0,)
-    for given, what in ((targets, "targets"), (starts, "starts")):
+    skins, source_skins = options.pop("skins") or ("auto",), options.pop("source_skins") or (None,)
+    given_lists = (targets, "targets"), (starts, "starts"), (skins, "skins"), (source_skins, "source skins")
+    for given, what in given_lists:
         if len(given) not in (1, len(sources)):
             raise click.UsageError(
                 f"{len(given)} {what} for {len(sources)} performers; give one for all, or one for each, in their order."
             )
+    if "none" in skins and source_skins != (None,):
+        raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
+    thick = [next((mode for mode in get_args(SkinMode) if mode == skin), Path(skin)) for skin in skins]
     performers = tuple(
-        PerformerFiles(name=file.stem, file=file, target=target, start=start)
-        for file, target, start in zip(sources, cycle(targets), cycle(starts))
+        PerformerFiles(name=file.stem, file=file, target=target, start=start, skin=skin, source_skin=source_skin)
+        for file, target, start, skin, source_skin in zip(
+            sources, cycle(targets), cycle(starts), cycle(thick), cycle(source_skins)
+        )
     )
     return SceneSetup(performers=performers, **options)
 
@@ -133,6 +158,8 @@ def _retarget(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) ->
     suffixes = [*map(suffix_of, targets), *[".bvh"] * (len(setup.names) - len(targets))]  # the others are props
     outputs = [folder / f"{name}{suffix}" for name, suffix in zip(setup.names, suffixes, strict=True)]
     outputs += [folder / "report.html"] if report else []
+    for path in outputs:
+        check_inside(path, folder)
     check_outputs(outputs, setup.inputs, overwrite)
     began = time.perf_counter()
     result = setup.retargeted()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,36 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     )
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
     return Motion(skeleton, points[:1], rotations, "1")
+
+
+def parse_obj_mesh(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
+    """Return the vertices, (vertices, 3), and the triangles, (triangles, 3), in the text of an OBJ file; faces of more
+    corners as fans. `path` is for errors.
+
+    Raises:
+        BvhError: a vertex is not three numbers, there is no vertex, or a face names vertices that are not there.
+    """
+    vertices, triangles, before = _vertices(text, path), [], 0
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split()
+        before += words[:1] == ["v"]
+        if words[:1] == ["f"]:
+            corners = [_corner(word, before, path, number) for word in words[1:]]
+            triangles += [(corners[0], *both) for both in pairwise(corners[1:])]
+    return vertices, np.array(triangles, np.intp).reshape(-1, 3)
+
+
+def _corner(word: str, before: int, path: str | Path, line: int) -> int:
+    """The number, from 0, of the vertex in a word such as 3, 3/1/2 or -1; the last of those `before` is -1."""
+    try:
+        number = int(word.partition("/")[0])
+    except ValueError:
+        number = 0
+    if not 1 <= abs(number) <= before:
+        raise BvhError(
+            path, line, f"found {word!r} in a face, expected the number of one of the {before} vertices above"
+        )
+    return number - 1 if number > 0 else before + number
 
 
 def capsules_to_obj(capsules: Capsules, skeleton: Skeleton) -> str:

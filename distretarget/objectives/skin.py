@@ -114,7 +114,7 @@ def led(
     smooth = size[..., None] * normalised(direction)
     acts, gaps, soft, wanted, firmness = asked
     for number, time in enumerate(SETTLE[:-1]):
-        kept = firmness * (displaced.mutual & (number > 0))  # what has led two arms apart lets them meet again
+        kept = firmness * (displaced.mutual & (number == 1))  # what has led two arms apart lets them meet again
         out = find(*at_keys, acts, gaps, soft, wanted, kept, smooth)
         smooth = over_time(partial(averaged, reach=max(round(time / keys.time), 1)), out)
     before, after = keys.around

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import NoneType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from distretarget.objectives.activation import activation
 from distretarget.objectives.contact_pairs import pair_stiffness, share_across
 from distretarget.objectives.settings import ContactSettings
 from distretarget.scene.performer_contacts import ContactPoints, firmness
+from distretarget.scene.prop_surface import Surface
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
 Array = NDArray[np.float64]
@@ -61,6 +63,7 @@ class Prop:
         scale: target units per source unit: "world", the scale of the world along the floor; the number of a performer
             (an int), the scale of that performer's heights; or a factor (a float), 1.0 for a prop that keeps its size.
         held_by: the joints that hold it. The prop follows them while they are near it.
+        surface: its surface, which the skins of performers lie on; None for the lines of the bones of its skeleton.
 
     Raises:
         SettingsError: the scale is none of these, or another argument has the wrong type.
@@ -71,6 +74,7 @@ class Prop:
     motion: Motion
     scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
+    surface: Surface | None = None
 
     def __post_init__(self) -> None:
         check_kind("name", self.name, str)
@@ -78,6 +82,7 @@ class Prop:
         check_kind(f"held_by of {self.name!r}", self.held_by, tuple, list)
         for grip in self.held_by:
             check_kind(f"a joint that holds {self.name!r}", grip, Grip)
+        check_kind(f"the surface of {self.name!r}", self.surface, Surface, NoneType)
         if isinstance(self.scale, float):
             check_number(f"the scale of {self.name!r}", self.scale, SMALLEST, LARGEST)
         elif isinstance(self.scale, bool) or not (isinstance(self.scale, int) or str(self.scale) == "world"):
@@ -168,6 +173,7 @@ class PlacedProp:
     motion: Motion  # in the source, in the target's axes
     free: Placement  # where it goes while nobody holds it
     grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
+    surface: Surface | None = None  # None for its bones
 
 
 def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:

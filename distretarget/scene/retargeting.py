@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import repeat
 from types import NoneType
 
 import numpy as np
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, followed_scale, longest_strides
+from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.ik.poses import Mapper
@@ -23,7 +23,7 @@ from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
-from distretarget.scene.skin import with_skins
+from distretarget.scene.skin import skins_in_company, with_skins
 from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
@@ -71,7 +71,8 @@ def retarget_scene(
     world_scale: float | None = None,
     supports: HoldMode = "hold",
     environment: Environment = "body",
-    skin: SkinMode = "auto",
+    skin: SkinMode | Sequence[SkinMode] = "auto",
+    builds: Sequence[Builds] | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = in_threads,
     progress: Callable[[int], object] = lambda _sweep: None,
@@ -93,14 +94,16 @@ def retarget_scene(
             leg lengths, or less if the legs of one would be too short.
         supports: as in `retarget`.
         environment: as in `retarget`.
-        skin: as in `retarget`.
+        skin: as in `Options`, for all performers or for each. Where others have a thickness, one without counts as an
+            average adult to them, unless its skin is "none".
+        builds: for each performer as in `retarget`.
         settings: as in `retarget`.
         mapper: as in `retarget`.
         progress: called with the number of each sweep as it begins, from 1.
 
     Raises:
-        SettingsError: there is not a target or map for each source, the world's scale is not above 0, or a prop has
-            the scale of, or is held by, a performer that does not exist.
+        SettingsError: there is not a target, map, skin or build for each source, the world's scale is not above 0, or
+            a prop has the scale of, or is held by, a performer that does not exist.
         MotionError: the sources differ in frames or frame times, targets are in different units, or a prop becomes too
             large to compute with.
         MatchingError: a source and its target cannot be matched.
@@ -113,21 +116,25 @@ def retarget_scene(
     _check_each("joint_maps", maps, Mapping, NoneType)
     stances = [None] * len(sources) if rests is None else rests
     _check_each("rests", stances, Motion, NoneType)
-    if not sources or not len(sources) == len(targets) == len(maps) == len(stances):
-        raise SettingsError(
-            f"{len(sources)} sources, {len(targets)} targets, {len(maps)} maps and {len(stances)} rest poses; expected "
-            "one for each source"
-        )
+    modes = [skin] * len(sources) if isinstance(skin, str) else skin
+    _check_each("skin", modes, str)
+    thick = [OWN_BUILDS] * len(sources) if builds is None else builds
+    _check_each("builds", thick, Builds)
+    counts = [*map(len, (sources, targets, maps, stances, modes, thick))]
+    if not sources or len({*counts}) > 1:
+        numbers = "{} sources, {} targets, {} maps, {} rest poses, {} skins and {} builds".format(*counts)
+        raise SettingsError(f"{numbers}; expected one for each source")
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
     check_kind("settings", settings, ContactSettings)
     check_callable("mapper", mapper)
     check_callable("progress", progress)
-    options = Options(supports=supports, environment=environment, skin=skin)
+    options = Options(supports=supports, environment=environment)
     _check_times(sources, props)
-    first = match_performer(sources[0], targets[0], Options(skin=skin), maps[0], stances[0])
-    axes = Options(source_up=first.world.source_up, target_up=first.world.up, skin=skin)
-    performers = [first, *map(match_performer, sources[1:], targets[1:], repeat(axes), maps[1:], stances[1:])]
+    first = match_performer(sources[0], targets[0], Options(skin=modes[0]), maps[0], stances[0], thick[0])
+    axes = [Options(source_up=first.world.source_up, target_up=first.world.up, skin=mode) for mode in modes]
+    given = sources, targets, axes, maps, stances, thick
+    performers = [first, *map(match_performer, *(each[1:] for each in given))]
     if len({performer.world.half_turn for performer in performers}) > 1:
         raise MotionError("some files have bodies that look to -Z, as in VRM 0, and others to +Z; use one kind")
     heights = [find_root_scale(performer.matching) for performer in performers]
@@ -145,7 +152,8 @@ def retarget_scene(
     ]
     contacts = find_contacts(prepared, placed)
     poses, sweeps, gap_error = solve_in_sweeps(contacts, mapper, progress)
-    bent = zip(contacts.performers, poses, with_skins(contacts, poses), strict=True)
+    moved = with_skins(contacts, poses, skins_in_company(performers, modes))
+    bent = zip(contacts.performers, poses, moved, strict=True)
     results = tuple(one.result(pose, posed=posed) for one, pose, posed in bent)
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
     return SceneResult(
@@ -187,7 +195,7 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
     free = free_placement(motion.positions, scale, level, matching.source.up_vector)
     if not max(extent(free(motion.positions)), scale * extent(motion.skeleton.offsets)) <= LARGEST:
         raise MotionError(f"{prop.name!r} reaches beyond {LARGEST:g} with a scale of {scale:g}; choose a smaller scale")
-    return PlacedProp(motion, free, grips)
+    return PlacedProp(motion, free, grips, prop.surface)
 
 
 def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:

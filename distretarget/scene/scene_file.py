@@ -7,17 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from distretarget.errors import DistretargetError, MotionError, closest
+from distretarget.body.build import OWN_BUILDS, Builds
+from distretarget.errors import DistretargetError, MotionError, closest, counted
+from distretarget.io.build_file import load_build, with_source
 from distretarget.io.files import read_text
-from distretarget.io.input_file import load_file
+from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.obj import parse_obj
+from distretarget.io.obj import parse_obj, parse_obj_mesh
 from distretarget.io.target_file import load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, SkinMode
+from distretarget.scene.prop_surface import Surface
 from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 
@@ -44,10 +47,29 @@ class SceneClip:
 
 @dataclass(frozen=True, kw_only=True)
 class PerformerFiles(SceneClip):
-    """A performer of a scene, with the paths of its target and of its map file, if any."""
+    """A performer of a scene, with the paths of its target and of its map file, if any.
+
+    `skin` is as in `retarget_scene`, or the path of a character that is as thick as the target; None for what the scene
+    says. `source_skin` is that of one as thick as the source, if not what the source's own mesh shows.
+    """
 
     target: Path
     map_path: Path | None = None
+    skin: SkinMode | Path | None = None
+    source_skin: Path | None = None
+
+    @property
+    def skin_files(self) -> list[Path]:
+        """The paths of the characters that say how thick target and source are."""
+        return [path for path in (self.skin, self.source_skin) if isinstance(path, Path)]
+
+    def builds(self, skin: SkinMode) -> Builds:
+        """Read how thick source and target are, where the performer has this skin; errors as in `load_build`."""
+        if skin == "none":
+            return OWN_BUILDS
+        source = load_build(self.source_skin) if self.source_skin else None
+        target = load_build(self.skin) if isinstance(self.skin, Path) else None
+        return with_source(Builds(source, target), load_file(self.file))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +117,7 @@ class SceneSetup:
     @property
     def inputs(self) -> list[Path]:
         """The paths of all files of the scene."""
-        others = [path for each in self.performers for path in (each.target, each.map_path) if path]
+        others = [path for each in self.performers for path in (each.target, each.map_path, *each.skin_files) if path]
         return [*(clip.file for clip in self.clips), *others]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
@@ -106,16 +128,19 @@ class SceneSetup:
         """
         own = [prop for prop in self.props if prop.part_of is None]
         motions: dict[SceneClip, Motion] = {clip: _read(clip) for clip in (*self.performers, *own)}
+        surfaces = {prop: _surface(prop) for prop in own}
         moving = [*self.performers, *(prop for prop in own if len(motions[prop]) != 1)]
         clips = synchronised([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
         motions |= zip(moving, clips, strict=True)
         sources = [motions[performer] for performer in self.performers]
-        return sources, [_made(prop, motions, sources) for prop in self.props]
+        return sources, [_made(prop, motions, surfaces.get(prop), sources) for prop in self.props]
 
     def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
         sources, props = self.read()
         targets, maps, rests = [], [], []
+        skins = [self._skin_of(performer) for performer in self.performers]
+        builds = [performer.builds(skin) for performer, skin in zip(self.performers, skins, strict=True)]
         for performer, source in zip(self.performers, sources, strict=True):
             target = load_target(performer.target).for_source(source.rigid_skeleton)
             map_file = load_map(performer.map_path)
@@ -132,10 +157,15 @@ class SceneSetup:
                 world_scale=self.world_scale,
                 supports=self.supports,
                 environment=self.environment,
-                skin=self.skin,
+                skin=skins,
+                builds=builds,
             )
         except DistretargetError as error:
             raise error.in_file(error.path or self.performers[0].file) from None
+
+    def _skin_of(self, performer: PerformerFiles) -> SkinMode:
+        """How a performer is thick; "auto" where a file says it."""
+        return "auto" if isinstance(performer.skin, Path) else performer.skin or self.skin
 
 
 def _read(clip: SceneClip) -> Motion:
@@ -144,14 +174,27 @@ def _read(clip: SceneClip) -> Motion:
         motion, _ = parse_motion(load_file(clip.file))
     else:
         file = load_file(clip.file)
-        is_obj = file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY")
-        motion = parse_obj(file.text, clip.file) if is_obj else parse_motion(file)[0]
+        motion = parse_obj(file.text, clip.file) if _is_obj(file) else parse_motion(file)[0]
         if len(motion) == 1:
             return motion
     try:
         return started(motion, clip.start)
     except MotionError as error:
         raise error.in_file(clip.file) from None
+
+
+def _is_obj(file: InputFile) -> bool:
+    return file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY")
+
+
+def _surface(prop: PropFiles) -> Surface | None:
+    """The surface in a prop's OBJ file; None for files of other kinds."""
+    file = load_file(prop.file)
+    if not _is_obj(file):
+        return None
+    root = parse_obj(file.text, prop.file).positions[0, 0]
+    vertices, triangles = parse_obj_mesh(file.text, prop.file)
+    return Surface.of_mesh(vertices - root, triangles)
 
 
 def started(motion: Motion, start: float) -> Motion:
@@ -163,20 +206,30 @@ def started(motion: Motion, start: float) -> Motion:
 
 
 def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest."""
+    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest.
+
+    Raises:
+        MotionError: a motion that is resampled and not cut has not as many frames as the first.
+    """
+    time = motions[0].frame_time_text
+    counts = [motion.resampled_frames(time) if resample else len(motion) for motion in motions]
+    frames = min(counts) if cut else counts[0]
     if resample:
-        motions = [motion.resampled(motions[0].frame_time_text) for motion in motions]
-    if cut:
-        frames = min(map(len, motions))
-        motions = [motion[:frames] for motion in motions]
-    return list(motions)
+        for number, count in enumerate(counts, 1):
+            if count != frames and not cut:
+                raise MotionError(
+                    f"clip {number} has {counted(count, 'frame')} of {float(time):g} s, and clip 1 has {frames}; cut "
+                    "them to the same frames"
+                )
+        motions = [motion.resampled(time, frames) for motion in motions]
+    return [motion[:frames] if cut and len(motion) > frames else motion for motion in motions]
 
 
-def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], sources: Sequence[Motion]) -> Prop:
+def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], surface: Surface | None, sources: Sequence[Motion]) -> Prop:
     """A prop with the motion in its own file, or with that of the joint where it begins."""
     try:
         if prop.part_of is None:
-            return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by)
+            return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by, surface=surface)
         source, joint = sources[prop.part_of.performer], prop.part_of.joint
         above = source.skeleton.line(source.skeleton.index(joint))[1:2]
         held_by = prop.held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
@@ -208,15 +261,31 @@ def load_scene(path: str | Path) -> SceneSetup:
 
 
 def _performer(node: Node, folder: Path) -> PerformerFiles:
-    fields = node.fields(("source", "target"), ("name", "map", "start"))
+    fields = node.fields(("source", "target"), ("name", "map", "start", "skin", "source_skin"))
     file = folder / fields["source"].text()
+    skin = fields.read("skin", lambda node: _skin(node, folder), None)
+    if skin == "none" and "source_skin" in fields:
+        fields["source_skin"].fail('"skin": "none" leaves out all thickness; leave out "source_skin"')
     return PerformerFiles(
         name=fields.read("name", _name, file.stem),
         file=file,
         start=fields.read("start", _start, 0.0),
         target=folder / fields["target"].text(),
         map_path=fields.read("map", lambda node: folder / node.text(), None),
+        skin=skin,
+        source_skin=fields.read("source_skin", lambda node: folder / node.text(), None),
     )
+
+
+def _skin(node: Node, folder: Path) -> SkinMode | Path:
+    """One of the modes, or the path of a file that exists."""
+    modes: tuple[SkinMode, ...] = get_args(SkinMode)
+    for mode in modes:
+        if node.text() == mode:
+            return mode
+    if not Path(node.text()).suffix:
+        node.expected('"auto", "average", "none" or the path of a character, as "fat.glb"')
+    return folder / node.text()
 
 
 def _prop(node: Node, folder: Path, performers: Sequence[PerformerFiles]) -> PropFiles:

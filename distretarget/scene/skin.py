@@ -1,25 +1,26 @@
-"""Skin of performers who share a world: limbs leave the other bodies, and what touches in the source lies on them.
+"""Skin of performers who share a world: limbs leave other bodies and props, and hands that touch them lie on them.
 
 Here all performers are one body with many limbs, in one unit, so that limbs that meet give way alike; their own parts
-stay apart as well. First, hands that touch another performer in the source are drawn to its skin, then limbs leave what
-they are in, leading in time as those of a single performer (`objectives.skin`).
+stay apart as well. First, hands that touch another performer or a prop in the source are drawn to its surface, then
+limbs leave what they are in, leading in time as those of a single performer (`objectives.skin`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.build import average_adult
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
+from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.key_frames import KeyFrames
-from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep
+from distretarget.numerics.time_series import averaged, by_shot, smoothstep
 from distretarget.objectives.skin import (
     APART,
     LITTLE,
@@ -27,46 +28,102 @@ from distretarget.objectives.skin import (
     how_free,
     how_touching,
     led,
-    limb_places,
     of_pairs,
     softness,
 )
-from distretarget.objectives.skins import BodySkin, Skins
-from distretarget.pipeline.performer import Performer
+from distretarget.objectives.skins import Skins
+from distretarget.pipeline.options import SkinMode
+from distretarget.pipeline.performer import Match, Performer
+from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape
+from distretarget.scene.prop_surface import has_bones
+from distretarget.scene.props import PropContacts
 from distretarget.scene.sweeps import SceneContacts
-from distretarget.skin.balls import NEVER, Balls, segment_gaps
+from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import PLACE, SEGMENTS
-from distretarget.skin.displacement import Displaced, displacements
-from distretarget.skin.limbs import bent
+from distretarget.skin.displacement import displacements
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
-COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
 BLEND = 0.16  # hands are drawn by the average over this time on each side, weighted by a raised cosine [s]
-FARTHEST = 0.2  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
 
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
-# Segments meet those of another body of the same or a lower rank; what is near the trunk hardly gives way.
-RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh": 1}
-RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
 
 
-def with_skins(contacts: SceneContacts, poses: Sequence[Poses]) -> list[Motion]:
-    """Return the performers' motions with limbs bent as their own skins ask, and those of the others."""
+def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
+    """Return the skin that each performer has to the others: its own; or that of an average adult for one without, if
+    any of the others has one and its own mode is not "none".
+    """
+    if not any(match.skins for match in matches):
+        return [None] * len(matches)
+    adult = average_adult()
+
+    def on(matching: Matching) -> Skins | None:
+        return Skins.of(matching, adult.on(matching.source), adult.on(matching.target))
+
+    return [
+        match.skins or (on(match.matching) if mode != "none" else None)
+        for match, mode in zip(matches, modes, strict=True)
+    ]
+
+
+def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[Skins | None]) -> list[Motion]:
+    """Return the performers' motions with limbs bent as their own skins ask, and those that they have to the others."""
     performers = contacts.performers
     posed = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
     held = zip(performers, contacts.springs(posed, posed), posed, strict=True)
     posed = [_drawn(one, drawn).with_own_skin(now) for one, drawn, now in held]
-    known = {number: one.match.skins for number, one in enumerate(performers) if one.match.skins}
-    numbers = [*known]
-    if len(numbers) < 2:
+    known = {number: skin for number, skin in enumerate(skins) if skin}
+    numbers, shapes = [*known], _find_shapes(contacts, known)
+    if not known or (len(known) < 2 and not shapes):
         return posed
-    to_props = contacts.springs_to_props(posed)
-    chosen = [_drawn(performers[i], to_props[i]) for i in numbers]
-    moved = _apart(chosen, [*known.values()], [posed[i] for i in numbers])
-    return [moved[numbers.index(i)] if i in numbers else now for i, now in enumerate(posed)]
+    to_props = contacts.springs_to_props(posed, {*range(len(contacts.props))} - shapes.keys())
+    chosen = [_free_of(_drawn(performers[i], to_props[i]), [contacts.on_props[i, k] for k in shapes]) for i in numbers]
+
+    def all_moved(moved: Sequence[Motion]) -> list[Motion]:
+        return [moved[numbers.index(i)] if i in numbers else now for i, now in enumerate(posed)]
+
+    def props_moved(moved: Sequence[Motion]) -> list[Motion]:
+        places = contacts.placements(all_moved(moved))
+        return [places[k].moved(contacts.props[k].motion) for k in shapes]
+
+    sticks = [performers[i].match.skins is None for i in numbers]
+    bodies = Bodies([skin.target for skin in known.values()], sticks, [*shapes.values()], props_moved)
+    props = [contacts.props[k].motion for k in shapes]
+    sources = Bodies([skin.source for skin in known.values()], sticks, [*shapes.values()], lambda _: props)
+    return all_moved(_apart(chosen, bodies, sources, [posed[i] for i in numbers]))
+
+
+def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
+    """The shapes of the props, by their numbers, for performers with these skins.
+
+    A prop follows a hand that alone holds it, and does not keep that hand off. A stick, of which only the line is
+    known, may be within hands that hold it.
+    """
+    shapes = {}
+    for k, prop in enumerate(contacts.props):
+        if prop.surface is None and not has_bones(prop.motion):
+            continue
+        holds = np.zeros((len(skins), COUNT), bool)
+        for row, (i, skin) in enumerate(skins.items()):
+            skeleton = contacts.performers[i].clip.skeleton
+            for joint in prop.grips.get(i, ()):
+                held_by = skin.target.of_joint[[*skeleton.subtree(joint)]]
+                holds[row, held_by[held_by >= 0]] = True
+        one_holds = sum(map(len, prop.grips.values())) == 1
+        shapes[k] = PropShape(prop.surface, holds & one_holds, holds & (prop.surface is None))
+    return shapes
+
+
+def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
+    """The performer with supports off the feet that do not hold where they touch props, whose shapes do so."""
+    supports, weights = one.supports, np.array(one.supports.weights)
+    for near in touching:
+        for support in range(supports.feet, len(supports.joints)):
+            f = near.f[:, near.joints == supports.joints[support]]
+            weights[:, support] *= 1.0 - f.max(axis=1, initial=0.0)
+    return replace(one, supports=replace(supports, weights=weights))
 
 
 def _drawn(one: Performer, springs: Springs) -> Performer:
@@ -74,20 +131,22 @@ def _drawn(one: Performer, springs: Springs) -> Performer:
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
-def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Sequence[Motion]) -> Sequence[Motion]:
-    """The motions of performers with hands that touch others drawn to them, and then all skins apart."""
-    bodies, sources = Bodies([each.target for each in skins]), Bodies([each.source for each in skins])
+def _apart(
+    performers: Sequence[Performer], bodies: Bodies, sources: Bodies, posed: Sequence[Motion]
+) -> Sequence[Motion]:
+    """The motions of performers with hands that touch others or props drawn to them, and then all skins apart."""
     balls, clips = bodies.balls, [each.clip for each in performers]
     in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
-    soft, own = softness(balls.pairs % COUNT, in_source), np.equal(*(balls.pairs // COUNT).T)
+    least = np.where(bodies.encloses, np.minimum(in_source, 0.0), 0.0)
+    soft, own = np.maximum(softness(bodies.parts, in_source), -least), np.equal(*(balls.pairs // COUNT).T)
     of_each = zip(performers, bodies.skins, strict=True)
     free = np.concatenate([how_free(one.clip, body, one.supports, one.settings) for one, body in of_each], axis=1)
     shots, time = np.sum([clip.shots for clip in clips], axis=0), clips[0].frame_time  # a new shot at any one's cuts
 
     ends, gaps = bodies.posed(posed), bodies.gaps(posed)
-    firmness = _touching(balls.pairs, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
-    wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
+    firmness = _touching(balls.pairs, bodies.parts, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
+    wanted = gaps + firmness * (np.maximum(in_source, least) - gaps)
     drawn = np.asarray((np.abs(wanted - gaps) > LITTLE).any(axis=1))
     if drawn.any():
         find = partial(displacements, balls, bodies.displaced, reach=FARTHEST)
@@ -104,94 +163,11 @@ def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Seque
     return bodies.bent(posed, led(balls, bodies.displaced, given, asked, keys, FARTHEST))
 
 
-def _touching(pairs: Numbers, in_source: Array) -> Array:
-    """(frames, pairs), how much a hand touches another performer in the source, 0 to 1; 0 for other pairs."""
-    (one, other), (limbs, parts) = (pairs // COUNT).T, (pairs % COUNT).T
+def _touching(pairs: Numbers, segments: Numbers, in_source: Array) -> Array:
+    """(frames, pairs), how much a hand touches another performer or a prop in the source, 0 to 1; 0 for other pairs.
+    `segments`, (pairs, 2), are the parts of the body that the pairs are of.
+    """
+    (one, other), (limbs, parts) = (pairs // COUNT).T, segments.T
     hands = (one != other) & (IS_HAND[limbs] | IS_HAND[parts])
     places = PLACE[parts] + COUNT * (other + pairs.max(initial=0) * one)  # of each two performers
     return np.asarray(hands * how_touching(limbs, places, in_source))
-
-
-class Bodies:
-    """Several bodies as one: with the balls, capsules and limbs of all, in their mean body unit.
-
-    Attributes:
-        skins: of each body.
-        unit: the mean of their body units [file units].
-        balls: of all bodies, with the pairs of each and those of any two.
-        displaced: how they move with the limbs of all bodies.
-    """
-
-    def __init__(self, skins: Sequence[BodySkin]) -> None:
-        self.skins = skins
-        self.unit = float(np.mean([skin.unit for skin in skins]))
-        own = [skin.balls for skin in skins]
-        scales = [skin.unit / self.unit for skin in skins]
-        balls, capsules, limbs = (
-            np.cumsum([0, *map(len, lists)])
-            for lists in ([b.carriers for b in own], [b.joints for b in own], [skin.limbs for skin in skins])
-        )
-        pairs = [b.pairs + i * COUNT for i, b in enumerate(own)]
-        pairs += [_pairs_between(own, *both) for both in permutations(range(len(own)), 2)]
-        spare = np.zeros((balls[-1], capsules[-1]))
-        for i, (b, scale) in enumerate(zip(own, scales, strict=True)):
-            rows, columns = slice(balls[i], balls[i + 1]), slice(capsules[i], capsules[i + 1])
-            spare[rows][(b.spare == NEVER).all(axis=1)] = NEVER
-            spare[rows, columns] = np.where(b.spare == NEVER, NEVER, scale * b.spare)
-        self.balls = Balls(
-            carriers=np.concatenate([b.carriers + first for b, first in zip(own, capsules, strict=False)]),
-            places=np.concatenate([b.places for b in own]),
-            radii=np.concatenate([scale * b.radii for b, scale in zip(own, scales, strict=True)]),
-            joints=np.concatenate([b.joints for b in own]),
-            cap_radii=np.concatenate([scale * b.cap_radii for b, scale in zip(own, scales, strict=True)]),
-            reaches=np.concatenate([scale * b.reaches for b, scale in zip(own, scales, strict=True)]),
-            of_ball=_starts([b.of_ball for b in own], balls),
-            of_capsule=_starts([b.of_capsule for b in own], capsules),
-            pairs=np.concatenate(pairs),
-            spare=spare,
-        )
-        moved = [skin.displaced for skin in skins]
-        self.displaced = Displaced(
-            of_ball=np.concatenate([_shifted(m.of_ball, by) for m, by in zip(moved, limbs, strict=False)]),
-            ball_shares=np.concatenate([m.ball_shares for m in moved]),
-            of_end=np.concatenate([_shifted(m.of_end, by) for m, by in zip(moved, limbs, strict=False)]),
-            end_shares=np.concatenate([m.end_shares for m in moved]),
-            mutual=np.equal(*np.isin(self.balls.pairs % COUNT, np.flatnonzero(RANK > 2)).T),  # as of one body
-        )
-
-    def gaps(self, motions: Sequence[Motion]) -> Array:
-        """(frames, pairs), the gap of each pair of segments [mean body units]."""
-        return segment_gaps(self.balls, self.posed(motions), FARTHEST)
-
-    def limbs(self, motions: Sequence[Motion]) -> Array:
-        """(frames, limbs, 3, 3), the top, the middle and the end of each limb [mean body units]."""
-        both = zip(self.skins, motions, strict=True)
-        return np.concatenate([skin.unit / self.unit * limb_places(skin, motion) for skin, motion in both], axis=1)
-
-    def bent(self, motions: Sequence[Motion], moves: Array) -> list[Motion]:
-        """The motions with limbs displaced, (frames, limbs, 2, 3) [mean body units]."""
-        parts = np.split(self.unit * moves, np.cumsum([len(skin.limbs) for skin in self.skins])[:-1], axis=1)
-        return [bent(*each) for each in zip(motions, [skin.limbs for skin in self.skins], parts, strict=True)]
-
-    def posed(self, motions: Sequence[Motion]) -> Array:
-        """(frames, capsules, 2, 3), the ends of all capsules in each frame [mean body units]."""
-        ends = [skin.unit / self.unit * skin.posed(motion) for skin, motion in zip(self.skins, motions, strict=True)]
-        return median_of_three(np.concatenate(ends, axis=1))
-
-
-def _pairs_between(own: Sequence[Balls], i: int, j: int) -> Numbers:
-    """(pairs, 2), the segments of the limbs of body i that can touch those of body j; two of the same rank once."""
-    limbs, parts = np.flatnonzero(np.diff(own[i].of_ball)), np.flatnonzero(np.diff(own[j].of_capsule))
-    pairs = [(a, b) for a in limbs for b in parts if RANK[a] > RANK[b] or (RANK[a] == RANK[b] > 0 and i < j)]
-    return np.asarray(np.array(pairs, np.intp).reshape(-1, 2) + COUNT * np.array([i, j]))
-
-
-def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
-    """Joined lists of where segments begin, the last of each being its end."""
-    starts = [own[:-1] + first for own, first in zip(numbers, firsts, strict=False)]
-    return np.asarray(np.concatenate([*starts, firsts[-1:]]))
-
-
-def _shifted(limbs: Numbers, by: int) -> Numbers:
-    """The numbers of limbs, plus `by`; -1, which is none, stays."""
-    return np.asarray(np.where(limbs < 0, limbs, limbs + by))

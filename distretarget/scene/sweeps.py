@@ -11,7 +11,7 @@ places.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations, takewhile
@@ -90,11 +90,15 @@ class SceneContacts:
                 springs[number] = joined(springs[number], each if alone else each._replace(A=0.0 * each.A))
         return [joined(*both) for both in zip(springs, self.springs_to_props(now), strict=True)]
 
-    def springs_to_props(self, now: Sequence[Motion]) -> list[Springs]:
-        """The springs that draw each performer to props, where these are while the performers move as they do now."""
+    def springs_to_props(self, now: Sequence[Motion], props: Container[int] | None = None) -> list[Springs]:
+        """The springs that draw each performer to props, where these are while the performers move as they do now; to
+        some of them by their numbers, or to all.
+        """
         springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
         copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
         for (i, k), touching in self.on_props.items():
+            if props is not None and k not in props:
+                continue
             unit = self.performers[i].clip.unit
             springs[i] = joined(springs[i], touching.springs(places[k], copies[i], unit))
         return springs
