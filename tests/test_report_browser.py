@@ -21,6 +21,9 @@ PERSON = person()
 APART = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
 MINUS = "\u2212"
 Z_UP = Rotation.from_matrix([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+CUT = """width => [...document.querySelectorAll('section, .figure, .bar > *, td')]
+    .filter(one => one.checkVisibility() && one.getBoundingClientRect().right > width + 0.5)
+    .map(one => one.outerHTML.slice(0, 200))"""  # what of a page is cut at its right
 OFF = 1e-4 / 1.7  # 0.1 mm on a body of 1.7 m
 
 
@@ -285,9 +288,7 @@ def test_on_a_phone_a_finger_turns_the_view_and_nothing_is_cut(opened):
             tab.set_viewport_size({"width": width, "height": 844})
             settle(tab)
             assert tab.evaluate("document.scrollingElement.scrollWidth") <= width
-            for part in tab.locator("section:visible, .figure, .bar > *:visible, td:visible").all():
-                box = part.bounding_box()
-                assert box["x"] + box["width"] <= width + 0.5, part.evaluate("one => one.outerHTML.slice(0, 200)")
+            assert not tab.evaluate(CUT, width)
 
 
 def test_the_player_and_its_controls_are_on_the_first_screen(opened):
@@ -360,13 +361,9 @@ def test_names_are_text(opened):
 
 def test_every_control_has_a_name(opened):
     tab = opened()
-    controls = tab.locator("button, input, select, summary, a[href], [tabindex='0']").all()
-    assert len(controls) > 40
-    for control in controls:
-        named = control.get_attribute("aria-label") or control.inner_text().strip()
-        assert named or control.evaluate("one => Boolean(one.closest('dialog'))"), control.evaluate(
-            "one => one.outerHTML"
-        )
+    unnamed = """() => [...document.querySelectorAll("button, input, select, summary, a[href], [tabindex='0']")]
+        .filter(one => !(one.getAttribute('aria-label') || one.textContent.trim())).map(one => one.outerHTML)"""
+    assert not tab.evaluate(unnamed)
     snapshot = tab.locator("body").aria_snapshot()
     assert not re.search(r"- (button|slider|combobox|link)\s*$", snapshot, re.MULTILINE)
     assert 'combobox "Speed"' in snapshot
