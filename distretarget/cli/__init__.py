@@ -34,6 +34,7 @@ COMMANDS = {  # by name: where the command is, and its short help
         "distretarget.cli.skeleton:skeleton_group",
         "Show, edit and match skeletons, and write skeleton files.",
     ),
+    "view": ("distretarget.cli.view:view_command", "Look at motions and characters in the browser."),
 }
 DEFAULT_COMMAND = "retarget"
 THREAD_TIMEOUT = 5.0  # the program waits this long for each remaining thread before it ends [s]
@@ -89,6 +90,7 @@ def cli() -> None:
     distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
     distretarget skeleton match SOURCE TARGET         which joint drives which
     distretarget skeleton show FILE                   the joints of a file and their bone lengths
+    distretarget view FILE                            a motion or character in the browser
     """  # noqa: D301
     # Imported here, like the commands, so that --help does not wait for numba.
     from distretarget.cli.outputs import say

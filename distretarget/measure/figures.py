@@ -262,6 +262,7 @@ def as_data(source: str, result: str) -> list[dict[str, Any]]:
             "explanation": figure.explanation(source, result),
             "missing": figure.missing.format(source=source),
             "judged": figure.judged,
+            "instead": figure.instead,
             "comparison": figure.comparison(source, result),
             "whole": figure.reduction == "frames",
             "factor": figure.factor,
