@@ -37,7 +37,7 @@ BUILT = "async () => { while (!globalThis.app) await new Promise(requestAnimatio
 GO_TO = (
     "frame => { const s = document.getElementById('slider'); s.value = frame; s.dispatchEvent(new Event('input')); }"
 )
-COLOURS = 96  # of all frames of a film
+COLOURS = 64  # of all frames of a film
 SHARP = 400  # until the player has drawn a resting picture finely [ms]
 
 
@@ -53,9 +53,9 @@ class Film:
 
 
 FILMS = {
-    "hands_on_hips_fat": Film("hands_on_hips", "fat", range(52, 232, 5), 150, 60.0),
-    "gallery/clap_fat": Film("clap", "fat", range(60, 168, 3), 93, 60.0),
-    "gallery/kneel_hero": Film("supports/kneel", "hero", range(20, 260, 6), 150, 60.0),
+    "hands_on_hips_fat": Film("hands_on_hips", "fat", range(52, 232, 6), 148, 60.0),
+    "gallery/clap_fat": Film("clap", "fat", range(60, 168, 4), 96, 60.0),
+    "gallery/kneel_hero": Film("supports/kneel", "hero", range(20, 260, 12), 152, 60.0),
 }
 
 
