@@ -250,6 +250,8 @@ class Batch:
         return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
 
     def _write_page(self, path: Path, html: str) -> None:
+        if self.index and path != self.index:
+            check_inside(path, self.index.parent)
         make_folder(path.parent)
         with self.manifest.locked():
             write_whole(path, html, self._is_replaceable(path))

@@ -24,7 +24,7 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import is_folder, make_folder, write_whole
+from distretarget.io.files import check_inside, is_folder, make_folder, write_whole
 from distretarget.io.input_file import MOTION_SUFFIXES, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
@@ -102,6 +102,7 @@ def scene_command(
     setups = [(_setup(sources, targets, options), output)] if targets else _setups(sources, output, options)
     warm("contact")
     for setup, folder in setups:
+        check_inside(folder, output)
         existed = is_folder(folder)
         make_folder(folder)
         try:
@@ -157,6 +158,8 @@ def _retarget(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) ->
     suffixes = [*map(suffix_of, targets), *[".bvh"] * (len(setup.names) - len(targets))]  # the others are props
     outputs = [folder / f"{name}{suffix}" for name, suffix in zip(setup.names, suffixes, strict=True)]
     outputs += [folder / "report.html"] if report else []
+    for path in outputs:
+        check_inside(path, folder)
     check_outputs(outputs, setup.inputs, overwrite)
     began = time.perf_counter()
     result = setup.retargeted()

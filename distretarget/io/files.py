@@ -101,13 +101,19 @@ def is_folder(path: str | Path) -> bool:
     return os.path.isdir(path)  # noqa: PTH112 - the method raises instead
 
 
+def is_inside(path: Path, folder: Path) -> bool:
+    """Return whether a path leads to a place in a folder, and not out of it by links or `..`; False if it leads nowhere
+    because links go in circles.
+    """
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
 def check_inside(path: Path, folder: Path) -> None:
     """Raise a FileError if a path in a folder leads out of the folder, by links or `..`."""
-    try:
-        inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError) as error:
-        raise FileError(path, reason_of(error)) from error
-    if not inside:
+    if not is_inside(path, folder):
         raise FileError(path, f"leads out of the folder {str(folder)!r}; remove the link")
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import FileError, SkeletonFileError, cut
-from distretarget.io.files import read_bytes
+from distretarget.io.files import is_inside, read_bytes
 from distretarget.io.json_node import Fields, Node, field_place, parse_json
 from distretarget.numerics.compiled import read_only
 
@@ -311,11 +311,7 @@ def inside(place: Node, folder: Path, uri: str) -> Path:
     path = Path(name)
     if ":" in name or "\\" in name or "\0" in name or path.is_absolute() or ".." in path.parts:
         place.fail(f"leads to {cut(name)!r}; expected a file in the folder of the .gltf file")
-    try:
-        inside = (folder / path).resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError):
-        inside = False
-    if not inside:
+    if not is_inside(folder / path, folder):
         place.fail(f"{cut(name)!r} leads out of the folder by a link")
     return folder / path
 

@@ -105,11 +105,13 @@ def diff(
     apart = abs(a.frame_time - b.frame_time) / b.frame_time
     if apart > SAME_TIME or apart * min(len(a), len(b)) > LATE:
         notes.append(f"A was resampled from {1 / a.frame_time:.6g} to {1 / b.frame_time:.6g} frames/s")
-        a = a.resampled(b.frame_time_text)
-    if len(a) != len(b):
-        frames = min(len(a), len(b))
+        own, a = a.resampled_frames(b.frame_time_text), a.resampled(b.frame_time_text, len(b))
+    else:
+        own = len(a)
+    if own != len(b):
+        frames = min(own, len(b))
         compared = "the first was" if frames == 1 else f"the first {frames} were"
-        notes.append(f"A has {counted(len(a), 'frame')} and B has {len(b)}; {compared} compared")
+        notes.append(f"A has {counted(own, 'frame')} and B has {len(b)}; {compared} compared")
         a, b = a[:frames], b[:frames]
     problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
     stress = (problem.body_size / target.height) ** 2 * posture_stress(problem, a.positions, b.positions)
