@@ -27,6 +27,17 @@ def written(folder, performer=(), **others):
     (folder / "scene.json").write_text(json.dumps(document))
 
 
+# ---- numbers
+
+
+def test_a_prop_that_becomes_too_large_is_to_blame_itself(folder):
+    write_bvh("box.bvh", swaying(person(), frames=4))
+    written(folder / "scenes" / "large", props=[{"name": "box", "file": str(folder / "box.bvh"), "scale": 1e12}])
+    done = run("scene", "scenes/large/scene.json", "-o", "out")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith(f"distretarget: {folder / 'box.bvh'}: 'box' reaches beyond 1e+12")
+
+
 # ---- links
 
 
