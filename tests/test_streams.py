@@ -109,6 +109,30 @@ def test_closed_output_streams_are_as_if_led_to_nowhere(folder, closed):
     assert (folder / "out.bvh").read_text().startswith("HIERARCHY\n")
 
 
+@pytest.mark.skipif(os.name != "posix", reason="names that other systems refuse")
+def test_names_reach_the_terminal_escaped_and_shortened(folder):
+    """Escape codes could rewrite what a terminal shows, and marks of direction could hide an ending."""
+    strange = "\x1b[2J\u202e\n\x9b腰　b"
+    names = CLIP.replace("Head", f"{strange[:6]}{'x' * 200_000}").replace("LeftHip", strange[:6])
+    (folder / f"{strange}.bvh").write_text(names)
+    runs = [
+        (f"{strange}.bvh", "none.json", "-o", "o.bvh"),
+        (f"{strange}none.bvh", "body.json", "-o", "o.bvh"),
+        (f"{strange}.bvh", "body.json", "-o", "o.bvh"),
+        ("batch", f"{strange}.bvh", "body.json", "-o", "o", "--dry-run"),
+        ("skeleton", "show", f"{strange}.bvh"),
+        ("skeleton", "match", f"{strange}.bvh", "body.json"),
+        ("--fps", strange, "in.bvh", "body.json", "-o", "o.bvh"),
+    ]
+    for arguments in runs:
+        done = run(*arguments)
+        lines = (done.stdout + done.stderr).splitlines()
+        assert lines
+        assert not set("\x1b\u202e\x9b").intersection(done.stdout + done.stderr)
+        assert max(map(len, lines)) < 3000
+    assert run(*runs[1]).stderr == ("distretarget: \\x1b[2J\\u202e \\x9b腰　bnone.bvh: there is no such file\n")
+
+
 def test_a_file_may_be_called_minus(folder, converted):
     (folder / "-").write_text(CLIP)
     run("./-", "body.json", "-o", "again.bvh")

@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import click
 
 from distretarget.batch.interrupts import interrupts_kept
-from distretarget.errors import DistretargetError
+from distretarget.errors import DistretargetError, shown
 from distretarget.io.files import reason_of
 
 COMMANDS = {  # by name: where the command is, and its short help
@@ -184,5 +184,5 @@ def _leave(status: int) -> NoReturn:
 def _complain(message: str, status: int) -> int:
     """Print an error on one line and return the exit status."""
     line = " ".join(message.split("\n"))
-    click.echo(f"distretarget: {line}".encode("utf-8", "backslashreplace").decode(), err=True)
+    click.echo(shown(f"distretarget: {line}"), err=True)
     return status
