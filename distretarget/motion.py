@@ -18,8 +18,8 @@ from distretarget.numerics.compiled import read_only
 from distretarget.numerics.kinematics import joint_positions, make_local, world_rotations
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
-from distretarget.numerics.vectors import lengths
-from distretarget.skeleton import Skeleton
+from distretarget.numerics.vectors import extent, lengths
+from distretarget.skeleton import LARGEST, Skeleton
 
 Array = NDArray[np.float64]
 
@@ -296,6 +296,12 @@ class Motion:
         bones = lengths(offsets)
         bones[joints] = np.median(lengths(self.moving.translations), axis=0)
         return self.skeleton.with_offsets(offsets).with_lengths(bones)
+
+
+def check_reach(motion: Motion, name: str) -> None:
+    """Raise a MotionError if positions of a motion are too large to compute with."""
+    if not extent(motion.positions) <= LARGEST:
+        raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
 
 
 def motion_of_world(

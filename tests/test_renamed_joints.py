@@ -9,6 +9,8 @@ from bodies import SAMPLES
 
 from distretarget import DistretargetError, load_target, read_bvh, retarget
 from distretarget.io.bvh import parse_bvh
+from distretarget.io.input_file import InputFile
+from distretarget.io.target_file import parse_target
 
 SHORT = 3  # frames
 TEXT = (SAMPLES / "walk.bvh").read_text()
@@ -50,3 +52,12 @@ def test_a_whole_walk_with_an_unknown_knee():
     unknown = parse_bvh(TEXT.replace("JOINT LeftKnee", "JOINT Foo"), "walk.bvh")
     result, expected = (retarget(clip, TARGET).motion for clip in (unknown, walk))
     np.testing.assert_allclose(result.positions, expected.positions, atol=1e-9)
+
+
+def test_hips_below_each_other_and_targets_at_no_place_do_no_harm():
+    """The hips give no axis across the body; the frames of a target with an impossible one are not used."""
+    below = re.sub(r"(JOINT (?:Left|Right)Hip\s*\{\s*OFFSET).*", r"\1 0 -5 0", HIERARCHY)
+    head, rows = f"{below}Frames: 2\n{HEAD}\n", ROWS[:2]
+    assert not is_faulty(parse_bvh(head + "\n".join(rows), "below.bvh"))
+    far = parse_target(InputFile("\n".join([head + f"1e308 {rows[0].partition(' ')[2]}", rows[1]]).encode(), "far.bvh"))
+    assert far.motion is None

@@ -25,6 +25,7 @@ STANDARD_INPUT = Path("standard input")  # its name in errors
 REASONS = {
     errno.ENOENT: "there is no such file",
     errno.EISDIR: "is a folder",
+    errno.ENXIO: "is not a regular file",  # but a socket
     errno.EACCES: "permission denied",
     errno.EPERM: "permission denied",
     errno.ENOSPC: "the disk is full",
@@ -45,16 +46,24 @@ def read_text(path: str | Path) -> str:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return the content of a file.
+    """Return the content of a regular file; others, such as pipes and devices, may have no end.
 
     Raises:
-        FileError: the file is missing, a folder or not readable.
+        FileError: the file is missing, a folder, not a regular file or not readable.
     """
     check_path("path", path)
     try:
-        return Path(path).read_bytes()
+        with open(path, "rb", opener=_open_at_once) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise FileError(path, "is not a regular file")
+            return file.read()
     except (OSError, ValueError) as error:
         raise FileError(path, reason_of(error)) from error
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file without waiting for another program to write to it, as for a pipe."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def text_of(content: bytes, path: str | Path) -> str:
@@ -91,8 +100,8 @@ def hash_of(*content: bytes | memoryview) -> str:
 def hash_of_file(path: Path) -> str | None:
     """Return the hash of a file's content; None if the file does not exist or cannot be read."""
     try:
-        return hash_of(path.read_bytes())
-    except OSError:
+        return hash_of(read_bytes(path))
+    except FileError:
         return None
 
 

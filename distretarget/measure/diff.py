@@ -19,8 +19,8 @@ from distretarget.matching.matching import Matching, match
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.metrics import Comparison, Reference
 from distretarget.measure.skin import find_skin
-from distretarget.motion import Motion
-from distretarget.skeleton import LARGEST, JointMap
+from distretarget.motion import Motion, check_reach
+from distretarget.skeleton import JointMap
 
 Array = NDArray[np.float64]
 
@@ -133,7 +133,6 @@ def turned_note(world: World) -> tuple[str, ...]:
 def _check(motion: Motion, name: str) -> None:
     if not len(motion):
         raise MotionError(f"{name} has no frames; there is nothing to compare")
-    if not np.abs(motion.positions).max() <= LARGEST:
-        raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
+    check_reach(motion, name)
     if not motion.rigid_skeleton.path_lengths.max() > 0:
         raise MotionError(f"no bone of {name} has a length; there is nothing to compare")
