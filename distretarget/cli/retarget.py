@@ -46,6 +46,7 @@ from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, o
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
+from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
@@ -137,6 +138,7 @@ def retarget_command(
     written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
+    named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = reading + time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
