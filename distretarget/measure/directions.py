@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import angles_to_bones
 from distretarget.numerics.parallel import in_blocks
-from distretarget.numerics.vectors import angles_between
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
@@ -23,13 +23,8 @@ def direction_error(expected: Array, result: Motion, lower: Joints) -> Array:
     """(frames, bones), the angle between the bones above the joints `lower`, (bones,), and their `expected` directions,
     (frames, bones, 3), of any length [degrees].
     """
-
-    def error(block: slice) -> Array:
-        positions = result.positions[block]
-        bones = positions[:, lower] - positions[:, result.skeleton.parents[lower]]
-        return np.asarray(np.degrees(angles_between(expected[block], bones)))
-
-    return in_blocks(error, len(result))
+    angles = angles_to_bones(expected, result.positions, result.skeleton.parents[lower], lower)
+    return np.degrees(angles, out=angles)
 
 
 def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Array:
