@@ -53,7 +53,7 @@ class Candidates:
         tau = motion.rigid_skeleton.path_lengths[u, v]
         nearest = np.empty((len(motion), len(self.first)), np.int32)
         ends = np.append(self.first, len(u))
-        _write_nearest(read_only(motion.positions), u, v, (self.limits * tau) ** 2, ends, nearest)
+        _write_nearest(read_only(np.ascontiguousarray(motion.positions)), u, v, (self.limits * tau) ** 2, ends, nearest)
         rows = np.stack([*np.nonzero(nearest >= 0), nearest[nearest >= 0]])
         return np.asarray(rows[:, ~(self.passing[rows[1]] & strides[rows[0]])])
 

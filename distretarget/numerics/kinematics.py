@@ -57,6 +57,40 @@ def world_rotations(parents: Parents, local: Array) -> Array:
     return world
 
 
+def line_rotations(line: NDArray[np.intp], local: Array) -> Array:
+    """(frames, 4), the world rotations of the last joint of a line that begins at the root, (joints,), from local ones,
+    (frames, all joints, 4).
+    """
+    world = np.empty((len(local), 4))
+    _write_line(line, _whole(local), world)
+    return world
+
+
+@compiled()
+def _write_line(line: Parts, local: Array, world: Array) -> None:
+    for frame in range(len(world)):
+        now = world[frame]
+        for i in range(4):
+            now[i] = local[frame, line[0], i]
+        for joint in line[1:]:
+            x, y, z, w = now[0], now[1], now[2], now[3]
+            multiply(x, y, z, w, local[frame, joint], now)
+
+
+def turned_by(rotations: Array, vector: Array) -> Array:
+    """(frames, 3), a vector, (3,), turned by rotations, (frames, 4)."""
+    vectors = np.empty((len(rotations), 3))
+    _write_turned(_whole(rotations), read_only(vector), vectors)
+    return vectors
+
+
+@compiled()
+def _write_turned(rotations: Array, vector: Array, vectors: Array) -> None:
+    for frame in range(len(rotations)):
+        q, v = rotations[frame], vectors[frame]
+        v[0], v[1], v[2] = turned(q[0], q[1], q[2], q[3], vector[0], vector[1], vector[2])
+
+
 def make_local(parents: Parents, rotations: Array) -> None:
     """Turn world rotations, (frames, joints, 4), into local ones in place; the inverse of `world_rotations`."""
     parents = read_only(parents)
@@ -211,7 +245,7 @@ def steps_along(paths: Array, joints: NDArray[np.intp] | None = None, lag: int =
     """
     joints = np.arange(paths.shape[1]) if joints is None else joints
     steps = np.empty((max(len(paths) - lag, 0), len(joints)))
-    _write_steps(read_only(np.ascontiguousarray(paths)), joints, lag, steps)
+    _write_steps(_whole(paths), joints, lag, steps)
     return steps
 
 
@@ -224,12 +258,17 @@ def _write_steps(paths: Array, joints: NDArray[np.intp], lag: int, steps: Array)
             steps[frame, n] = np.sqrt(x * x + y * y + z * z)
 
 
+def _whole(array: Array) -> Array:
+    """The array as compiled functions that measure take it, read-only and contiguous."""
+    return read_only(np.ascontiguousarray(array))
+
+
 def stretch_of(positions: Array, upper: NDArray[np.intp], lower: NDArray[np.intp], lengths: Array) -> Array:
     """(frames,), the largest relative difference of bones from their `lengths`, (bones,), and 0 without bones; a bone
     is from the joint `upper` to the joint `lower`, (bones,) each, of `positions`, (frames, joints, 3).
     """
     largest = np.empty(len(positions))
-    _write_stretch(read_only(positions), upper, lower, lengths, largest)
+    _write_stretch(_whole(positions), upper, lower, lengths, largest)
     return largest
 
 
@@ -248,7 +287,7 @@ def angles_to_bones(vectors: Array, positions: Array, upper: NDArray[np.intp], l
     `vectors.angles_between`.
     """
     angles = np.empty(vectors.shape[:2])
-    _write_half_tangents(read_only(vectors), read_only(positions), upper, lower, angles)
+    _write_half_tangents(_whole(vectors), _whole(positions), upper, lower, angles)
     np.arctan(angles, out=angles)
     angles *= 2.0
     return angles
@@ -274,7 +313,7 @@ def thirds_along(paths: Array, joints: NDArray[np.intp]) -> Array:
     `paths`, (frames, all joints, 3); 0 without joints.
     """
     means = np.empty(max(len(paths) - 3, 0))
-    _write_thirds(read_only(paths), joints, means)
+    _write_thirds(_whole(paths), joints, means)
     return means
 
 
@@ -304,7 +343,7 @@ def turns_along(parents: Parents, rotations: Array, joints: NDArray[np.intp]) ->
     The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
     """
     apart = np.empty((max(len(rotations) - 1, 0), len(joints)))
-    _write_apart(parents, read_only(rotations), joints, np.empty((2, len(parents), 4)), apart)
+    _write_apart(read_only(parents), _whole(rotations), joints, np.empty((2, len(parents), 4)), apart)
     apart *= 0.5
     np.arcsin(np.minimum(apart, 1.0, out=apart), out=apart)
     apart *= 4.0
