@@ -16,13 +16,14 @@ MOST_DIGITS = 18  # that always fit an integer of 64 bits
 EXACT = 2**53  # up to it all integers are doubles
 POWERS = np.array([float(10**n) for n in range(23)])  # all powers of ten that are doubles
 BLANKS = b" \t\n\v\f\r"
-ZERO, NINE, PLUS, MINUS, POINT, SMALL_E, LARGE_E, SPACE, TAB, NEWLINE, RETURN = b"09+-.eE \t\n\r"
+ZERO, PLUS, MINUS, POINT, SMALL_E, LARGE_E, SPACE, TAB, NEWLINE, RETURN = b"0+-.eE \t\n\r"
 
 
 def parse_numbers(text: bytes) -> Array | None:
     """Return the numbers of a text, separated by blanks, as the nearest doubles; None if one is not finite."""
     numbers = np.empty(len(text) // 2 + 1)
-    count, at = _leading_numbers(np.frombuffer(text + b"\n", np.uint8), POWERS, numbers)
+    whole = text if text[-1:].isspace() else text + b"\n"
+    count, at = _leading_numbers(np.frombuffer(whole, np.uint8), POWERS, numbers)
     leading, rest = numbers[:count], text[at:]
     if not rest:
         return leading
@@ -54,24 +55,24 @@ def _leading_numbers(text: NDArray[np.uint8], powers: Array, numbers: Array) -> 
             return count, at
         negative = text[at] == MINUS
         at += negative or text[at] == PLUS
-        first, whole = at, 0
-        while _is_digit(text[at]):
-            whole = 10 * whole + _digit(text[at])
-            at += 1
+        first, whole, digit = at, 0, _digit(text[at])
+        while 0 <= digit <= 9:
+            whole, at = 10 * whole + digit, at + 1
+            digit = _digit(text[at])
         digits, power = at - first, 0
         if text[at] == POINT:
             at += 1
-            first = at
-            while _is_digit(text[at]):
-                whole = 10 * whole + _digit(text[at])
-                at += 1
+            first, digit = at, _digit(text[at])
+            while 0 <= digit <= 9:
+                whole, at = 10 * whole + digit, at + 1
+                digit = _digit(text[at])
             digits, power = digits + at - first, first - at
         if text[at] == SMALL_E or text[at] == LARGE_E:
             at += 1
             down = text[at] == MINUS
             at += down or text[at] == PLUS
             exponent, first = 0, at
-            while _is_digit(text[at]) and at < first + 3:
+            while 0 <= _digit(text[at]) <= 9 and at < first + 3:
                 exponent = 10 * exponent + _digit(text[at])
                 at += 1
             power += -exponent if down else exponent
@@ -85,13 +86,8 @@ def _leading_numbers(text: NDArray[np.uint8], powers: Array, numbers: Array) -> 
 
 
 @inlined()
-def _is_digit(letter: int) -> bool:
-    return ZERO <= letter <= NINE
-
-
-@inlined()
 def _digit(letter: int) -> int:
-    """The value of a digit, in 64 bits, since bytes would overflow without numba."""
+    """The value of a digit, other letters have none from 0 to 9; in 64 bits, since bytes would overflow."""
     return np.int64(letter) - ZERO  # type: ignore[return-value]
 
 

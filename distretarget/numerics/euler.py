@@ -59,7 +59,7 @@ def write_channel_angles(
     len(axes)).
     """
     if len(axes) == 3:
-        _write_blocks(rotations, joints, axes, columns, 1.0 / DEGREE, values)
+        _write_blocks(rotations, joints, axes, columns, 180.0 / np.pi, values)
         return
     for joint, own in zip(joints, columns, strict=True):
         values[:, own] = np.degrees(euler_angles(rotations[:, joint], axes))
@@ -74,20 +74,20 @@ def _write_blocks(
     for block in blocks_of(len(rotations)):
         halves = np.empty((6, block.stop - block.start, len(joints)))
         _write_half_sums(read_only(np.ascontiguousarray(rotations[block])), joints, order, parity, halves)
+        halves[4:] = np.hypot(halves[:4:2], halves[1:4:2])
         halves[:3] = np.arctan2(halves[::2], halves[1::2])
         _write_angles(halves, parity, state, unit, columns, values[block])
 
 
 @compiled()
 def _write_half_sums(rotations, joints, order, parity, halves):  # type: ignore[no-untyped-def]
-    """Write i + k, w + j, i - k, w - j, and the lengths of the first and of the last two (`_HalfSums`)."""
+    """Write i + k, w + j, i - k and w - j (`_HalfSums`)."""
     for frame in range(len(rotations)):
         for n in range(len(joints)):
             q = rotations[frame, joints[n]]
             i, j, k, w = q[order[0]], q[order[1]], parity * q[order[2]], q[3]
             half = halves[:, frame, n]
             half[0], half[1], half[2], half[3] = i + k, w + j, i - k, w - j
-            half[4], half[5] = np.sqrt(half[0] ** 2 + half[1] ** 2), np.sqrt(half[2] ** 2 + half[3] ** 2)
 
 
 @compiled()
@@ -123,15 +123,16 @@ def _write_angles(halves, parity, state, unit, columns, values):  # type: ignore
                 angle = a if i == 0 else b if i == 1 else c
                 step = angle - last[3 + i]
                 if abs(step) >= np.pi:
-                    last[6 + i] += _turn(step) - step
+                    short = np.remainder(step + np.pi, TURN) - np.pi
+                    last[6 + i] += (np.pi if short == -np.pi and step > 0.0 else short) - step
                 last[3 + i] = angle
                 values[frame, columns[n, i]] = unit * (angle + last[6 + i])
 
 
 @inlined()
 def _turn(step: float) -> float:
-    """A step between angles, the short way round; half a turn stays."""
-    return step - np.copysign(TURN * np.ceil(abs(step) / TURN - 0.5), step)  # type: ignore[no-any-return]
+    """A step between angles, the short way round."""
+    return step - TURN * np.rint(step / TURN)
 
 
 def from_euler_angles(angles: Array, axes: str) -> Array:
