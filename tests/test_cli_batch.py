@@ -367,6 +367,16 @@ def test_no_link_leads_out_of_the_folder_of_results(folder):
     assert not (folder / "b.bvh").exists()
 
 
+def test_no_link_leads_out_of_the_folder_of_reports(folder):
+    (folder / "elsewhere").mkdir()
+    (folder / "out").mkdir()
+    (folder / "out" / "index_reports").symlink_to(folder / "elsewhere")
+    done = batch("in/a.bvh", "body.json", "-o", "out", "--report", "out/index.html", "--reports", "all")
+    assert done.returncode == 1
+    assert done.stderr.startswith("no report: out/index_reports/a.html: leads out of the folder 'out'")
+    assert not list((folder / "elsewhere").iterdir())
+
+
 def test_two_runs_may_write_into_one_folder(work, tmp_path):
     processes = [started(work, tmp_path, "--exclude", "longer.bvh") for _ in range(2)]
     assert [process.communicate(timeout=HANGS) and process.returncode for process in processes] == [0, 0]

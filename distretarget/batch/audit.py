@@ -7,11 +7,12 @@ import json
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.batch.plan import animations_of
 from distretarget.body.body import Body
 from distretarget.errors import DistretargetError
 from distretarget.io.input_file import load_file
@@ -30,6 +31,7 @@ class AuditedClip:
 
     Attributes:
         path: of the file.
+        animation: which of several in the file, such as "#2"; None for the only one.
         findings: by the key of the kind; kinds that could not be measured are missing.
         rig: a hash of names and tree of the joints; empty if the file cannot be read.
         frames: their number.
@@ -41,12 +43,18 @@ class AuditedClip:
 
     path: Path
     findings: Findings
+    animation: str | None = None
     rig: str = ""
     frames: int = 0
     frame_time: float = 0.0
     leg: float = 0.0
     up: str = ""
     places: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
+
+    @property
+    def name(self) -> str:
+        """The path of the file, and which animation in it."""
+        return f"{self.path} {self.animation}" if self.animation else str(self.path)
 
     def faults(self, limits: Mapping[str, float]) -> Findings:
         """Return the findings above their limits, by kind, in the order of `KINDS`."""
@@ -57,14 +65,16 @@ class AuditedClip:
 def audit(
     paths: Iterable[Path], show: Callable[[Path], object] = lambda _path: None, clip: str | None = None
 ) -> list[AuditedClip]:
-    """Return what is wrong with the clips in some files, in their order; `clip` names one of several in each file.
+    """Return what is wrong with the clips in some files, in their order.
 
-    `show` is called with each path before it is read.
+    Of a file with several animations each is a clip, unless `clip` names one; `show` is called with each path before it
+    is read.
     """
     clips = []
     for path in paths:
         show(path)
-        clips.append(_audited(path, clip))
+        numbers = [clip] if clip else [number for _, _, number in animations_of(path, PurePath(path.name))]
+        clips += [_audited(path, number) for number in numbers]
     rigs = defaultdict(list)
     for each in clips:
         if each.rig:
@@ -87,12 +97,13 @@ def _audited(path: Path, clip: str | None) -> AuditedClip:
         body = Body.of_motion(motion)
         findings = find_faults(motion, body)
     except DistretargetError as error:
-        return AuditedClip(path=path, findings={"unreadable": Finding(1.0, None, error.reason)})
+        return AuditedClip(path=path, animation=clip, findings={"unreadable": Finding(1.0, None, error.reason)})
     if "unreadable" in findings:
-        return AuditedClip(path=path, findings=findings)
+        return AuditedClip(path=path, animation=clip, findings=findings)
     leg = 0.5 * body.unit
     return AuditedClip(
         path=path,
+        animation=clip,
         findings=findings,
         rig=_rig(motion),
         frames=len(motion),
@@ -121,7 +132,7 @@ def _find_duplicates(clips: Sequence[AuditedClip]) -> None:
     for clip in clips:
         same = (one for one in seen[clip.frames] if np.abs(one.places - clip.places).max(initial=0.0) < ALIKE)
         first = next(same, None)
-        clip.findings["duplicate"] = Finding(float(first is not None), None, f"of {first.path}" if first else "")
+        clip.findings["duplicate"] = Finding(float(first is not None), None, f"of {first.name}" if first else "")
         if first is None:
             seen[clip.frames].append(clip)
 

@@ -305,7 +305,8 @@ class Batch:
         """Write the report on a clip, if any, or remember why that failed."""
         path = self._report_path(result.record["output"])
         try:
-            if result.report:
+            if result.report and self.index:
+                check_inside(path, self.index.parent)
                 mark = MARK + OF.format(result.record["output_hash"])
                 self._write_page(path, result.report.replace(MARK, mark, 1))
         except FileError as error:

@@ -288,6 +288,8 @@ class Manifest:
 
     def _check_first_line(self) -> None:
         """Check that the file is a manifest; its first line may be incomplete or have invalid values."""
+        if not self.path.is_file():
+            raise FileError(self.path, "is not a regular file")
         with self.path.open("rb") as file:
             first = file.readline()
         if first.endswith(b"\n") and first.strip() and not _parsed(first).keys() >= ManifestRecord.__required_keys__:

@@ -109,7 +109,9 @@ def plan(
                 f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
     names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
-    parts = [part for path, place in found for part in ([(path, place, None)] if animation else _parts(path, place))]
+    parts = [
+        part for path, place in found for part in ([(path, place, None)] if animation else animations_of(path, place))
+    ]
     sizes = [status.st_size if (status := _status(path)) else 0 for path, _, _ in parts]
     suffixes = [
         list(dict.fromkeys(suffix_of(target, None if kind == "own" else kind) for kind in kinds or ("own",)))
@@ -137,8 +139,8 @@ def plan(
     return sorted(clips, key=lambda clip: -clip.size)
 
 
-def _parts(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
-    """The animations of a file: its path, the place of the result, and which animation it is; None for the only one."""
+def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
+    """Yield the animations of a file: its path, the place of the result, and which it is; None for the only one."""
     names: Sequence[str] = ()
     if KINDS.get(path.suffix.lower()) == "glTF":
         with suppress(DistretargetError):  # reading the clip will report it

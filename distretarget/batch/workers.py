@@ -40,12 +40,12 @@ from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, character_animation
 from distretarget.io.target_file import TargetFile
 from distretarget.io.vrma import vrma
+from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
-from distretarget.report.unmatched import others_without_source, parts_without_source
 
 # These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -140,7 +140,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         "alignment": alignment_text(result.matching),
         "verdict": result.verdict,
     }
-    report = run_page(result, job.about) if job.about else ""
+    report = run_page(result, job.about, job.target.target) if job.about else ""
 
     def made(name: str) -> Output:
         match OUTPUTS[PurePath(name).suffix]:

@@ -98,8 +98,8 @@ def audit_command(
 def _row(clip: AuditedClip, limits: Mapping[str, float]) -> tuple[str, ...]:
     faults = "; ".join(_text(kind, found) for kind, found in clip.faults(limits).items())
     if not clip.rig:
-        return str(clip.path), "-", "-", "-", "-", faults
-    return str(clip.path), str(clip.frames), f"{1 / clip.frame_time:.4g}", f"{clip.leg:.3g}", clip.up, faults
+        return clip.name, "-", "-", "-", "-", faults
+    return clip.name, str(clip.frames), f"{1 / clip.frame_time:.4g}", f"{clip.leg:.3g}", clip.up, faults
 
 
 def _text(kind: str, found: Finding) -> str:
@@ -129,5 +129,5 @@ def _csv(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> str:
         numbers = (clip.findings.get(kind) for kind in KINDS)
         size = (clip.frames, clip.frame_time, clip.leg, clip.up) if clip.rig else ("",) * 4
         cells = ("" if found is None else f"{found.value:.6g}" for found in numbers)
-        writer.writerow((clip.path, *size, " ".join(clip.faults(limits)), *cells))
+        writer.writerow((clip.name, *size, " ".join(clip.faults(limits)), *cells))
     return text.getvalue()
