@@ -110,6 +110,12 @@ class Batch:
         """The manifest of the folder of results; the first use makes both."""
         return Manifest(self.folder)
 
+    @property
+    def kept_clips(self) -> list[Clip]:
+        """The clips that are not left out."""
+        left_out = {record["output"] for record in self.manifest.latest(self.clips) if "left_out" in record}
+        return [clip for clip in self.clips if clip.place.as_posix() not in left_out]
+
     def check(self) -> None:
         """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
         if not self.clips:

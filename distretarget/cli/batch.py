@@ -217,7 +217,7 @@ def batch_command(
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:
-        count = write_merged(folder, texts[0], clips, settings, overwrite)
+        count = write_merged(folder, texts[0], batch.kept_clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
 
