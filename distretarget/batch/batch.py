@@ -15,6 +15,7 @@ from types import NoneType
 from distretarget.batch.alignment_spread import spread_warnings
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
+from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
@@ -67,6 +68,7 @@ class Batch:
     reading: Reading = DEFAULT_READING
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
+    time_limit: float | None = None  # of a clip [s]
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def record_of(self, clip: Clip) -> ManifestRecord:
@@ -189,7 +191,17 @@ class Batch:
         self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
     ) -> Job:
         target = self._prepared[str(clip.target.path)]
-        ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing, self.builds
+        ways = (
+            self.map_file,
+            self.options,
+            record,
+            about,
+            split,
+            self._reading(clip),
+            self.writing,
+            self.builds,
+            self.time_limit,
+        )
         return Job(source, target, *ways)
 
     def _finish(self, result: Result, show: Show) -> None:
@@ -288,6 +300,7 @@ def convert_folder(
     jobs: int | None = None,
     overwrite: bool = False,
     fail_fast: bool = False,
+    time_limit: float | None = None,
     report: str | Path | None = None,
     reports: int | None = 10,
 ) -> Tally:
@@ -313,6 +326,7 @@ def convert_folder(
         jobs: the number of processes; one for each core if not given.
         overwrite: whether to retarget everything again, and to replace files that no batch made.
         fail_fast: whether to stop at the first clip that fails.
+        time_limit: the longest time for a clip [s]; one that takes longer fails, and the next call tries it again.
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
 
@@ -331,6 +345,8 @@ def convert_folder(
     for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
         check_kind(name, number, int, NoneType)
         check_number(name, least if number is None else number, least, sys.maxsize)
+    if time_limit is not None:
+        check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
     found, unread = find_clips(paths, (), include, exclude)
@@ -343,7 +359,7 @@ def convert_folder(
         return About(a=clip.name, b=result.name)
 
     ways = options, pairs, about, index, reports, overwrite, fail_fast
-    batch = Batch(clips, Path(folder), *ways, Reading(clip, fps), writing, builds)
+    batch = Batch(clips, Path(folder), *ways, Reading(clip, fps), writing, builds, time_limit)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:
