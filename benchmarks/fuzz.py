@@ -31,7 +31,7 @@ from hypothesis import strategies as st
 
 from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
 from distretarget.batch.compile_ahead import warm
-from distretarget.batch.manifest import Manifest
+from distretarget.batch.manifest import Manifest, parse_record
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.input_file import InputFile
@@ -110,8 +110,10 @@ def read(case: tuple[str, str]) -> None:
         with tempfile.TemporaryDirectory() as folder:
             _write(Path(folder) / "manifest.jsonl", text)
             tally = Tally(clips=3, seconds=1.0)
-            for record in Manifest(Path(folder), read_only=True).latest([]):
-                tally.add(record)
+            assert Manifest(Path(folder), read_only=True).broken is not None
+            for line in text.encode("utf-8", "surrogatepass").split(b"\n"):
+                if record := parse_record(line):
+                    tally.add(record)
             assert tally.lines
 
 

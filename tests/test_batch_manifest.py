@@ -74,6 +74,12 @@ def test_a_line_with_a_value_of_another_kind_is_no_record(key, value):
     assert parse_record(line_of(one)) is None
 
 
+@pytest.mark.parametrize("number", [10**400, float("inf"), float("nan")], ids=["long", "inf", "nan"])
+def test_a_line_with_a_number_that_cannot_be_computed_with_is_no_record(number):
+    assert parse_record(line_of(record() | {"figures": {"result": {"slide": number}}})) is None
+    assert parse_record(line_of(record() | {"frames": number})) is None
+
+
 @pytest.mark.parametrize("line", [b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000])
 def test_what_is_no_object_is_no_record(line):
     assert parse_record(line) is None

@@ -1,8 +1,12 @@
 """The conversion of one clip by a worker: its result is that of `retarget`, or says what went wrong."""
 
 import os
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path, PurePath
 
 import pytest
@@ -46,6 +50,20 @@ def error_of(job):
     record = convert(job).record
     assert (record["status"], record["output_hash"]) == ("failed", None)
     return record["error"]
+
+
+def test_a_worker_stops_a_clip_that_takes_longer_than_its_limit(monkeypatch):
+    def last_for_ever(*_, **__):
+        while True:
+            with suppress(Exception):
+                time.sleep(0.001)
+
+    monkeypatch.setattr(workers, "retarget_onto", last_for_ever)
+    job = replace(job_of(format_bvh(swaying(person()))), time_limit=0.05)
+    assert error_of(job) == "in.bvh: took longer than the limit of 0.05 s; the next run tries it again"
+    monkeypatch.undo()
+    assert convert(replace(job, time_limit=1000.0)).record["status"] == "done"
+    assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer) and thread.is_alive()]
 
 
 def test_a_worker_says_what_went_wrong(monkeypatch):

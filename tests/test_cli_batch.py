@@ -69,6 +69,15 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert sorted(line["status"] for line in lines(folder / "out")) == ["done", "done", "done", "failed"]
 
 
+@pytest.mark.usefixtures("folder")
+def test_a_clip_over_the_time_limit_is_named_and_tried_again():
+    first = batch("in/a.bvh", "body.json", "-o", "out", "--time-limit", "0.001")
+    assert first.returncode == 1
+    assert "1 clip: 0 converted, 0 done before, 1 failed" in first.stdout
+    assert "failed:\n  in/a.bvh: took longer than the limit of 0.001 s" in first.stdout
+    assert "1 clip: 1 converted, 0 done before, 0 failed" in batch("in/a.bvh", "body.json", "-o", "out").stdout
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 def test_what_cannot_be_searched_is_reported_and_does_not_stop_the_rest(folder):
     """A script that sees exit status 0 may rely on it that every clip in the folders is converted."""

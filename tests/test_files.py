@@ -9,7 +9,15 @@ import pytest
 
 from distretarget.batch.manifest import MANIFEST, Manifest
 from distretarget.errors import FileError
-from distretarget.io.files import check_inside, check_writable, hash_of_file, make_folder, read_text, write_whole
+from distretarget.io.files import (
+    check_inside,
+    check_writable,
+    hash_of_file,
+    make_folder,
+    read_text,
+    safe_file_name,
+    write_whole,
+)
 
 
 def read(tmp_path, content):
@@ -78,6 +86,25 @@ def test_only_regular_files_are_read(tmp_path, monkeypatch):
     (tmp_path / MANIFEST).symlink_to(tmp_path / "pipe")
     with pytest.raises(FileError, match="is not a regular file"):
         Manifest(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        ("walk 1.b", "walk 1.b"),
+        ("C:x", "C_x"),
+        ("a/b\\c", "a_b_c"),
+        ("Con", "_Con"),
+        ("aux.b", "_aux.b"),
+        ("lpt1 .b", "_lpt1 .b"),
+        ("com10", "com10"),
+        ("x. ", "x"),
+        ("..", ""),
+        ("\x1b\u202ea", "__a"),
+    ],
+)
+def test_names_of_results_are_names_of_files_on_every_system(name, safe):
+    assert safe_file_name(name) == safe
 
 
 def test_unknown_bytes_survive_a_round_trip(tmp_path):

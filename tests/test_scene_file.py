@@ -102,6 +102,18 @@ BAD = {
         'either "file" or "part_of"',
     ),
     "negative start": ({**HEAD, "performers": [{**ONE, "start": -1}]}, "performers[0].start", "from 0"),
+    "name of a drive": ({**HEAD, "performers": [{**ONE, "name": "C:x"}]}, "performers[0].name", "slashes and colons"),
+    "name of a device": (
+        {**HEAD, "performers": [{**ONE, "name": "Con"}]},
+        "performers[0].name",
+        "that a file can have",
+    ),
+    "name of a file": (
+        {**HEAD, "performers": [{**ONE, "name": "aux.b"}]},
+        "performers[0].name",
+        "that a file can have",
+    ),
+    "name with an end": ({**HEAD, "performers": [{**ONE, "name": "x."}]}, "performers[0].name", "that a file can have"),
     "name of a path": ({**HEAD, "performers": [{**ONE, "name": "../x"}]}, "performers[0].name", "without slashes"),
     "other supports": ({**HEAD, "performers": [ONE], "supports": "all"}, "supports", "one of"),
     "no flag": ({**HEAD, "performers": [ONE], "cut": 1}, "cut", "true or false"),

@@ -1,5 +1,6 @@
 """`-` for standard input and output, names of outputs, --quiet, and source and target that are swapped."""
 
+import errno
 import io
 import os
 import subprocess
@@ -131,6 +132,22 @@ def test_names_reach_the_terminal_escaped_and_shortened(folder):
         assert not set("\x1b\u202e\x9b").intersection(done.stdout + done.stderr)
         assert max(map(len, lines)) < 3000
     assert run(*runs[1]).stderr == ("distretarget: \\x1b[2J\\u202e \\x9b腰　bnone.bvh: there is no such file\n")
+
+
+@pytest.mark.parametrize(
+    ("number", "line"),
+    [
+        (errno.EMFILE, "too many files are open; allow more, for example with ulimit -n 256"),
+        (errno.ENOSPC, "standard output: the disk is full"),
+    ],
+)
+def test_an_error_of_the_system_names_standard_output_only_where_it_is_to_blame(monkeypatch, number, line):
+    def fail(**_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("distretarget.cli.cli.main", fail)
+    monkeypatch.setattr("distretarget.cli.sys.stdout", sys.stdout)
+    assert run().stderr == f"distretarget: {line}\n"
 
 
 def test_a_file_may_be_called_minus(folder, converted):

@@ -18,6 +18,7 @@ from distretarget.batch.figure_table import table as table_of
 from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
+from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
@@ -72,6 +73,7 @@ class Batch:
     builds: Builds = OWN_BUILDS
     table: Path | None = None  # the table of all clips
     keep: Condition | None = None  # clips that fail it are left out
+    time_limit: float | None = None  # of a clip [s]
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def record_of(self, clip: Clip) -> ManifestRecord:
@@ -239,7 +241,8 @@ class Batch:
     ) -> Job:
         target = self._prepared[str(clip.target.path)]
         ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing, self.builds
-        return Job(source, target, *ways, others=tuple(place.as_posix() for place in clip.others))
+        others = tuple(place.as_posix() for place in clip.others)
+        return Job(source, target, *ways, others=others, time_limit=self.time_limit)
 
     def _finish(self, result: Result, show: Show) -> None:
         """Write the output of a clip, its line of the manifest, and its report."""
@@ -363,6 +366,7 @@ def convert_folder(
     jobs: int | None = None,
     overwrite: bool = False,
     fail_fast: bool = False,
+    time_limit: float | None = None,
     report: str | Path | None = None,
     reports: int | None = 10,
     table: str | Path | None = None,
@@ -391,6 +395,7 @@ def convert_folder(
         jobs: the number of processes; one for each core if not given.
         overwrite: whether to retarget everything again, and to replace files that no batch made.
         fail_fast: whether to stop at the first clip that fails.
+        time_limit: the longest time for a clip [s]; one that takes longer fails, and the next call tries it again.
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
@@ -415,6 +420,8 @@ def convert_folder(
     for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
         check_kind(name, number, int, NoneType)
         check_number(name, least if number is None else number, least, sys.maxsize)
+    if time_limit is not None:
+        check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
     found, unread = find_clips(paths, (), include, exclude)
@@ -428,9 +435,9 @@ def convert_folder(
         return About(a=clip.name, b=result.name)
 
     ways = options, pairs, about, index, reports, overwrite, fail_fast
-    batch = Batch(
-        clips, Path(folder), *ways, Reading(clip, fps), writing, builds, of_all, Condition(keep) if keep else None
-    )
+    condition = Condition(keep) if keep else None
+    how = Reading(clip, fps), writing, builds, of_all, condition, time_limit
+    batch = Batch(clips, Path(folder), *ways, *how)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fnmatch
 import json
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
@@ -32,6 +33,7 @@ VERSION = version("distretarget")
 LOCK_INTERVAL = 0.005  # time between two attempts to lock the folder [s]
 FAILURES = 20  # most failures listed
 WORST = 3  # most clips listed as the worst by a figure
+MOST = sys.float_info.max  # of a number in a record; JSON may have larger ones
 LEAST = 1e-6  # clips with a figure up to this are not listed among the worst
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines an output
 
@@ -125,6 +127,8 @@ def parse_record(line: bytes) -> ManifestRecord | None:
         and all(isinstance(text, str) for text in others.values())
         and all(isinstance(side, dict) for side in sides)
         and all(isinstance(number, int | float | None) for side in sides for number in side.values())
+        and all(abs(number or 0) <= MOST for side in sides for number in side.values())
+        and 0 <= record["frames"] <= MOST
     )
     return cast(ManifestRecord, record) if sound else None
 

@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.io.files import is_folder, read_bytes, reason_of
+from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
 from distretarget.io.gltf_animation import free_name
 from distretarget.io.gltf_scene import animation_names
 from distretarget.io.input_file import KINDS, MOTION_SUFFIXES, InputFile
@@ -21,7 +21,6 @@ from distretarget.scene.scene_file import SCENE_NAME
 
 MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
 WILDCARDS = frozenset("*?[")
-UNSAFE = frozenset('/\\:*?"<>|')  # in names of files on some system
 
 
 @dataclass(frozen=True)
@@ -150,8 +149,7 @@ def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath,
         return
     taken: set[str] = set()
     for number, name in enumerate(names, start=1):
-        clean = "".join("_" if each in UNSAFE or not each.isprintable() else each for each in name).strip(". ")
-        clean = free_name(clean or f"animation {number}", taken)
+        clean = free_name(safe_file_name(name) or f"animation {number}", taken)
         taken.add(clean)
         yield path, place / clean, f"#{number}"
 

@@ -27,6 +27,7 @@ from distretarget.batch.alignment_spread import alignment_text
 from distretarget.batch.compile_ahead import warm
 from distretarget.batch.interrupts import interrupts_held
 from distretarget.batch.manifest import VERSION, ManifestRecord
+from distretarget.batch.time_limit import OverTime, time_limit
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.errors import BatchError, DistretargetError
@@ -80,6 +81,7 @@ class Job:
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
     others: tuple[str, ...] = ()  # the other outputs, as paths in the folder of results
+    time_limit: float | None = None  # [s]
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""
@@ -107,9 +109,12 @@ def convert(job: Job, mapper: Mapper = map) -> Result:
     if job.record["version"] != VERSION:
         return job.failed(f"{path}: a worker runs version {VERSION}, this is {job.record['version']}")
     try:
-        result = _converted(job, mapper)
+        with time_limit(job.time_limit):
+            result = _converted(job, mapper)
     except DistretargetError as error:
         result = job.failed(str(error))
+    except OverTime:
+        result = job.failed(f"{path}: took longer than the limit of {job.time_limit:g} s; the next run tries it again")
     except (BrokenExecutor, CancelledError):  # raised by the mapper: the clip is not to blame
         raise
     except MemoryError:

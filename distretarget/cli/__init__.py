@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import io
 import os
@@ -115,9 +116,15 @@ def main() -> None:
         with _interruptible():
             status = _run()
         _leave(status)
-    except OSError as error:  # of standard output, if the error names no file
+    except OSError as error:
         sys.stdout = None  # so that Python does not flush it again at exit
-        sys.exit(_complain(f"{error.filename or 'standard output'}: {reason_of(error)}", 1))
+        sys.exit(_complain(_fault(error), 1))
+
+
+def _fault(error: OSError) -> str:
+    """What an error of the operating system says; one that names no file is of standard output, if not of all files."""
+    place = "" if error.errno in (errno.EMFILE, errno.ENFILE) else "standard output"
+    return ": ".join(filter(None, (error.filename or place, reason_of(error))))
 
 
 def _replace_closed_streams() -> None:

@@ -18,6 +18,7 @@ from distretarget.batch.manifest import Manifest, ManifestRecord, Tally
 from distretarget.batch.merge import clips_folder
 from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.plan import find_clips, plan
+from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import Processes, Reading, Workers
 from distretarget.cli.options import PATH, SkinFiles, of_formats, of_reports, quiet, reading, retargeting, writing
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
@@ -94,6 +95,12 @@ def of_condition(text: str) -> Condition:
 )
 @click.option("--dask", metavar="ADDRESS", help="Use the Dask cluster with this scheduler: tcp://HOST:PORT.")
 @click.option("--overwrite", is_flag=True, help="Retarget everything again, and replace files that no batch made.")
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(*TIME_LIMITS),
+    metavar="SECONDS",
+    help="The longest time for a clip. One that takes longer fails, and the next run tries it again. Default: none.",
+)
 @click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
 @click.option(
     "--report",
@@ -146,6 +153,7 @@ def batch_command(
     jobs: int | None,
     dask: str | None,
     overwrite: bool,
+    time_limit: float | None,
     fail_fast: bool,
     index: Path | None,
     reports: int | None,
@@ -199,7 +207,7 @@ def batch_command(
         raise click.UsageError(str(error)) from error
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
     how = Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()
-    batch = Batch(clips, results, *ways, *how, table, keep)
+    batch = Batch(clips, results, *ways, *how, table, keep, time_limit)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:

@@ -7,6 +7,7 @@ import contextlib
 import errno
 import hashlib
 import os
+import re
 import secrets
 import stat
 from collections.abc import Callable, Iterable
@@ -19,6 +20,8 @@ from distretarget.errors import FileError
 OTHER_FORMATS = {".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 Content = str | bytes | Iterable[str] | Iterable[bytes | memoryview]  # of a file to write; may be in parts
 
+UNSAFE = frozenset('/\\:*?"<>|')  # in names of files on some system
+DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])( *\..*)?", re.IGNORECASE)  # on Windows
 CTRL_Z = "\x1a"
 STANDARD_INPUT = Path("standard input")  # its name in errors
 
@@ -28,6 +31,8 @@ REASONS = {
     errno.ENXIO: "is not a regular file",  # but a socket
     errno.EACCES: "permission denied",
     errno.EPERM: "permission denied",
+    errno.EMFILE: "too many files are open; allow more, for example with ulimit -n 256",
+    errno.ENFILE: "too many files are open on this machine; close other programs",
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the disk quota is used up",
 }
@@ -103,6 +108,12 @@ def hash_of_file(path: Path) -> str | None:
         return hash_of(read_bytes(path))
     except FileError:
         return None
+
+
+def safe_file_name(name: str) -> str:
+    """Return a name, without suffix, that a file can have on every system; empty if nothing is left of it."""
+    plain = "".join("_" if each in UNSAFE or not each.isprintable() else each for each in name).strip(". ")
+    return f"_{plain}" if DEVICES.fullmatch(plain) else plain
 
 
 def is_folder(path: str | Path) -> bool:

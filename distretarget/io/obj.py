@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
+from distretarget.io.bvh import NUMBER
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
@@ -19,6 +21,7 @@ from distretarget.skin.surface import surface_of
 
 Array = NDArray[np.float64]
 
+CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which others may follow, as in 3/1/2
 MOST_POINTS = 100  # vertices that are kept, spread evenly
 
 
@@ -69,10 +72,7 @@ def parse_obj_mesh(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]
 
 def _corner(word: str, before: int, path: str | Path, line: int) -> int:
     """The number, from 0, of the vertex in a word such as 3, 3/1/2 or -1; the last of those `before` is -1."""
-    try:
-        number = int(word.partition("/")[0])
-    except ValueError:
-        number = 0
+    number = int(found[0]) if (found := CORNER.match(word)) else 0
     if not 1 <= abs(number) <= before:
         raise BvhError(
             path, line, f"found {word!r} in a face, expected the number of one of the {before} vertices above"
@@ -106,10 +106,7 @@ def _vertices(text: str, path: str | Path) -> Array:
 
 
 def _vertex(words: list[str], path: str | Path, line: int) -> list[float]:
-    try:
-        place = [float(word) for word in words]
-    except ValueError:
-        place = []
+    place = [float(word) for word in words if NUMBER.fullmatch(word)]
     if len(place) != 3 or not np.abs(place).max() <= LARGEST:
         raise BvhError(path, line, f"found {' '.join(words)!r}, expected three finite coordinates after v")
     return place

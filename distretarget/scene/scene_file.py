@@ -10,7 +10,7 @@ from typing import Any, get_args
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.errors import DistretargetError, MotionError, closest, counted
 from distretarget.io.build_file import load_build, with_source
-from distretarget.io.files import read_text
+from distretarget.io.files import read_text, safe_file_name
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import joint_map, load_map
@@ -323,10 +323,10 @@ def _number(node: Node, performers: Sequence[str]) -> int:
 
 
 def _name(node: Node) -> str:
-    """A name that a file can have."""
+    """A name that a file can have on every system."""
     name = node.name()
-    if name in (".", "..") or "/" in name or "\\" in name:
-        node.expected("a name without slashes")
+    if safe_file_name(name) != name:
+        node.expected("a name that a file can have, without slashes and colons")
     return name
 
 
