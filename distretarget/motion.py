@@ -203,8 +203,16 @@ class Motion:
         return world_rotations(self.skeleton.parents, self.rotations[frames])
 
     def world_rotations_of(self, joint: int) -> Array:
-        """(frames, 4), the world rotations of one joint."""
-        return line_rotations(np.array(self.skeleton.line(joint)[::-1], np.intp), self.rotations)
+        """(frames, 4), the world rotations of one joint; kept, since several measures ask for the same joints."""
+        if joint not in self._kept_rotations:
+            line = np.array(self.skeleton.line(joint)[::-1], np.intp)
+            self._kept_rotations[joint] = read_only(line_rotations(line, self.rotations))
+        return self._kept_rotations[joint]
+
+    @cached_property
+    def _kept_rotations(self) -> dict[int, Array]:
+        """What `world_rotations_of` has returned, by joint."""
+        return {}
 
     @cached_property
     def positions(self) -> Array:

@@ -19,7 +19,7 @@ from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import speeds_along, turned_by
+from distretarget.numerics.kinematics import lowest_heights, speeds_along, turned_by
 from distretarget.numerics.time_series import over_runs
 from distretarget.numerics.vectors import lengths, level
 
@@ -59,12 +59,8 @@ class FlatFoot:
         return np.asarray(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
 
     def lowest(self, positions: Array, up: Array) -> Array:
-        """(...), the height of the lowest of the points [file units]; as in `pitch`."""
-        return np.asarray((positions[..., self.points, :] @ up).min(axis=-1))
-
-    def ankle_height(self, positions: Array, up: Array) -> Array:
-        """(...), the height of the ankle over the lowest of the points [file units]; as in `pitch`."""
-        return np.asarray(positions[..., self.leg.ankle, :] @ up - self.lowest(positions, up))
+        """(frames,), the height of the lowest of the points [file units]; as in `pitch`."""
+        return lowest_heights(positions, up, self.points)
 
 
 def find_flat_foot(body: Body, leg: Leg, sole: Sole) -> FlatFoot:

@@ -144,7 +144,8 @@ class Figure:
         if not values.size:
             return None
         if self.reduction == "frames":
-            return float(np.nansum(self.over_time(tracks, len(track.values))))
+            positive = (track.values > 0.0) & (True if track.counts is None else track.counts > 0)
+            return float(np.count_nonzero(positive.reshape(len(positive), -1).any(axis=1)))
         if self.reduction == "largest":
             return float(values.max(initial=0.0))
         if self.reduction == "percentile 99":

@@ -132,7 +132,7 @@ def _write_angles(halves, parity, state, unit, columns, values):  # type: ignore
 @inlined()
 def _turn(step: float) -> float:
     """A step between angles, the short way round."""
-    return float(step - TURN * np.rint(step / TURN))
+    return step - TURN * np.rint(step / TURN)  # type: ignore[no-any-return]
 
 
 def from_euler_angles(angles: Array, axes: str) -> Array:
