@@ -33,6 +33,7 @@ from distretarget.character.nodes import Animation
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
 from distretarget.io.build_file import with_source
+from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, hash_of
 from distretarget.io.input_file import InputFile
@@ -137,11 +138,12 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         output = character_animation(job.target, clip)
     else:
         output = b"".join(vrma(clip.motion, clip.name, clip.extras))
+    refused = refusals(clip.motion.skeleton) if kind == "BVH" else ()
     record = job.record | {
         "status": "done",
         "frames": len(result.motion),
         "figures": result.figures,
-        "notes": [*parts_without_source(result.matching), *others_without_source(result.matching)],
+        "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "warnings": [*lost, *result.warnings],
         "alignment": alignment_text(result.matching),
     }
