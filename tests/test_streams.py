@@ -2,10 +2,13 @@
 
 import errno
 import io
+import json
 import os
+import re
 import subprocess
 import sys
 
+import pybvh
 import pytest
 from bodies import other_lengths, person, swaying
 from program import command, compile_all, run
@@ -230,6 +233,22 @@ def test_namespaces_are_left_out_where_that_is_asked_for(folder):
     assert "ROOT mixamorig:Hips\n" in named
     assert (folder / "plain.bvh").read_text() == named.replace("mixamorig:", "")
     assert run("skeleton", "export", "rig.json", "--strip-namespace").stdout == BODY
+
+
+def test_readers_that_cannot_read_a_result_are_named(folder):
+    """The target's file has the joints so, and its results keep them."""
+    odd = CLIP.replace("JOINT LeftHip\n", "JOINT H\udcfcfte\n").split("MOTION")[0]
+    odd = re.sub(r"(JOINT Head\s*{\s*OFFSET.*\s*)CHANNELS.*", r"\1CHANNELS 0", odd)
+    (folder / "odd.bvh").write_bytes(odd.encode("utf-8", "surrogateescape"))
+    told = run("in.bvh", "odd.bvh", "-o", "out.bvh")
+    assert "bvhio and pybvh cannot read names that are not UTF-8, as 'H\\udcfcfte'; rename" in told.stderr
+    assert "three positions of the root; 'Head' of the target has 0 channels" in told.stderr
+    assert told.stderr == run("scene", "in.bvh", "-t", "odd.bvh", "-o", "out").stderr.replace("in.bvh: ", "")
+    run("batch", "in.bvh", "odd.bvh", "-o", "many", "--jobs", "1")
+    record = json.loads((folder / "many" / "manifest.jsonl").read_text())
+    assert [note.partition(" ")[0] for note in record["notes"][-2:]] == ["bvhio", "pybvh"]
+    with pytest.raises(UnicodeDecodeError):
+        pybvh.read_bvh_file(folder / "out.bvh")
 
 
 @pytest.mark.usefixtures("folder")

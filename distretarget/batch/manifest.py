@@ -62,7 +62,7 @@ class ManifestRecord(ClipRecord, _OfDone):
         output_hash: of the output; None if there is none.
         target_hash: of the target's file.
         options: the fields of `Options`, and `map`: source joints by target joints, None for no map.
-        notes: joints of the target without a counterpart, in a line.
+        notes: joints of the target without a counterpart, in a line, and which readers refuse the result.
         version: of the program.
     """
 

@@ -33,6 +33,7 @@ from distretarget.character.nodes import Animation
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
 from distretarget.io.build_file import with_source
+from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, hash_of
 from distretarget.io.input_file import InputFile
@@ -136,11 +137,12 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     names = (job.record["output"], *job.others)
     # Texts are made by other workers, if the mapper has any, while figures are made.
     texts = {name: bvh_parts(clip.motion, mapper) for name in names if OUTPUTS[PurePath(name).suffix] == "BVH"}
+    refused = refusals(clip.motion.skeleton) if texts else ()
     record = job.record | {
         "status": "done",
         "frames": len(result.motion),
         "figures": result.figures,
-        "notes": [*parts_without_source(result.matching), *others_without_source(result.matching)],
+        "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "warnings": [*lost, *result.warnings],
         "alignment": alignment_text(result.matching),
         "verdict": result.verdict,

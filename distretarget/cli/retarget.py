@@ -37,6 +37,7 @@ from distretarget.cli.outputs import (
 from distretarget.errors import FileError, quoted
 from distretarget.io.build_file import with_source
 from distretarget.io.bvh import declared_frames
+from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
@@ -134,8 +135,10 @@ def retarget_command(
             builds=builds,
             progress=bar.update,
         )
-    motion, skeleton = result.motion, result.motion.skeleton
-    written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
+    motion = result.motion
+    written = (
+        replace(motion, skeleton=motion.skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
+    )
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
     named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
@@ -153,9 +156,8 @@ def retarget_command(
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
     for warning in (*parts_without_source(result.matching), *lost, *left_out, *result.warnings):
         say(f"warning: {warning}", err=True)
-    if kind == "BVH" and not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):
-        plain = names[0].rpartition(":")[2]
-        say(f"three.js cannot play joints with names like {names[0]!r}; --strip-namespace writes {plain!r}", err=True)
+    for line in refusals(written.skeleton) if kind == "BVH" else ():
+        say(line, err=True)
     say(summary_line(result, seconds))
 
 

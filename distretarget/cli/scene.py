@@ -27,6 +27,7 @@ from distretarget.cli.options import (
 )
 from distretarget.cli.outputs import check_outputs, complain, say
 from distretarget.errors import DistretargetError, FileError, counted
+from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import Content, check_inside, is_folder, make_folder, write_whole
 from distretarget.io.input_file import MOTION_SUFFIXES, load_file
@@ -231,6 +232,8 @@ def _write(
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)
+        for line in refusals(one.motion.skeleton) if path.suffix == ".bvh" else ():
+            say(f"{path.name}: {line}", err=True)
         say(f"{path.name}: {summary_line(one, seconds)}")
     for name, one, longest in zip(setup.names, result.results, result.longest_strides, strict=False):
         if (factor := result.world_scale / one.root_scale) > longest:
