@@ -24,6 +24,7 @@ from distretarget.io.files import reason_of
 
 COMMANDS = {  # by name: where the command is, and its short help
     "batch": ("distretarget.cli.batch:batch_command", "Retarget many clips to one or several targets."),
+    "contacts": ("distretarget.cli.contacts:contacts_command", "List the contacts that are found in CLIP."),
     "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
     "retarget": (
         "distretarget.cli.retarget:retarget_command",
@@ -86,6 +87,7 @@ def cli() -> None:
     distretarget walk.bvh hero.glb -o hero_walk.glb   one clip; short for: distretarget retarget
     distretarget batch FOLDER TARGET -o FOLDER        a folder of clips
     distretarget scene A.bvh B.bvh -t TARGET -o DUET  performers who share a world
+    distretarget contacts CLIP -o FILE                what touches in a clip, to edit
     distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
     distretarget skeleton match SOURCE TARGET         which joint drives which
     distretarget skeleton show FILE                   the joints of a file and their bone lengths
