@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import (
     Contact,
     ContactList,
+    ContactsError,
     ContactSettings,
     Distance,
     Look,
@@ -178,6 +179,26 @@ def test_a_distance_is_kept(walk, child):
     x = kept.motion.positions[FRAMES[0] : FRAMES[1] + 1]
     off = np.abs(np.linalg.norm(x[:, wrist] - x[:, head], axis=1) - 12.0)
     assert off.max() / kept.matching.target.height < 0.003
+
+
+def test_the_paper_keeps_a_distance_by_its_priority(walk, child):
+    paper, off = Options(objective="paper"), []
+    for priority in (1.0, 10.0, 100.0):
+        entry = Distance(distance=("LeftWrist", "Head"), value=20.0, priority=priority, frames=FRAMES)
+        kept = asked(walk[:200], child, entry, options=paper)
+        points = kept.postures.positions[FRAMES[0] : FRAMES[1] + 1]
+        keys = [kept.motion.skeleton.keys[joint] for joint in kept.distances.targets]
+        wrist, head = keys.index("LeftWrist"), keys.index("Head")
+        off.append(np.abs(np.linalg.norm(points[:, wrist] - points[:, head], axis=1) - 20.0).max())
+    assert off[0] > off[1] > off[2]
+    assert off[2] / kept.matching.target.height < 0.01
+    before = changed(kept, retarget(walk[:200], child, paper))
+    assert before.min() >= FRAMES[0] - BLENDS / walk.frame_time
+
+
+def test_the_paper_knows_distances_alone(walk, child):
+    with pytest.raises(ContactsError, match=r"contacts\[0\]: the paper's objective knows distances alone"):
+        asked(walk, child, HAND_ON_HEAD, options=Options(objective="paper"))
 
 
 def test_a_head_looks_where_it_is_told(walk, child, walked):

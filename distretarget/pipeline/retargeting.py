@@ -20,13 +20,14 @@ from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import TargetFile
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
+from distretarget.objectives.asked_distances import find_distances
 from distretarget.objectives.asking import Wishes
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import solve_paper
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.pipeline.asked_motion import solve_as_asked, spliced, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import match_performer
+from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
@@ -89,7 +90,7 @@ def retarget(
     match = replace(match, matching=on_own_soles(match.matching, options.root_scale, match.undersides))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
-        return performer.result(*solve_paper(performer.clip, progress))
+        return _by_paper(performer, contacts, settings, progress)
     performer = performer.with_supports(options, settings)
     poses = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
     wishes = Wishes.of(contacts, performer.clip, settings.blend)
@@ -99,6 +100,20 @@ def retarget(
     asked, poses = solve_as_asked(performer, wishes, mapper)
     posed = spliced(without, asked.with_own_skin(asked.posed(poses)), wishes.reach)
     return replace(asked.result(poses, posed=posed), unmet=tuple(unmet(asked, wishes, posed)))
+
+
+def _by_paper(
+    performer: Performer, contacts: ContactList, settings: ContactSettings, progress: Progress
+) -> RetargetResult:
+    """The result of the paper's objective, with the distances that are asked for."""
+    wishes = Wishes.of(contacts, performer.clip, settings.blend)
+    poses, postures = solve_paper(performer.clip, progress)
+    if not wishes.wishes:
+        return performer.result(poses, postures)
+    asked, postures = solve_paper(performer.clip, asked=find_distances(contacts, wishes))
+    posed = spliced(performer.posed(poses), performer.posed(asked), wishes.reach)
+    result = performer.result(asked, postures, posed=posed)
+    return replace(result, unmet=tuple(unmet(performer, wishes, posed)))
 
 
 def retarget_onto(
