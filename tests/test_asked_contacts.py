@@ -22,7 +22,9 @@ from distretarget import (
     load_target,
     read_motion,
     retarget,
+    retarget_scene,
 )
+from distretarget.io.contacts_file import contacts_to_json
 from distretarget.skin.balls import segment_gaps
 
 FRAMES = (100, 150)
@@ -220,6 +222,41 @@ def test_a_head_like_the_source_has_the_rotations_of_the_copy(walk, child):
         for one in (made.motion, made.rotation_copy)
     )
     assert (a * b.inv()).magnitude().max() < 1e-9
+
+
+def test_a_batch_takes_the_file_beside_a_clip(tmp_path):
+    (tmp_path / "clips").mkdir()
+    for name in ("clap", "wave"):
+        (tmp_path / "clips" / f"{name}.bvh").write_bytes((SAMPLES / f"{name}.bvh").read_bytes())
+    drop = ContactList((Contact(between=("left hand", "right hand"), keep=False),))
+    (tmp_path / "clips" / "clap.contacts.json").write_text(contacts_to_json(drop))
+    given = "batch", tmp_path / "clips", SAMPLES / "child.json", "--jobs", "1", "-q", "-o"
+    done = run(*given, tmp_path / "with", "--contacts", "beside")
+    assert done.returncode == 0, done.stderr
+    run(*given, tmp_path / "without")
+    same = {
+        name: (tmp_path / "with" / name).read_bytes() == (tmp_path / "without" / name).read_bytes()
+        for name in ("clap.bvh", "wave.bvh")
+    }
+    assert same == {"clap.bvh": False, "wave.bvh": True}
+    (tmp_path / "clips" / "clap.contacts.json").write_text(contacts_to_json(ContactList()))
+    again = run(*given[:-2], "-o", tmp_path / "with", "--contacts", "beside")
+    assert "1 converted" in again.stdout or "skipped" in again.stdout
+    assert (tmp_path / "with" / "clap.bvh").read_bytes() == (tmp_path / "without" / "clap.bvh").read_bytes()
+
+
+def test_a_scene_takes_contacts_for_each_performer(walk, child):
+    apart_by = np.array([100.0, 0.0, 0.0])
+    others = [walk, replace(walk, root_positions=walk.root_positions + apart_by)]
+    entry = Distance(distance=("LeftWrist", "Head"), value=12.0, frames=FRAMES)
+    scene = retarget_scene(others, [child.skeleton] * 2, contacts=[ContactList((entry,)), ContactList()])
+    off = []
+    for one in scene.results:
+        wrist, head = (one.motion.skeleton.index(name) for name in ("LeftWrist", "Head"))
+        x = one.motion.positions[FRAMES[0] : FRAMES[1] + 1]
+        off.append(np.abs(np.linalg.norm(x[:, wrist] - x[:, head], axis=1) - 12.0).max())
+    assert off[0] / scene.results[0].matching.target.height < 0.003
+    assert off[1] > 20.0
 
 
 def test_the_program_lists_writes_and_takes_contacts(tmp_path):

@@ -29,6 +29,7 @@ from distretarget.batch.interrupts import interrupts_held
 from distretarget.batch.manifest import VERSION, ManifestRecord
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
+from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
 from distretarget.io.build_file import with_source
@@ -77,6 +78,7 @@ class Job:
     reading: Reading = DEFAULT_READING
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
+    contacts: ContactList = NO_CONTACTS
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""
@@ -120,7 +122,14 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     motion, lost = parse_motion(job.source, job.reading.clip, job.reading.fps)
     builds = job.builds if job.options.skin == "none" else with_source(job.builds, job.source)
     result = retarget_onto(
-        motion, job.target, source=path, map_file=job.map_file, options=job.options, builds=builds, mapper=mapper
+        motion,
+        job.target,
+        source=path,
+        map_file=job.map_file,
+        options=job.options,
+        builds=builds,
+        contacts=job.contacts,
+        mapper=mapper,
     )
     clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
     kind = OUTPUTS[PurePath(job.record["output"]).suffix]

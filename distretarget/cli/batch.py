@@ -12,13 +12,13 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from distretarget.batch.batch import Batch, load_targets
+from distretarget.batch.batch import Batch, checked_contacts, load_targets
 from distretarget.batch.manifest import Manifest, ManifestRecord, Tally
 from distretarget.batch.merge import clips_folder
 from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.workers import Processes, Reading, Workers
-from distretarget.cli.options import PATH, SkinFiles, of_reports, quiet, reading, retargeting, writing
+from distretarget.cli.options import PATH, SkinFiles, contacts_option, of_reports, quiet, reading, retargeting, writing
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
@@ -62,6 +62,10 @@ INTERRUPTED = 130  # exit status
 )
 @reading
 @retargeting
+@contacts_option(
+    "Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, such as "
+    "walk.contacts.json beside walk.bvh."
+)
 @click.option(
     "--format",
     "kind",
@@ -117,6 +121,7 @@ def batch_command(
     rest_path: Path | None,
     options: Options,
     skins: SkinFiles,
+    contacts_path: Path | None,
     jobs: int | None,
     dask: str | None,
     overwrite: bool,
@@ -165,8 +170,11 @@ def batch_command(
         clips = plan(found, texts, results, sources, kind, clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
+    asked = None if contacts_path is None else checked_contacts(contacts_path)
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
-    batch = Batch(clips, results, *ways, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds())
+    batch = Batch(
+        clips, results, *ways, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds(), asked
+    )
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:

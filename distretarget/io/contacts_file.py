@@ -35,16 +35,6 @@ def parse_contacts(text: str, path: str | Path) -> ContactList:
     return ContactList(tuple(_entry(node) for node in fields["contacts"].items()), Path(path))
 
 
-def contacts_beside(clip: str | Path) -> ContactList | None:
-    """Return the entries in the contact file beside a clip, `walk.contacts.json` for `walk.bvh`; None if there is none.
-
-    Raises:
-        as `load_contacts`.
-    """
-    path = Path(clip).with_suffix(SUFFIX)
-    return load_contacts(path) if path.exists() else None
-
-
 def contacts_to_json(contacts: ContactList) -> str:
     """Return the text of a contact file, with an entry a line."""
     lines = [f"    {json.dumps(_plain(entry), ensure_ascii=False)}" for entry in contacts]
