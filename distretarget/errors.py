@@ -106,6 +106,16 @@ class MapError(DistretargetError):
         self.key, self.fault = key, fault
 
 
+class ContactsError(DistretargetError):
+    """A statement about contacts that does not suit the clip; `place` is such as `contacts[3].frames`."""
+
+    def __init__(self, place: str, fault: str, path: str | Path | None = None) -> None:
+        super().__init__(fault, path, f": {place}" if place else "")
+        self.place, self.fault = place, fault
+        if path is None:
+            self.reason = f"{place}: {fault}"
+
+
 class MissingPackageError(DistretargetError):
     """A missing optional package that this call needs."""
 

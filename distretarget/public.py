@@ -8,8 +8,14 @@ from distretarget.body.anatomy import Anatomy as Anatomy
 from distretarget.body.body import Body as Body
 from distretarget.body.build import Build as Build
 from distretarget.body.build import Builds as Builds
+from distretarget.contact_entries import Contact as Contact
+from distretarget.contact_entries import ContactList as ContactList
+from distretarget.contact_entries import Distance as Distance
+from distretarget.contact_entries import Look as Look
+from distretarget.contact_entries import Plant as Plant
 from distretarget.errors import BatchError as BatchError
 from distretarget.errors import BvhError as BvhError
+from distretarget.errors import ContactsError as ContactsError
 from distretarget.errors import DistretargetError as DistretargetError
 from distretarget.errors import FileError as FileError
 from distretarget.errors import MapError as MapError
@@ -23,6 +29,8 @@ from distretarget.ik.spg import Effort as Effort
 from distretarget.io.build_file import load_build as load_build
 from distretarget.io.bvh import read_bvh as read_bvh
 from distretarget.io.bvh_writer import write_bvh as write_bvh
+from distretarget.io.contacts_file import contacts_to_json as contacts_to_json
+from distretarget.io.contacts_file import load_contacts as load_contacts
 from distretarget.io.interop import from_bvhio as from_bvhio
 from distretarget.io.interop import to_bvhio as to_bvhio
 from distretarget.io.interop import write_npz as write_npz
@@ -46,6 +54,7 @@ from distretarget.motion import MovingBones as MovingBones
 from distretarget.numerics.kinematics import forward_kinematics as forward_kinematics
 from distretarget.objectives.settings import ContactSettings as ContactSettings
 from distretarget.objectives.supports import Supports as Supports
+from distretarget.pipeline.found_contacts import find_contacts as find_contacts
 from distretarget.pipeline.options import Options as Options
 from distretarget.pipeline.result import RetargetResult as RetargetResult
 from distretarget.pipeline.retargeting import retarget as retarget

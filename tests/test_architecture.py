@@ -30,7 +30,7 @@ FLOORS = (
     "io",
     "matching character",
     "body",
-    "target",
+    "target contact_entries",
     "skin",
     "distances",
     "motion",

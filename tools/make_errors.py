@@ -28,6 +28,7 @@ HEADINGS = {  # the headings, and the beginnings of the paths of files whose mes
     "BVH files": "io/bvh.py io/bvh_writer.py",
     "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx io/build",
     "Skeleton files and maps": "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py",
+    "Contacts that are asked for": "contact_entries.py io/contacts objectives/ask",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
     "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",
     "Scenes": "scene/ report/scene measure/scene",

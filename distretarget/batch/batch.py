@@ -23,7 +23,10 @@ from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading,
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind, check_number, check_path
+from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import BatchError, DistretargetError, FileError
+from distretarget.io.contacts_file import SUFFIX as CONTACTS_SUFFIX
+from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import (
     check_inside,
     check_writable,
@@ -52,6 +55,7 @@ MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
 HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
 
+BESIDE = Path("beside")  # stands for the contact file beside each clip
 Show = Callable[[ManifestRecord | None], object]
 
 
@@ -74,6 +78,7 @@ class Batch:
     table: Path | None = None  # the table of all clips
     keep: Condition | None = None  # clips that fail it are left out
     time_limit: float | None = None  # of a clip [s]
+    contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def record_of(self, clip: Clip) -> ManifestRecord:
@@ -81,7 +86,18 @@ class Batch:
         usual = asdict(DEFAULT_READING) | asdict(DEFAULT_OUTPUT)
         given = asdict(self._reading(clip)) | asdict(self.writing)
         settings = {key: value for key, value in given.items() if value != usual[key]}
+        if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
+            settings["contacts"] = contacts_hash
         return new_record(clip, options_of(self.options, self.map_file, self.builds) | settings)
+
+    def _contacts_path(self, clip: Clip) -> Path | None:
+        """The path of a clip's contact file, which may be missing if it is that beside the clip; None for none."""
+        return clip.path.with_suffix(CONTACTS_SUFFIX) if self.contacts == BESIDE else self.contacts
+
+    def _contacts(self, clip: Clip) -> ContactList:
+        """What is said of the contacts of a clip."""
+        path = self._contacts_path(clip)
+        return load_contacts(path) if path and (self.contacts != BESIDE or path.exists()) else NO_CONTACTS
 
     def _reading(self, clip: Clip) -> Reading:
         """How a clip is read."""
@@ -181,12 +197,12 @@ class Batch:
                 if known := self.known(clip, record, self.manifest):
                     show(self._again(known))
                     continue
-                source = with_files_beside(InputFile(content, clip.path))
+                source, contacts = with_files_beside(InputFile(content, clip.path)), self._contacts(clip)
             except DistretargetError as error:
                 self._finish(Result(record | {"error": str(error)}), show)
                 continue
             about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
-            yield self._job(source, clip, record, about, split)
+            yield self._job(source, clip, record, about, contacts, split)
 
     def known(self, clip: Clip, record: ManifestRecord, manifest: Manifest) -> ManifestRecord | None:
         """The line of a clip that needs no work: it is done, or was left out and would be again; None for others."""
@@ -234,15 +250,21 @@ class Batch:
             if record and not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
                 with suppress(DistretargetError):
                     source, about = load_file(clip.path), self.about(clip.path, clip.place)
-                    yield self._job(source, clip, record, about)
+                    yield self._job(source, clip, record, about, self._contacts(clip))
 
     def _job(
-        self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
+        self,
+        source: InputFile,
+        clip: Clip,
+        record: ManifestRecord,
+        about: About | None,
+        contacts: ContactList,
+        split: bool = False,
     ) -> Job:
         target = self._prepared[str(clip.target.path)]
         ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing, self.builds
         others = tuple(place.as_posix() for place in clip.others)
-        return Job(source, target, *ways, others=others, time_limit=self.time_limit)
+        return Job(source, target, *ways, others=others, time_limit=self.time_limit, contacts=contacts)
 
     def _finish(self, result: Result, show: Show) -> None:
         """Write the output of a clip, its line of the manifest, and its report."""
@@ -363,6 +385,7 @@ def convert_folder(
     writing: OutputSettings = DEFAULT_OUTPUT,
     options: Options = DEFAULT_OPTIONS,
     builds: Builds = OWN_BUILDS,
+    contacts: str | Path | None = None,
     jobs: int | None = None,
     overwrite: bool = False,
     fail_fast: bool = False,
@@ -392,6 +415,8 @@ def convert_folder(
         writing: how motions are put into the files of characters.
         options: how to retarget.
         builds: how thick the bodies are, if other files say it than their own.
+        contacts: a contact file for all clips; or "beside", for the file beside each clip that has one, such as
+            `walk.contacts.json`.
         jobs: the number of processes; one for each core if not given.
         overwrite: whether to retarget everything again, and to replace files that no batch made.
         fail_fast: whether to stop at the first clip that fails.
@@ -436,13 +461,21 @@ def convert_folder(
 
     ways = options, pairs, about, index, reports, overwrite, fail_fast
     condition = Condition(keep) if keep else None
-    how = Reading(clip, fps), writing, builds, of_all, condition, time_limit
+    asked = None if contacts is None else checked_contacts(Path(contacts))
+    how = Reading(clip, fps), writing, builds, of_all, condition, time_limit, asked
     batch = Batch(clips, Path(folder), *ways, *how)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:
         batch.convert(workers, tally)
     return tally
+
+
+def checked_contacts(path: Path) -> Path:
+    """Return the path of a contact file that can be read, or `BESIDE`; errors as in `load_contacts`."""
+    if path != BESIDE:
+        load_contacts(path)
+    return path
 
 
 def load_targets(paths: Sequence[Path]) -> list[TargetFile]:

@@ -30,6 +30,7 @@ from distretarget.batch.manifest import VERSION, ManifestRecord
 from distretarget.batch.time_limit import OverTime, time_limit
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
+from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
 from distretarget.io.build_file import with_source
@@ -83,6 +84,7 @@ class Job:
     builds: Builds = OWN_BUILDS
     others: tuple[str, ...] = ()  # the other outputs, as paths in the folder of results
     time_limit: float | None = None  # [s]
+    contacts: ContactList = NO_CONTACTS
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""
@@ -131,7 +133,14 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     motion, lost = parse_motion(job.source, job.reading.clip, job.reading.fps)
     builds = job.builds if job.options.skin == "none" else with_source(job.builds, job.source)
     result = retarget_onto(
-        motion, job.target, source=path, map_file=job.map_file, options=job.options, builds=builds, mapper=mapper
+        motion,
+        job.target,
+        source=path,
+        map_file=job.map_file,
+        options=job.options,
+        builds=builds,
+        contacts=job.contacts,
+        mapper=mapper,
     )
     clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
     names = (job.record["output"], *job.others)

@@ -26,6 +26,7 @@ from distretarget.io.files import reason_of
 COMMANDS = {  # by name: where the command is, and its short help
     "audit": ("distretarget.cli.audit:audit_command", "Say what is wrong with the clips in a folder."),
     "batch": ("distretarget.cli.batch:batch_command", "Retarget many clips to one or several targets."),
+    "contacts": ("distretarget.cli.contacts:contacts_command", "List the contacts that are found in CLIP."),
     "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
     "retarget": (
         "distretarget.cli.retarget:retarget_command",
@@ -90,6 +91,7 @@ def cli() -> None:
     distretarget batch FOLDER TARGET -o FOLDER        a folder of clips
     distretarget audit FOLDER                         what is wrong with the clips as they are
     distretarget scene A.bvh B.bvh -t TARGET -o DUET  performers who share a world
+    distretarget contacts CLIP -o FILE                what touches in a clip, to edit
     distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
     distretarget skeleton match SOURCE TARGET         which joint drives which
     distretarget skeleton show FILE                   the joints of a file and their bone lengths

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from distretarget.batch.batch import Batch, load_targets
+from distretarget.batch.batch import Batch, checked_contacts, load_targets
 from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest, ManifestRecord, Tally
 from distretarget.batch.merge import clips_folder
@@ -20,7 +20,17 @@ from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import Processes, Reading, Workers
-from distretarget.cli.options import PATH, SkinFiles, of_formats, of_reports, quiet, reading, retargeting, writing
+from distretarget.cli.options import (
+    PATH,
+    SkinFiles,
+    contacts_option,
+    of_formats,
+    of_reports,
+    quiet,
+    reading,
+    retargeting,
+    writing,
+)
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, SettingsError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
@@ -72,6 +82,10 @@ def of_condition(text: str) -> Condition:
 )
 @reading
 @retargeting
+@contacts_option(
+    "Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, such as "
+    "walk.contacts.json beside walk.bvh."
+)
 @click.option(
     "--format",
     "kinds",
@@ -150,6 +164,7 @@ def batch_command(
     rest_path: Path | None,
     options: Options,
     skins: SkinFiles,
+    contacts_path: Path | None,
     jobs: int | None,
     dask: str | None,
     overwrite: bool,
@@ -205,9 +220,10 @@ def batch_command(
         clips = plan(found, texts, results, sources, kinds or (), clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
+    asked = None if contacts_path is None else checked_contacts(contacts_path)
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
     how = Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()
-    batch = Batch(clips, results, *ways, *how, table, keep, time_limit)
+    batch = Batch(clips, results, *ways, *how, table, keep, time_limit, asked)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:

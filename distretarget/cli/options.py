@@ -117,6 +117,11 @@ def map_option(text: str, kind: click.Path = PATH) -> Decorator:
     return click.option("--map", "map_path", type=kind, metavar="FILE", help=text)
 
 
+def contacts_option(text: str) -> Decorator:
+    """The option --contacts with this help."""
+    return click.option("--contacts", "contacts_path", type=PATH, metavar="FILE", help=text)
+
+
 def rest_option(kind: click.Path = PATH) -> Decorator:
     """The option --rest."""
     text = (

@@ -19,6 +19,7 @@ from distretarget.cli.options import (
     STRIP_NAMESPACE_OPTION,
     FileOrStandard,
     SkinFiles,
+    contacts_option,
     quiet,
     reading,
     retargeting,
@@ -34,11 +35,13 @@ from distretarget.cli.outputs import (
     say,
     write_outputs,
 )
+from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import FileError, quoted
 from distretarget.io.build_file import with_source
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
@@ -68,6 +71,10 @@ from distretarget.report.run_summary import figures_json, figures_line, summary_
 @OVERWRITE_OPTION
 @reading
 @retargeting
+@contacts_option(
+    "Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget contacts' lists "
+    "what is found, and writes such a file to edit."
+)
 @writing
 @STRIP_NAMESPACE_OPTION
 @click.option("--json", "figures", type=FileOrStandard(), help="Write the figures of each frame to this file.")
@@ -90,6 +97,7 @@ def retarget_command(
     settings: OutputSettings,
     map_path: Path | None,
     rest_path: Path | None,
+    contacts_path: Path | None,
     options: Options,
     skins: SkinFiles,
     figures: Path | None,
@@ -111,12 +119,14 @@ def retarget_command(
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.figures.json
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --report walk_hero.html
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
+    distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
-    inputs = [source, target, map_path, rest_path, skins.source, skins.target]
+    inputs = [source, target, map_path, rest_path, contacts_path, skins.source, skins.target]
     check_outputs([output, figures, report], inputs, overwrite)
     started = time.perf_counter()
     source_file, target_file, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
+    contacts = load_contacts(contacts_path) if contacts_path else NO_CONTACTS
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, clip, fps)
@@ -133,6 +143,7 @@ def retarget_command(
             map_file=map_file,
             options=options,
             builds=builds,
+            contacts=contacts,
             progress=bar.update,
         )
     motion = result.motion

@@ -89,6 +89,14 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     help="A character as thick as the performer of a source, once for all, or once for each in order. Default: what "
     "the mesh in the source shows, else an average adult.",
 )
+@click.option(
+    "--contacts",
+    multiple=True,
+    type=PATH,
+    metavar="FILE",
+    help="Contacts to drop, make or change, as in retarget: once for all performers, or once for each in order. Frames "
+    "count from the start of the scene.",
+)
 @quiet
 def scene_command(
     sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any
@@ -151,8 +159,9 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
     """The scene that the command line describes."""
     starts = options.pop("starts") or (0.0,)
     skins, source_skins = options.pop("skins") or ("auto",), options.pop("source_skins") or (None,)
-    given_lists = (targets, "targets"), (starts, "starts"), (skins, "skins"), (source_skins, "source skins")
-    for given, what in given_lists:
+    contacts = options.pop("contacts") or (None,)
+    lists = (targets, "targets"), (starts, "starts"), (skins, "skins"), (source_skins, "source skins")
+    for given, what in (*lists, (contacts, "contact files")):
         if len(given) not in (1, len(sources)):
             raise click.UsageError(
                 f"{len(given)} {what} for {len(sources)} performers; give one for all, or one for each, in their order."
@@ -161,9 +170,11 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
         raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
     thick = [next((mode for mode in get_args(SkinMode) if mode == skin), Path(skin)) for skin in skins]
     performers = tuple(
-        PerformerFiles(name=file.stem, file=file, target=target, start=start, skin=skin, source_skin=source_skin)
-        for file, target, start, skin, source_skin in zip(
-            sources, cycle(targets), cycle(starts), cycle(thick), cycle(source_skins)
+        PerformerFiles(
+            name=file.stem, file=file, target=target, start=start, skin=skin, source_skin=source_skin, contacts=asked
+        )
+        for file, target, start, skin, source_skin, asked in zip(
+            sources, cycle(targets), cycle(starts), cycle(thick), cycle(source_skins), cycle(contacts)
         )
     )
     return SceneSetup(performers=performers, **options)

@@ -65,15 +65,17 @@ class SelfContact:
         farthest = self.reach + FADE
         return np.where(raised.any(axis=0), farthest, np.minimum(farthest, AS_FAR * hanging))
 
-    def activation(self, D: Array, hanging: Array, raised: Array, shots: Shots) -> Array:
+    def activation(self, D: Array, hanging: Array, raised: Array, shots: Shots, kept: Array | None = None) -> Array:
         """f: (frames, pairs), as `activation` for two bodies.
 
         `hanging`, (pairs,), is the D of the pairs in the same body with hanging arms, infinite where that is not known;
-        `raised`, (frames, pairs), how far the arm of either joint is raised or bent, 0 to 1.
+        `raised`, (frames, pairs), how far the arm of either joint is raised or bent, 0 to 1; `kept`, (frames, pairs), 0
+        where a contact is dropped, else 1; None to drop none.
         """
-        return by_shot(partial(self._activation, hanging), shots, D, raised)
+        given = (D, raised) if kept is None else (D, raised, kept)
+        return by_shot(partial(self._activation, hanging), shots, *given)
 
-    def _activation(self, hanging: Array, D: Array, raised: Array) -> Array:
+    def _activation(self, hanging: Array, D: Array, raised: Array, kept: Array | None = None) -> Array:
         reach, farthest = self.reach, self.reach + FADE
         f = _sets_in(D, np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging))
         hangs = np.flatnonzero((AS_FAR * hanging < farthest) & raised.any(axis=0))
@@ -82,7 +84,7 @@ class SelfContact:
             varies = largest(D, self.held) + largest(-D, self.held)
             held = smoothstep((UNSTEADY - varies) / (UNSTEADY - STEADY)) * raised
             f[:, hangs] = np.maximum(f[:, hangs], held * _sets_in(D, reach, farthest))
-        return widened(f, self.lead)
+        return widened(f if kept is None else f * kept, self.lead)
 
 
 def _sets_in(D: Array, near: Array | float, apart: Array | float) -> Array:

@@ -151,6 +151,7 @@ class Contacts:
             block=block,
             frame_time=self.clip.frame_time,
             settings=self.settings,
+            asked=self.clip.asked,
         )
 
 
@@ -169,7 +170,8 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
         block = slice(frames.start + solved.start, frames.start + solved.stop)
         held = supports[block]
         near = contacts.near(block, held.standing)
-        springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs)
+        held_springs = support_springs(held, body, bones[block], unit, firmness)
+        springs = joined(held_springs, held.scene_springs, held.asked_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
         given = Given(near, springs, held.floor, room)
         _solve(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)

@@ -75,6 +75,7 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
         places=np.stack([*places[0], *places[1]], axis=1),
         floor=no_floor(len(clip)),
         scene_springs=no_springs(len(clip)),
+        asked_springs=no_springs(len(clip)),
     )
 
 

@@ -25,6 +25,7 @@ from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
+from distretarget.objectives.asked_distances import AskedDistances, no_distances, put_distances
 from distretarget.objectives.clip import Clip
 
 Array = NDArray[np.float64]
@@ -48,13 +49,16 @@ class Postures:
     effort: Effort  # iterations, evaluations and reason to stop
 
 
-def solve_paper(clip: Clip, progress: Progress = ignore_progress) -> tuple[Poses, Postures]:
+def solve_paper(
+    clip: Clip, progress: Progress = ignore_progress, asked: AskedDistances | None = None
+) -> tuple[Poses, Postures]:
     """Minimise Eq. (2) in every frame of a clip: over free points, and then over the rotations of rigid bones.
 
-    `progress` is called with the number of frames solved since the last call.
+    `progress` is called with the number of frames solved since the last call; `asked` are distances in place of the
+    source's.
     """
-    postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions)
-    return solve_poses(clip, _fitted_poses(clip, postures), progress), postures
+    postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions, asked=asked)
+    return solve_poses(clip, _fitted_poses(clip, postures), progress, asked), postures
 
 
 def _fitted_poses(clip: Clip, postures: Postures) -> Array:
@@ -83,25 +87,31 @@ _minimise = spectral_gradient(_objective, steepest, adaptive=True)
 
 
 @compiled()
-def _solve_points(source, starts, ratio, problem, solved, first, log, gradient, scratch):  # type: ignore[no-untyped-def]
+def _solve_points(source, starts, ratio, problem, asked, solved, first, log, gradient, scratch):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
     for t in range(len(source)):
         copy_to(solved[t], starts[t])
         target_distances(source[t], ratio, problem.delta)
+        put_distances(asked, t, problem.delta, problem.pi)
         sigma = _objective(solved[t], problem, gradient)
         minimum = _minimise(solved[t], sigma, gradient, problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
         record(minimum, log, first + t)
 
 
 def solve_postures(
-    problem: DistanceProblem, source: Array, copy: Array, progress: Progress = ignore_progress
+    problem: DistanceProblem,
+    source: Array,
+    copy: Array,
+    progress: Progress = ignore_progress,
+    asked: AskedDistances | None = None,
 ) -> Postures:
     """Minimise Eq. (2) in every frame.
 
     `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and of
     its rotation copy on the target [file units]. `progress` is called with the number of frames solved since the last
-    call.
+    call; `asked` are distances in place of the source's.
     """
+    asked = asked or no_distances(len(copy))
     points = copy[:, problem.targets]
     centroids = points.mean(axis=1, keepdims=True)
     C = columns((points - centroids) / problem.body_size)
@@ -113,7 +123,9 @@ def solve_postures(
     stress, gradient, scratch = _Stress(np.empty_like(ratio), priorities), np.zeros(shape), scratch_for(shape)
     for block in blocks_of(len(C)):
         x, solved = filled(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
-        _solve_points(filled(S[block]), x, ratio, stress, solved, block.start, log, gradient, scratch)
+        _solve_points(
+            filled(S[block]), x, ratio, stress, asked.of_frames(block), solved, block.start, log, gradient, scratch
+        )
         X[block] = solved[:, :, : len(problem)]
         progress(block.stop - block.start)
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
@@ -159,14 +171,20 @@ class Given(NamedTuple):
     guess: Array  # (frames, parts + 1, 3), the start pose of each frame
     ratio: Array  # (points, points), tau2 / tau1 [body sizes / source file unit]
     terms: Terms  # those of one frame, scratch
+    asked: AskedDistances  # distances in place of the source's
+    springs: NDArray[np.intp]  # (asked,), the spring of each of them
 
 
-def solve_poses(clip: Clip, guess: Array, progress: Progress = ignore_progress) -> Poses:
+def solve_poses(
+    clip: Clip, guess: Array, progress: Progress = ignore_progress, asked: AskedDistances | None = None
+) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame of a clip.
 
     `guess`, (frames, parts + 1, 3), is the start pose of a frame unless the previous frames give a better one.
-    `progress` is called with the number of frames solved since the last call.
+    `progress` is called with the number of frames solved since the last call; `asked` are distances in place of the
+    source's.
     """
+    asked = asked or no_distances(len(clip))
     distances, unit = clip.distances, clip.distances.body_size
     parts = int(clip.parts.max()) + 1
     stiffness = np.append(np.full(parts, PART_STIFFNESS), ROOT_STIFFNESS)
@@ -175,8 +193,10 @@ def solve_poses(clip: Clip, guess: Array, progress: Progress = ignore_progress) 
     S = np.ascontiguousarray(clip.source.positions[:, distances.sources].transpose(0, 2, 1))
     v, log = np.zeros((len(clip), parts + 1, 3)), np.zeros((4, len(clip)))
     terms, work = _terms(distances), Workspace.of(body)
+    springs = _springs_of(asked, terms)
     for block in blocks_of(len(clip)):
-        copy, given = CopiedBones(bones[block], root[block]), Given(S[block], guess[block], distances.ratio, terms)
+        copy = CopiedBones(bones[block], root[block])
+        given = Given(S[block], guess[block], distances.ratio, terms, asked.of_frames(block), springs)
         _solve_poses(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)
         progress(block.stop - block.start)
     v[:, -1] *= unit
@@ -188,10 +208,17 @@ def _terms(distances: DistanceProblem) -> Terms:
     u, v = np.triu_indices(points, 1)
     on = distances.priorities[u, v] > 0
     u, v = u[on], v[on]
-    joints, pi = distances.targets, distances.priorities
+    joints, pi = distances.targets, np.array(distances.priorities)
     springs = Springs(joints[u], joints[v], np.zeros((len(u), 3)), np.zeros((len(u), 3, 3)))
     columns = np.zeros((2, 3, points))
     return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
+
+
+def _springs_of(asked: AskedDistances, terms: Terms) -> NDArray[np.intp]:
+    """(asked,), the spring of each asked pair; -1 for none."""
+    a, b = np.sort(terms.points[np.stack([asked.u, asked.v])], axis=0)
+    on = (terms.springs.a == a[:, None]) & (terms.springs.b == b[:, None])
+    return np.where(on.any(axis=1), on.argmax(axis=1), -1) if on.size else np.full(len(a), -1)
 
 
 @inlined(fastmath=True)
@@ -225,6 +252,10 @@ def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
 def _terms_of(given: Given, frame: int, start: Array) -> Terms:
     copy_to(start, given.guess[frame])
     target_distances(given.source[frame], given.ratio, given.terms.delta)
+    put_distances(given.asked, frame, given.terms.delta, given.terms.pi)
+    for n in range(len(given.springs)):
+        if given.springs[n] >= 0:
+            given.terms.priorities[given.springs[n]] = given.terms.pi[given.asked.u[n], given.asked.v[n]]
     return given.terms
 
 

@@ -20,6 +20,7 @@ from distretarget.skin.limbs import Limb, shares_of
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
 
@@ -64,6 +65,13 @@ class BodySkin:
             of_joint=np.array(of_joint, np.intp),
             unit=body.unit,
         )
+
+    def between(self, one: Numbers | Flags, other: Numbers | Flags) -> Numbers:
+        """Return the pairs of segments of two parts of the body, given by their joints."""
+        a, b = (np.setdiff1d(self.of_joint[joints], [-1]) for joints in (one, other))
+        first, second = self.balls.pairs.T
+        on = (np.isin(first, a) & np.isin(second, b)) | (np.isin(first, b) & np.isin(second, a))
+        return np.flatnonzero(on)
 
     def posed(self, motion: Motion) -> Array:
         """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""

@@ -43,6 +43,7 @@ class Supports:
         places: (frames, supports, 3), where the target's joint rests [target file units].
         floor: the heights that other joints stay above [body units].
         scene_springs: springs to other performers and to props [body units].
+        asked_springs: springs of contacts and distances that the user asks for [body units].
     """
 
     joints: NDArray[np.intp]
@@ -52,6 +53,7 @@ class Supports:
     places: Array
     floor: Floor
     scene_springs: Springs
+    asked_springs: Springs
 
     @property
     def standing(self) -> Array:
@@ -67,7 +69,12 @@ class Supports:
     def __getitem__(self, frames: slice) -> Supports:
         floor, springs = self.floor.of_frames(frames), self.scene_springs.of_frames(frames)
         return replace(
-            self, weights=self.weights[frames], places=self.places[frames], floor=floor, scene_springs=springs
+            self,
+            weights=self.weights[frames],
+            places=self.places[frames],
+            floor=floor,
+            scene_springs=springs,
+            asked_springs=self.asked_springs.of_frames(frames),
         )
 
 
@@ -76,7 +83,14 @@ def no_supports(frames: int) -> Supports:
     none, weights, places = np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3))
     floor, springs = no_floor(frames), no_springs(frames)
     return Supports(
-        joints=none, regions=none, feet=0, weights=weights, places=places, floor=floor, scene_springs=springs
+        joints=none,
+        regions=none,
+        feet=0,
+        weights=weights,
+        places=places,
+        floor=floor,
+        scene_springs=springs,
+        asked_springs=springs,
     )
 
 

@@ -50,6 +50,7 @@ class RetargetResult:
         postures: the paper's solved points; None for the contact objective.
         distances: the points that source and target share, with their path lengths.
         skins: the surfaces of source and target; None for stick figures.
+        unmet: what was asked of contacts and distances and could be met in part only, a line each.
         mesh: of the target, by which the figures of skin are measured; None to measure them by its surface.
     """
 
@@ -65,6 +66,7 @@ class RetargetResult:
     distances: DistanceProblem
     skins: Skins | None = None
     mesh: SkinnedMesh | None = None
+    unmet: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -152,7 +154,7 @@ class RetargetResult:
         """Warnings, one line each: figures over their limits, figures worse than the rotation copy's, and resting
         joints that do not reach their places.
         """
-        return (*what_needs_a_look(self.figures, self.tracks), *self._missed_places())
+        return (*what_needs_a_look(self.figures, self.tracks), *self._missed_places(), *self.unmet)
 
     def _missed_places(self) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys

@@ -12,18 +12,22 @@ from distretarget.baseline.rotation_copy import RootScale, find_root_scale
 from distretarget.baseline.standing import on_own_soles
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind
-from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
+from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.errors import SAY_IN_A_MAP, ContactsError, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.io.files import STANDARD_INPUT
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import TargetFile
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
+from distretarget.objectives.asked_distances import find_distances
+from distretarget.objectives.asking import Wishes
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import solve_paper
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.pipeline.asked_motion import solve_as_asked, spliced, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import match_performer
+from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
@@ -38,6 +42,7 @@ def retarget(
     rest: Motion | None = None,
     builds: Builds = OWN_BUILDS,
     settings: ContactSettings = DEFAULT_SETTINGS,
+    contacts: ContactList = NO_CONTACTS,
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
 ) -> RetargetResult:
@@ -56,6 +61,8 @@ def retarget(
         builds: how thick the bodies are, if another file says it than their own, or than a motion from a character's
             file, which is taken for an average adult otherwise (`load_build`).
         settings: of the contact objective; the paper's objective has none.
+        contacts: which contacts to keep, drop, make or change, what to plant, and which distances and directions to
+            keep (`load_contacts`, `find_contacts`); what it does not mention stays as found.
         mapper: solves the chunks of a long clip: `map`, the `map` of an executor, or by default one thread per core.
             The result is the same. The paper's objective has no chunks.
         progress: called with the number of frames solved since the last call.
@@ -66,6 +73,7 @@ def retarget(
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent; or
             the root is to follow the source's root, and the source has none on the floor; or `rest` has other joints
             than the source, or nobody stands in it.
+        ContactsError: an entry of `contacts` does not suit the clip.
         SettingsError: an argument has the wrong type.
     """
     check_kind("source", source, Motion)
@@ -75,17 +83,37 @@ def retarget(
     check_kind("rest", rest, Motion, NoneType)
     check_kind("builds", builds, Builds)
     check_kind("settings", settings, ContactSettings)
+    check_kind("contacts", contacts, ContactList)
     check_callable("mapper", mapper)
     check_callable("progress", progress)
     match = match_performer(source, target, options, joint_map, rest, builds)
     match = replace(match, matching=on_own_soles(match.matching, options.root_scale, match.undersides))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
-        return performer.result(*solve_paper(performer.clip, progress))
+        return _by_paper(performer, contacts, settings, progress)
     performer = performer.with_supports(options, settings)
-    return performer.result(
-        solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
-    )
+    poses = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
+    wishes = Wishes.of(contacts, performer.clip, settings.blend)
+    if not wishes.wishes:
+        return performer.result(poses)
+    without = performer.with_own_skin(performer.posed(poses))
+    asked, poses = solve_as_asked(performer, wishes, mapper)
+    posed = spliced(without, asked.with_own_skin(asked.posed(poses)), wishes.reach)
+    return replace(asked.result(poses, posed=posed), unmet=tuple(unmet(asked, wishes, posed)))
+
+
+def _by_paper(
+    performer: Performer, contacts: ContactList, settings: ContactSettings, progress: Progress
+) -> RetargetResult:
+    """The result of the paper's objective, with the distances that are asked for."""
+    wishes = Wishes.of(contacts, performer.clip, settings.blend)
+    poses, postures = solve_paper(performer.clip, progress)
+    if not wishes.wishes:
+        return performer.result(poses, postures)
+    asked, postures = solve_paper(performer.clip, asked=find_distances(contacts, wishes))
+    posed = spliced(performer.posed(poses), performer.posed(asked), wishes.reach)
+    result = performer.result(asked, postures, posed=posed)
+    return replace(result, unmet=tuple(unmet(performer, wishes, posed)))
 
 
 def retarget_onto(
@@ -96,6 +124,7 @@ def retarget_onto(
     map_file: MapFile,
     options: Options,
     builds: Builds = OWN_BUILDS,
+    contacts: ContactList = NO_CONTACTS,
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
 ) -> RetargetResult:
@@ -111,8 +140,18 @@ def retarget_onto(
     rest = map_file.rest.on(motion.rigid_skeleton) if map_file.rest else None
     try:
         return retarget(
-            motion, whole_target, options, joint_map=pairs, rest=rest, builds=builds, mapper=mapper, progress=progress
+            motion,
+            whole_target,
+            options,
+            joint_map=pairs,
+            rest=rest,
+            builds=builds,
+            contacts=contacts,
+            mapper=mapper,
+            progress=progress,
         )
+    except ContactsError as error:
+        raise error.in_file(error.path or source) from None
     except MatchingError as error:
         raise needs_map(error, source, target.path) from error
     except DistretargetError as error:

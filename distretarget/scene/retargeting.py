@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import NoneType
 
 import numpy as np
@@ -11,14 +11,17 @@ import numpy as np
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, followed_scale, longest_strides
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind, check_number
+from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import MotionError, SettingsError
 from distretarget.ik.poses import Mapper
 from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
 from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
+from distretarget.objectives.asking import Wishes
 from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.pipeline.asked_motion import as_asked, unmet
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -73,6 +76,7 @@ def retarget_scene(
     environment: Environment = "body",
     skin: SkinMode | Sequence[SkinMode] = "auto",
     builds: Sequence[Builds] | None = None,
+    contacts: Sequence[ContactList] | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = in_threads,
     progress: Callable[[int], object] = lambda _sweep: None,
@@ -97,6 +101,7 @@ def retarget_scene(
         skin: as in `Options`, for all performers or for each. Where others have a thickness, one without counts as an
             average adult to them, unless its skin is "none".
         builds: for each performer as in `retarget`.
+        contacts: for each performer as in `retarget`.
         settings: as in `retarget`.
         mapper: as in `retarget`.
         progress: called with the number of each sweep as it begins, from 1.
@@ -120,9 +125,13 @@ def retarget_scene(
     _check_each("skin", modes, str)
     thick = [OWN_BUILDS] * len(sources) if builds is None else builds
     _check_each("builds", thick, Builds)
-    counts = [*map(len, (sources, targets, maps, stances, modes, thick))]
+    asked = [NO_CONTACTS] * len(sources) if contacts is None else contacts
+    _check_each("contacts", asked, ContactList)
+    counts = [*map(len, (sources, targets, maps, stances, modes, thick, asked))]
     if not sources or len({*counts}) > 1:
-        numbers = "{} sources, {} targets, {} maps, {} rest poses, {} skins and {} builds".format(*counts)
+        numbers = "{} sources, {} targets, {} maps, {} rest poses, {} skins, {} builds and {} contact lists".format(
+            *counts
+        )
         raise SettingsError(f"{numbers}; expected one for each source")
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
@@ -150,24 +159,29 @@ def retarget_scene(
         performer.performer(RootScale(level, height), options).with_supports(options, settings)
         for performer, height in zip(performers, heights, strict=True)
     ]
-    contacts = find_contacts(prepared, placed)
-    poses, sweeps, gap_error = solve_in_sweeps(contacts, mapper, progress)
-    moved = with_skins(contacts, poses, skins_in_company(performers, modes))
-    bent = zip(contacts.performers, poses, moved, strict=True)
-    results = tuple(one.result(pose, posed=posed) for one, pose, posed in bent)
+    wishes = [Wishes.of(*each, settings.blend) for each in zip(asked, (one.clip for one in prepared), strict=True)]
+    prepared = [as_asked(one, each) if each.wishes else one for one, each in zip(prepared, wishes, strict=True)]
+    touching = find_contacts(prepared, placed)
+    poses, sweeps, gap_error = solve_in_sweeps(touching, mapper, progress)
+    moved = with_skins(touching, poses, skins_in_company(performers, modes))
+    bent = zip(touching.performers, poses, moved, strict=True)
+    results = tuple(
+        replace(one.result(pose, posed=posed), unmet=tuple(unmet(one, one.wishes, posed)) if one.wishes else ())
+        for one, pose, posed in bent
+    )
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
     return SceneResult(
         results=results,
         props=tuple(
             PropResult(prop.name, place.moved(each.motion), each.motion, place.scale, copied.moved(each.motion))
             for prop, each, place, copied in zip(
-                props, placed, contacts.placements(motions), contacts.placements(copies), strict=True
+                props, placed, touching.placements(motions), touching.placements(copies), strict=True
             )
         ),
         world_scale=level,
         longest_strides=tuple(longest),
-        gaps=_gaps(contacts, results, motions),
-        copy_gaps=_gaps(contacts, results, copies),
+        gaps=_gaps(touching, results, motions),
+        copy_gaps=_gaps(touching, results, copies),
         sweeps=sweeps,
         gap_error=gap_error,
     )

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from distretarget.body.build import OWN_BUILDS, Builds
+from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import DistretargetError, MotionError, closest, counted
 from distretarget.io.build_file import load_build, with_source
+from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text, safe_file_name
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node, parse_json
@@ -50,13 +52,20 @@ class PerformerFiles(SceneClip):
     """A performer of a scene, with the paths of its target and of its map file, if any.
 
     `skin` is as in `retarget_scene`, or the path of a character that is as thick as the target; None for what the scene
-    says. `source_skin` is that of one as thick as the source, if not what the source's own mesh shows.
+    says. `source_skin` is that of one as thick as the source, if not what the source's own mesh shows. `contacts` is
+    the path of a contact file.
     """
 
     target: Path
     map_path: Path | None = None
     skin: SkinMode | Path | None = None
     source_skin: Path | None = None
+    contacts: Path | None = None
+
+    @property
+    def other_files(self) -> list[Path | None]:
+        """The paths of all files but the motion's; None for those that are not given."""
+        return [self.target, self.map_path, self.contacts, *self.skin_files]
 
     @property
     def skin_files(self) -> list[Path]:
@@ -117,7 +126,7 @@ class SceneSetup:
     @property
     def inputs(self) -> list[Path]:
         """The paths of all files of the scene."""
-        others = [path for each in self.performers for path in (each.target, each.map_path, *each.skin_files) if path]
+        others = [path for each in self.performers for path in each.other_files if path]
         return [*(clip.file for clip in self.clips), *others]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
@@ -139,6 +148,7 @@ class SceneSetup:
         """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
         sources, props = self.read()
         targets, maps, rests = [], [], []
+        contacts = [load_contacts(each.contacts) if each.contacts else NO_CONTACTS for each in self.performers]
         skins = [self._skin_of(performer) for performer in self.performers]
         builds = [performer.builds(skin) for performer, skin in zip(self.performers, skins, strict=True)]
         for performer, source in zip(self.performers, sources, strict=True):
@@ -159,6 +169,7 @@ class SceneSetup:
                 environment=self.environment,
                 skin=skins,
                 builds=builds,
+                contacts=contacts,
             )
         except DistretargetError as error:
             raise error.in_file(error.path or self.performers[0].file) from None
@@ -261,7 +272,7 @@ def load_scene(path: str | Path) -> SceneSetup:
 
 
 def _performer(node: Node, folder: Path) -> PerformerFiles:
-    fields = node.fields(("source", "target"), ("name", "map", "start", "skin", "source_skin"))
+    fields = node.fields(("source", "target"), ("name", "map", "start", "skin", "source_skin", "contacts"))
     file = folder / fields["source"].text()
     skin = fields.read("skin", lambda node: _skin(node, folder), None)
     if skin == "none" and "source_skin" in fields:
@@ -274,6 +285,7 @@ def _performer(node: Node, folder: Path) -> PerformerFiles:
         map_path=fields.read("map", lambda node: folder / node.text(), None),
         skin=skin,
         source_skin=fields.read("source_skin", lambda node: folder / node.text(), None),
+        contacts=fields.read("contacts", lambda node: folder / node.text(), None),
     )
 
 

@@ -1,0 +1,63 @@
+"""`distretarget contacts`: list the contacts of a clip, to see and to edit them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from distretarget.batch.compile_ahead import warm
+from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading
+from distretarget.cli.outputs import check_outputs, read_input, say, write_outputs
+from distretarget.errors import DistretargetError
+from distretarget.io.contacts_file import contacts_to_json
+from distretarget.io.map_json import joint_map, load_map
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.target_file import TargetFile
+from distretarget.pipeline.found_contacts import contact_lines, find_contacts
+
+
+@click.command("contacts")
+@click.argument("source", metavar="CLIP", type=FileOrStandard())
+@click.argument("target", required=False, type=PATH)
+@click.option("-o", "--output", type=FileOrStandard(), help="Write the list to this file, which --contacts takes.")
+@OVERWRITE_OPTION
+@reading
+@map_option('A JSON file with {"target joint": "source joint"}, as in retarget.')
+@quiet
+def contacts_command(
+    source: Path,
+    target: Path | None,
+    output: Path | None,
+    overwrite: bool,
+    clip: str | None,
+    fps: float | None,
+    map_path: Path | None,
+) -> None:
+    """List the contacts that are found in CLIP: what touches, and what rests on the world.
+
+    Frames count from 0. Gaps are those of an average adult's skin on the performer's bones. TARGET is the body to which
+    CLIP is to be retargeted, if its parts have other names. Edit the file that -o writes, and give it to --contacts.
+
+    \b
+    distretarget contacts clap.bvh
+    distretarget contacts clap.bvh hero.json -o clap.contacts.json
+    distretarget clap.bvh hero.json -o clap_hero.bvh --contacts clap.contacts.json
+    """  # noqa: D301
+    check_outputs([output], [source, target, map_path], overwrite)
+    motion, _ = parse_motion(read_input(source), clip, fps)
+    body = pairs = None
+    if target is not None:
+        file = TargetFile.of(read_input(target))
+        body = file.target.for_source(motion.rigid_skeleton)
+        pairs = joint_map(motion.rigid_skeleton, body, file.path, load_map(map_path))
+    warm("contact")
+    try:
+        found = find_contacts(motion, body, joint_map=pairs)
+    except DistretargetError as error:
+        raise error.in_file(error.path or source) from None
+    write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
+    for line in contact_lines(found):
+        say(line)
+    if not len(found):
+        say("nothing touches, and nothing rests")

@@ -1,0 +1,246 @@
+"""What a user says about contacts: which to keep, to drop or to make, what rests where, distances and directions.
+
+An entry names parts of a body as people do ("left hand", "hips", "head"), or joints by their names. It holds for some
+frames, counted from 0, the last one included, or for some seconds; else for the whole clip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from distretarget.checks import check_kind, check_number
+from distretarget.errors import ContactsError, SettingsError
+
+LONGEST = 1e9  # of frames, seconds, centimetres and coordinates
+MOST_FIRM = 100.0
+
+Span = tuple[float, float]
+Place = tuple[float, float, float]
+Ground = Literal["floor", "where it is"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """What all entries have.
+
+    Attributes:
+        frames: the first and the last frame, counted from 0.
+        seconds: the first and the last second, instead of frames.
+        place: where the entry is, such as `contacts[3]`, for errors.
+        found: what was found there, in words; it has no effect.
+    """
+
+    frames: Span | None = None
+    seconds: Span | None = None
+    place: str = field(default="", compare=False)
+    found: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        if self.frames is not None and self.seconds is not None:
+            raise SettingsError("an entry has both frames and seconds; leave one out")
+        for name, span in (("frames", self.frames), ("seconds", self.seconds)):
+            if span is None:
+                continue
+            _check_numbers(name, span, 2, 0.0)
+            if span[0] > span[1]:
+                raise SettingsError(f"{name} go back from {span[0]:g} to {span[1]:g}; swap them")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The names of what it is about."""
+        raise NotImplementedError
+
+    @property
+    def acts(self) -> bool:
+        """Whether it changes anything."""
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact(Entry):
+    """A contact of two parts of the body, to keep as it was found, to drop, or to make or change.
+
+    Attributes:
+        between: the two parts.
+        keep: False to drop it.
+        gap: how far their skins are to be apart [cm]; for bodies without thickness their joints. None as it was found.
+        firmness: how far they are brought there, 0 to 1.
+
+    Raises:
+        SettingsError: a value is out of bounds, or a contact is to be dropped and made.
+    """
+
+    between: tuple[str, str]
+    keep: bool = True
+    gap: float | Literal["source"] | None = None
+    firmness: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_names("between", self.between, 2)
+        if self.gap is not None and self.gap != "source":
+            check_number("gap", self.gap, 0.0, LONGEST)
+        check_number("firmness", self.firmness, 0.0, 1.0)
+        if self.firmness != 1.0 and self.gap is None:
+            raise SettingsError('firmness is that of a gap; expected "gap" beside it, such as "source"')
+        if not self.keep and self.gap is not None:
+            raise SettingsError("an entry with keep false drops a contact, and cannot have a gap; leave one out")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return tuple(sorted(self.between))
+
+    @property
+    def acts(self) -> bool:
+        return not self.keep or self.gap is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant(Entry):
+    """A part of the body that rests on the world.
+
+    Attributes:
+        plant: the part.
+        on: "floor"; "where it is", at its mean place; or a place in the target's file [its units]. None as found.
+        keep: False to let it go.
+
+    Raises:
+        SettingsError: a value is out of bounds, or a part is to be let go and planted.
+    """
+
+    plant: str
+    on: Ground | Place | None = None
+    keep: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_names("plant", (self.plant,), 1)
+        if self.on is not None and self.on not in ("floor", "where it is"):
+            _check_numbers("on", self.on, 3, -LONGEST)
+        if not self.keep and self.on is not None:
+            raise SettingsError("an entry with keep false lets a part go, and cannot plant it; leave one out")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return (self.plant,)
+
+    @property
+    def acts(self) -> bool:
+        return not self.keep or self.on is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distance(Entry):
+    """A distance of two joints, the paper's own.
+
+    Attributes:
+        distance: the two joints.
+        value: their distance [cm].
+        priority: pi of the pair in the paper's objective, where that of a bone is 1.
+
+    Raises:
+        SettingsError: a value is out of bounds.
+    """
+
+    distance: tuple[str, str]
+    value: float
+    priority: float = MOST_FIRM
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_names("distance", self.distance, 2)
+        check_number("value", self.value, 0.0, LONGEST)
+        check_number("priority", self.priority, 0.0, 1e6)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return tuple(sorted(self.distance))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look(Entry):
+    """A direction that a part of the body keeps.
+
+    Attributes:
+        look: the part, such as "head".
+        like: "source", as the source's; or the direction in which its front points, in the target's axes.
+
+    Raises:
+        SettingsError: a value is out of bounds, or the direction has no length.
+    """
+
+    look: str
+    like: Literal["source"] | Place = "source"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_names("look", (self.look,), 1)
+        if self.like != "source":
+            _check_numbers("like", self.like, 3, -LONGEST)
+            if not any(self.like):
+                raise SettingsError("like is a direction without length; expected one number that is not 0")
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        return (self.look,)
+
+
+@dataclass(frozen=True)
+class ContactList:
+    """What a user says about the contacts of a clip.
+
+    Attributes:
+        entries: one for each statement.
+        path: of the file with them, for errors; None without a file.
+
+    Raises:
+        SettingsError: an argument has the wrong type.
+    """
+
+    entries: tuple[Entry, ...] = ()
+    path: Path | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        check_kind("entries", self.entries, tuple)
+        for number, entry in enumerate(self.entries):
+            check_kind(f"entries[{number}]", entry, Contact, Plant, Distance, Look)
+
+    def __iter__(self) -> Iterator[Entry]:
+        return iter(self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    @property
+    def acts(self) -> bool:
+        """Whether any entry changes anything."""
+        return any(entry.acts for entry in self.entries)
+
+    def place_of(self, entry: Entry) -> str:
+        """Return where an entry is, such as `contacts[3]`."""
+        return entry.place or f"contacts[{next(n for n, each in enumerate(self.entries) if each is entry)}]"
+
+    def fault(self, entry: Entry, key: str, what: str) -> ContactsError:
+        """Return the error that says what is wrong with a key of an entry."""
+        return ContactsError(f"{self.place_of(entry)}{key and '.'}{key}", what, self.path)
+
+
+NO_CONTACTS = ContactList()
+
+
+def _check_names(name: str, parts: object, count: int) -> None:
+    if not isinstance(parts, tuple) or len(parts) != count or not all(isinstance(part, str) for part in parts):
+        what = "the name of a part or joint" if count == 1 else "the names of two parts or joints"
+        raise SettingsError(f"{name} is {parts!r}; expected {what}")
+    if count == 2 and parts[0] == parts[1]:
+        raise SettingsError(f"{name} names {parts[0]!r} twice; expected two parts")
+
+
+def _check_numbers(name: str, values: object, count: int, least: float) -> None:
+    if not isinstance(values, tuple) or len(values) != count:
+        raise SettingsError(f"{name} is {values!r}; expected {count} numbers")
+    for value in values:
+        check_number(name, value, least, LONGEST)

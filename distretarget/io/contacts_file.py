@@ -1,0 +1,166 @@
+"""Contact files: JSON that says which contacts of a clip to keep, drop, make or change, and what was found in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_args
+
+from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
+from distretarget.errors import SettingsError, SkeletonFileError, closest
+from distretarget.io.files import read_text
+from distretarget.io.json_node import Fields, Node, parse_json
+
+HEADER = {"format": "distretarget-contacts", "version": 1}
+SUFFIX = ".contacts.json"  # of a file beside a clip, instead of the clip's ending
+PAIR, TRIPLE = 2, 3
+
+
+def load_contacts(path: str | Path) -> ContactList:
+    """Return the entries of a contact file.
+
+    Raises:
+        FileError: the file cannot be read.
+        SkeletonFileError: it breaks the format.
+    """
+    return parse_contacts(read_text(path), path)
+
+
+def parse_contacts(text: str, path: str | Path) -> ContactList:
+    """Return the entries in the text of a contact file; `path` is for errors."""
+    root = parse_json(path, text)
+    fields = root.fields((*HEADER, "contacts"))
+    root.check_header(**HEADER)
+    return ContactList(tuple(_entry(node) for node in fields["contacts"].items()), Path(path))
+
+
+def contacts_to_json(contacts: ContactList) -> str:
+    """Return the text of a contact file, with an entry a line."""
+    lines = [f"    {json.dumps(_plain(entry), ensure_ascii=False)}" for entry in contacts]
+    header = "".join(f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in HEADER.items())
+    listed = ",\n".join(lines)
+    return f'{{\n{header}  "contacts": [\n{listed}\n  ]\n}}\n' if lines else f'{{\n{header}  "contacts": []\n}}\n'
+
+
+def _plain(entry: Entry) -> dict[str, Any]:
+    """What an entry says, without what is usual."""
+    kind = next(kind for kind in KINDS.values() if isinstance(entry, kind))
+    usual: dict[str, Any] = {"gap": None, "on": None, "firmness": 1.0, "priority": Distance.priority, "found": ""}
+    written: dict[str, Any] = {}
+    for key in (*READ[kind], *OF_ALL):
+        value = getattr(entry, key)
+        if value is not None and (key not in usual or value != usual[key]):
+            written[key] = [_whole(each) for each in value] if isinstance(value, tuple) else _whole(value)
+    if entry.acts:
+        written = {key: value for key, value in written.items() if key != "keep" or not value}
+    return written
+
+
+def _whole(value: Any) -> Any:
+    """A number without a fraction as one."""
+    return int(value) if isinstance(value, float) and value == int(value) else value
+
+
+def _entry(node: Node) -> Entry:
+    fields = node.entries(lambda place, key: f"{place}.{key}")
+    kinds = [key for key in KINDS if key in fields]
+    if len(kinds) != 1:
+        near = next((key for key in fields if key not in ALL_KEYS), "")
+        advice = f"; {near!r} is no key: {closest(near, tuple(KINDS))}" if near and not kinds else ""
+        found = " and ".join(f'"{key}"' for key in kinds) if kinds else "none of them"
+        node.fail(f'expected one of "between", "plant", "distance" and "look", found {found}{advice}')
+    kind = KINDS[kinds[0]]
+    read = READ[kind]
+    fields = node.fields((kinds[0], *REQUIRED.get(kind, ())), tuple(key for key in (*read, *OF_ALL) if key != kinds[0]))
+    values = {key: {**read, **OF_ALL}[key](each) for key, each in fields.items()}
+    if kind in (Contact, Plant) and not _says_something(fields, kind):
+        says = '"keep" or "gap"' if kind is Contact else '"on" or "keep"'
+        node.fail(f"says nothing; expected {says}")
+    try:
+        return kind(**values, place=node.place)
+    except SettingsError as error:
+        raise SkeletonFileError(node.path, node.place, error.reason) from None
+
+
+def _says_something(fields: Fields, kind: type[Entry]) -> bool:
+    return any(key in fields for key in (("keep", "gap", "firmness") if kind is Contact else ("keep", "on")))
+
+
+def _names(node: Node) -> tuple[str, ...]:
+    names = tuple(each.text() for each in node.items())
+    if len(names) != PAIR:
+        node.expected('two names, such as ["left hand", "hips"]')
+    if names[0] == names[1]:
+        node.fail(f"names {names[0]!r} twice; expected two parts")
+    return names
+
+
+def _span(node: Node) -> tuple[float, ...]:
+    span = tuple(each.number() for each in node.items())
+    if len(span) != PAIR or span[0] < 0 or span[0] > span[1]:
+        node.expected("the first and the last of them, such as [81, 170]") if len(span) != PAIR else node.fail(
+            f"goes from {span[0]:g} to {span[1]:g}; expected the first, from 0, and then the last"
+        )
+    return span
+
+
+def _frames(node: Node) -> tuple[float, ...]:
+    for each in node.items():
+        if each.number() != int(each.number()):
+            each.expected("a whole number, or write seconds")
+    return _span(node)
+
+
+def _gap(node: Node) -> float | str:
+    if isinstance(node.value, str):
+        return node.text() if node.text() == "source" else node.expected('a number of cm, or "source"')
+    return _from_zero(node)
+
+
+def _from_zero(node: Node) -> float:
+    if node.number() < 0:
+        node.expected("a number from 0")
+    return node.number()
+
+
+def _share(node: Node) -> float:
+    if not 0 <= node.number() <= 1:
+        node.expected("a number from 0 to 1")
+    return node.number()
+
+
+def _numbers(node: Node) -> tuple[float, ...]:
+    numbers = tuple(each.number() for each in node.items())
+    if len(numbers) != TRIPLE:
+        node.expected("three numbers, x, y and z")
+    return numbers
+
+
+def _on(node: Node) -> object:
+    if isinstance(node.value, list):
+        return _numbers(node)
+    if isinstance(node.value, str) and node.text() in get_args(Ground):
+        return node.text()
+    return node.expected('"floor", "where it is" or a place [x, y, z]')
+
+
+def _like(node: Node) -> object:
+    if isinstance(node.value, str):
+        return node.text() if node.text() == "source" else node.expected('"source" or a direction [x, y, z]')
+    if not any(_numbers(node)):
+        node.fail("is a direction without length; expected one number that is not 0")
+    return _numbers(node)
+
+
+Read = dict[str, Callable[[Node], Any]]
+KINDS: dict[str, type[Entry]] = {"between": Contact, "plant": Plant, "distance": Distance, "look": Look}
+READ: dict[type[Entry], Read] = {
+    Contact: {"between": _names, "keep": Node.flag, "gap": _gap, "firmness": _share},
+    Plant: {"plant": Node.text, "on": _on, "keep": Node.flag},
+    Distance: {"distance": _names, "value": _from_zero, "priority": _from_zero},
+    Look: {"look": Node.text, "like": _like},
+}
+REQUIRED: dict[type[Entry], tuple[str, ...]] = {Distance: ("value",)}
+OF_ALL: Read = {"frames": _frames, "seconds": _span, "found": Node.text}
+ALL_KEYS = {*OF_ALL, *(key for read in READ.values() for key in read)}

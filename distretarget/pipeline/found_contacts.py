@@ -1,0 +1,139 @@
+"""The contacts that are found in a clip, as entries that can be read, edited and given back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from types import NoneType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.rotation_copy import RootScale, find_root_scale
+from distretarget.body.build import OWN_BUILDS, average_adult
+from distretarget.checks import check_kind
+from distretarget.contact_entries import Contact, ContactList, Entry, Plant
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.time_series import spans_of
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.contact import Contacts
+from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.skins import BodySkin
+from distretarget.objectives.supports import RESTS, Supports
+from distretarget.objectives.units import centimetres
+from distretarget.pipeline.options import Options
+from distretarget.pipeline.performer import match_performer
+from distretarget.skeleton import JointMap, Skeleton
+from distretarget.skin.balls import segment_gaps
+from distretarget.target import SkeletonEdit, Target
+
+Array = NDArray[np.float64]
+
+LISTED = 0.5  # a contact whose activation never reaches this is not listed
+TOUCHING = 1.0  # skins that are nearer than this touch [cm]
+FARTHEST = 0.3  # skins that are farther apart are not measured [body units]
+STEADY = 0.1  # spans that last less are not listed [s]
+
+
+def find_contacts(
+    motion: Motion,
+    target: Motion | Skeleton | Target | SkeletonEdit | None = None,
+    *,
+    joint_map: JointMap | None = None,
+    settings: ContactSettings = DEFAULT_SETTINGS,
+) -> ContactList:
+    """Return the contacts that `retarget` finds in a motion: parts of the body that touch, and parts that rest.
+
+    Each entry keeps what was found, and so changes nothing until it is edited.
+
+    Args:
+        motion: the source.
+        target: the body it is to be retargeted to, whose parts are named; the source's own by default.
+        joint_map: as in `retarget`.
+        settings: as in `retarget`.
+
+    Raises:
+        DistretargetError: the motion cannot be retargeted to the target.
+    """
+    check_kind("motion", motion, Motion)
+    check_kind("target", target, Motion, Skeleton, Target, SkeletonEdit, NoneType)
+    check_kind("settings", settings, ContactSettings)
+    options = Options(skin="none")
+    match = match_performer(motion, motion if target is None else target, options, joint_map, None, OWN_BUILDS)
+    performer = match.performer(RootScale.even(find_root_scale(match.matching)), options)
+    performer = performer.with_supports(options, settings)
+    clip = performer.clip
+    touching = _touching(match.matching, clip, performer.supports, settings)
+    entries = [*touching, *_resting(clip, performer.supports)]
+    return ContactList(tuple(sorted(entries, key=lambda entry: entry.frames or (0, 0))))
+
+
+def _touching(matching: Matching, clip: Clip, supports: Supports, settings: ContactSettings) -> Iterator[Entry]:
+    """The spans in which each two regions touch."""
+    names, of_joint = clip.regions.names, clip.regions.of_joint
+    contacts = Contacts.of(clip, replace(settings, blend=0.0))
+    f = {pair: np.zeros(len(clip)) for pair in combinations(range(len(names)), 2)}
+    for block in blocks_of(len(clip)):
+        near = contacts.near(block, supports[block].standing)
+        ends = np.sort(np.stack([of_joint[near.a], of_joint[near.b]], axis=1), axis=1)
+        for column, (a, b) in enumerate(ends.tolist()):
+            np.maximum(f[a, b][block], near.f[:, column], out=f[a, b][block])
+    gaps = _SkinGaps(matching, clip)
+    for (a, b), each in f.items():
+        for first, end in spans_of(np.asarray(each > 0.0)).tolist():
+            if each[first:end].max() >= LISTED and (end - first) * clip.frame_time >= STEADY:
+                on = first + np.flatnonzero(each[first:end] >= LISTED)
+                found = gaps.of(names[a], names[b], on)
+                yield Contact(between=(names[a], names[b]), frames=(first, end - 1), found=found)
+
+
+class _SkinGaps:
+    """The gaps between the skins of an average adult with the source's bones."""
+
+    def __init__(self, matching: Matching, clip: Clip) -> None:
+        body, self.clip = matching.source, clip
+        capsules = average_adult().on(body)
+        self.skin = BodySkin.of(body, capsules) if len(capsules) else None
+        self.of_segment = {
+            int(segment): clip.regions.of_joint[joint]
+            for joint, driver in enumerate(matching.drivers)
+            if self.skin and driver >= 0 and (segment := self.skin.of_joint[driver]) >= 0
+        }
+        self.cm = centimetres(body.unit) * body.unit
+
+    def of(self, a: str, b: str, frames: NDArray[np.intp]) -> str:
+        """How far apart two regions are in some frames, in words; empty where that is not known."""
+        if self.skin is None:
+            return ""
+        names, pairs = self.clip.regions.names, self.skin.balls.pairs.tolist()
+        own = {segment: names[region] for segment, region in self.of_segment.items()}
+        of = [{own[segment] for segment in pair if segment in own} for pair in pairs]
+        on = [column for column, regions in enumerate(of) if regions == {a, b}]
+        if not on:
+            return ""
+        some = frames[:: max(len(frames) // 30, 1)]
+        posed = np.concatenate([self.skin.posed(self.clip.source[int(n) : int(n) + 1]) for n in some])
+        gap = float(np.median(segment_gaps(self.skin.balls, posed, FARTHEST)[:, on].min(axis=1)))
+        return "" if gap >= FARTHEST else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
+
+
+def _resting(clip: Clip, supports: Supports) -> Iterator[Entry]:
+    """The spans in which each region rests on the world."""
+    rests: NDArray[np.bool_] = np.asarray(supports.weights >= RESTS)
+    for region in np.unique(supports.regions).tolist():
+        for first, end in spans_of(np.asarray(rests[:, supports.regions == region].any(axis=1))).tolist():
+            if (end - first) * clip.frame_time >= STEADY:
+                yield Plant(plant=clip.regions.names[region], frames=(first, end - 1), found="planted")
+
+
+def contact_lines(contacts: ContactList) -> Iterator[str]:
+    """Yield a line for each found contact, as people name it."""
+    named = [(" - ".join(entry.between if isinstance(entry, Contact) else entry.parts), entry) for entry in contacts]
+    width = max((len(name) for name, _ in named), default=0)
+    spans = ["{:.0f}-{:.0f}".format(*(entry.frames or (0, 0))) for _, entry in named]
+    longest = max(map(len, spans), default=0)
+    for (name, entry), span in zip(named, spans, strict=True):
+        yield f"{name:{width}}  frames {span:{longest}}  {entry.found}".rstrip()

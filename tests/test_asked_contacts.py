@@ -1,0 +1,283 @@
+"""Contacts that a user asks for: known answers for each kind of entry."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES
+from program import run
+from scipy.spatial.transform import Rotation
+
+from distretarget import (
+    Contact,
+    ContactList,
+    ContactsError,
+    ContactSettings,
+    Distance,
+    Look,
+    Options,
+    Plant,
+    find_contacts,
+    load_target,
+    read_motion,
+    retarget,
+    retarget_scene,
+)
+from distretarget.io.contacts_file import contacts_to_json
+from distretarget.skin.balls import segment_gaps
+
+FRAMES = (100, 150)
+BLENDS = 0.72  # twice the time `blend` [s]
+HAND_ON_HEAD = Contact(between=("left hand", "head"), gap=0.0, frames=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def clap():
+    return read_motion(SAMPLES / "clap.bvh")
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return read_motion(SAMPLES / "walk.bvh")
+
+
+@pytest.fixture(scope="module")
+def child():
+    return load_target(SAMPLES / "child.json")
+
+
+@pytest.fixture(scope="module")
+def walked(walk, child):
+    return retarget(walk, child)
+
+
+def asked(motion, target, *entries, **options):
+    return retarget(motion, target, contacts=ContactList(entries), **options)
+
+
+def apart(result, one, other, frames=FRAMES):
+    """The least distance of the joints of two regions in each frame, over the height of the body."""
+    x, regions = result.motion.positions[frames[0] : frames[1] + 1], result.matching.regions
+    a, b = (np.flatnonzero(regions.of_joint == regions.names.index(name)) for name in (one, other))
+    return np.linalg.norm(x[:, a, None] - x[:, None, b], axis=-1).min(axis=(1, 2)) / result.matching.target.height
+
+
+def changed(a, b):
+    """The frames in which two results differ at all."""
+    same = (a.motion.rotations == b.motion.rotations).all(axis=(1, 2))
+    return np.flatnonzero(~same | (a.motion.root_positions != b.motion.root_positions).any(axis=1))
+
+
+def jerk(result):
+    return np.linalg.norm(np.diff(result.motion.positions, 3, axis=0), axis=-1).mean()
+
+
+def test_claps_are_found_as_they_were_made(clap):
+    found = [entry for entry in find_contacts(clap) if isinstance(entry, Contact)]
+    assert {entry.between for entry in found} == {("left hand", "right hand")}
+    assert {entry.found for entry in found} == {"touching"}
+    assert len(found) == 6
+    middles = np.array([sum(entry.frames) / 2 for entry in found])
+    np.testing.assert_allclose(np.diff(middles), np.diff(middles).mean(), atol=1.0)
+
+
+def test_what_was_found_changes_nothing_when_it_is_given_back(clap, child):
+    found = find_contacts(clap, child.for_source(clap.rigid_skeleton))
+    without, given = retarget(clap, child), asked(clap, child, *found)
+    assert len(found) > 6
+    assert not len(changed(without, given))
+
+
+def test_a_dropped_contact_leaves_the_result_of_the_clip_without_it(clap, child):
+    dropped = asked(clap, child, Contact(between=("left hand", "right hand"), keep=False))
+    none = retarget(clap, child, settings=ContactSettings(strength=0.0))
+    off = np.abs(dropped.motion.positions - none.motion.positions).max() / dropped.matching.target.unit
+    assert off < 1e-9
+
+
+def test_only_frames_within_two_blends_change(clap, child):
+    first = next(entry for entry in find_contacts(clap) if isinstance(entry, Contact))
+    one = asked(clap, child, Contact(between=first.between, keep=False, frames=first.frames))
+    frames, reach = changed(retarget(clap, child), one), BLENDS / clap.frame_time
+    assert first.frames[0] - reach <= frames.min() < first.frames[0]
+    assert first.frames[1] < frames.max() <= first.frames[1] + reach
+
+
+@pytest.mark.parametrize(("other", "gap"), [("head", 0.0), ("right hand", 0.0), ("hips", 5.0)])
+def test_a_made_contact_has_the_gap_and_is_smooth(walk, child, walked, other, gap):
+    made = asked(walk, child, Contact(between=("left hand", other), gap=gap, frames=FRAMES))
+    wanted = gap / made.matching.target.height
+    assert np.abs(apart(made, "left hand", other) - wanted).max() < 0.003
+    assert jerk(made) < 1.2 * jerk(walked)
+    assert (apart(walked, "left hand", other) > wanted + 0.01).all()
+
+
+def test_half_the_firmness_goes_half_of_the_way(walk, child, walked):
+    half = Contact(between=("left hand", "right hand"), gap=0.0, firmness=0.5, frames=FRAMES)
+    share = apart(asked(walk, child, half), "left hand", "right hand") / apart(walked, "left hand", "right hand")
+    assert (share > 0.3).all()
+    assert (share < 0.7).all()
+
+
+def test_a_thick_body_touches_with_its_skin(walk, child):
+    thick = Options(skin="average")
+    made = asked(walk, child, Contact(between=("left hand", "hips"), gap=0.0, frames=FRAMES), options=thick)
+    skin = made.skins.target
+    regions = made.matching.regions
+    hand, hips = (regions.of_joint == regions.names.index(name) for name in ("left hand", "hips"))
+    on = skin.between(hand, hips)
+    gaps = segment_gaps(skin.balls, skin.posed(made.motion[FRAMES[0] : FRAMES[1] + 1]), 1.0)[:, on].min(axis=1)
+    off = np.abs(gaps * skin.unit / made.matching.target.height)
+    assert np.median(off) < 0.003
+    assert off.max() < 0.01
+
+
+def test_a_planted_hand_stays_where_it_is(walk, child):
+    held = asked(walk, child, Plant(plant="left hand", on="where it is", frames=(100, 130)))
+    wrist = held.motion.skeleton.index("LeftWrist")
+    places = held.motion.positions[100:131, wrist]
+    assert np.ptp(places, axis=0).max() / held.matching.target.height < 0.003
+
+
+def test_a_planted_hand_goes_to_a_place(walk, child, walked):
+    wrist = walked.motion.skeleton.index("LeftWrist")
+    goal = walked.motion.positions[115, wrist] + [3.0, 10.0, 0.0]
+    held = asked(walk, child, Plant(plant="left hand", on=tuple(map(float, goal)), frames=(110, 120)))
+    off = np.linalg.norm(held.motion.positions[110:121, wrist] - goal, axis=1) / held.matching.target.height
+    assert off.max() < 0.003
+
+
+def test_feet_that_are_planted_do_not_slide(child):
+    still = read_motion(SAMPLES / "wave.bvh")
+    drift = np.linspace(0.0, 8.0, len(still))[:, None] * [0.0, 0.0, 1.0]
+    slides = replace(still, root_positions=still.root_positions + drift)
+    planted = [Plant(plant=f"{side} foot", on="where it is") for side in ("left", "right")]
+    free, held = retarget(slides, child), asked(slides, child, *planted)
+    toes = [held.motion.skeleton.index(name) for name in ("LeftToe", "RightToe")]
+    free_slide, slide = (np.ptp(one.motion.positions[:, toes], axis=0).max() for one in (free, held))
+    assert slide / held.matching.target.height < 0.003
+    assert free_slide > 4.0
+
+
+def test_a_foot_that_is_let_go_is_free(walk, child):
+    free = asked(walk, child, *(Plant(plant=f"{side} foot", keep=False) for side in ("left", "right")))
+    assert not free.supports.weights.any()
+
+
+def test_what_cannot_be_reached_is_met_in_part_and_told(walk, child, walked):
+    wrist = walked.motion.skeleton.index("LeftWrist")
+    goal = tuple((walked.motion.positions[115, wrist] + [0.0, 500.0, 0.0]).tolist())
+    held = asked(walk, child, Plant(plant="left hand", on=goal, frames=(110, 120)))
+    assert held.motion.positions[115, wrist, 1] > walked.motion.positions[115, wrist, 1] + 10.0
+    assert any("LeftWrist" in warning for warning in held.warnings)
+    far = asked(walk, child, Distance(distance=("LeftWrist", "RightToe"), value=5.0, frames=FRAMES))
+    assert any("LeftWrist - RightToe is up to" in warning for warning in far.warnings)
+
+
+def test_a_distance_is_kept(walk, child):
+    kept = asked(walk, child, Distance(distance=("LeftWrist", "Head"), value=12.0, frames=FRAMES))
+    wrist, head = (kept.motion.skeleton.index(name) for name in ("LeftWrist", "Head"))
+    x = kept.motion.positions[FRAMES[0] : FRAMES[1] + 1]
+    off = np.abs(np.linalg.norm(x[:, wrist] - x[:, head], axis=1) - 12.0)
+    assert off.max() / kept.matching.target.height < 0.003
+
+
+def test_the_paper_keeps_a_distance_by_its_priority(walk, child):
+    paper, off = Options(objective="paper"), []
+    for priority in (1.0, 10.0, 100.0):
+        entry = Distance(distance=("LeftWrist", "Head"), value=20.0, priority=priority, frames=FRAMES)
+        kept = asked(walk[:200], child, entry, options=paper)
+        points = kept.postures.positions[FRAMES[0] : FRAMES[1] + 1]
+        keys = [kept.motion.skeleton.keys[joint] for joint in kept.distances.targets]
+        wrist, head = keys.index("LeftWrist"), keys.index("Head")
+        off.append(np.abs(np.linalg.norm(points[:, wrist] - points[:, head], axis=1) - 20.0).max())
+    assert off[0] > off[1] > off[2]
+    assert off[2] / kept.matching.target.height < 0.01
+    before = changed(kept, retarget(walk[:200], child, paper))
+    assert before.min() >= FRAMES[0] - BLENDS / walk.frame_time
+
+
+def test_the_paper_knows_distances_alone(walk, child):
+    with pytest.raises(ContactsError, match=r"contacts\[0\]: the paper's objective knows distances alone"):
+        asked(walk, child, HAND_ON_HEAD, options=Options(objective="paper"))
+
+
+def test_a_head_looks_where_it_is_told(walk, child, walked):
+    direction = np.array([0.6, 0.0, 0.8])
+    looks = asked(walk, child, Look(look="head", like=tuple(direction.tolist()), frames=FRAMES))
+    body, joint = looks.matching.target, int(looks.matching.target.anatomy.roles["head"])
+    pose = body.reference
+    front = Rotation.from_quat(pose.rotations[joint]).inv().apply(pose.axes[:, 2])
+    now = Rotation.from_quat(looks.motion.world_rotations[FRAMES[0] : FRAMES[1] + 1, joint]).apply(front)
+    np.testing.assert_allclose(now, np.broadcast_to(direction, now.shape), atol=1e-9)
+    assert changed(looks, walked).min() >= FRAMES[0] - BLENDS / walk.frame_time
+
+
+def test_a_head_like_the_source_has_the_rotations_of_the_copy(walk, child):
+    made = asked(walk, child, HAND_ON_HEAD, Look(look="head", frames=FRAMES))
+    joint = int(made.matching.target.anatomy.roles["head"])
+    a, b = (
+        Rotation.from_quat(one.world_rotations[FRAMES[0] : FRAMES[1] + 1, joint])
+        for one in (made.motion, made.rotation_copy)
+    )
+    assert (a * b.inv()).magnitude().max() < 1e-9
+
+
+def test_a_batch_takes_the_file_beside_a_clip(tmp_path):
+    (tmp_path / "clips").mkdir()
+    for name in ("clap", "wave"):
+        (tmp_path / "clips" / f"{name}.bvh").write_bytes((SAMPLES / f"{name}.bvh").read_bytes())
+    drop = ContactList((Contact(between=("left hand", "right hand"), keep=False),))
+    (tmp_path / "clips" / "clap.contacts.json").write_text(contacts_to_json(drop))
+    given = "batch", tmp_path / "clips", SAMPLES / "child.json", "--jobs", "1", "-q", "-o"
+    done = run(*given, tmp_path / "with", "--contacts", "beside")
+    assert done.returncode == 0, done.stderr
+    run(*given, tmp_path / "without")
+    same = {
+        name: (tmp_path / "with" / name).read_bytes() == (tmp_path / "without" / name).read_bytes()
+        for name in ("clap.bvh", "wave.bvh")
+    }
+    assert same == {"clap.bvh": False, "wave.bvh": True}
+    (tmp_path / "clips" / "clap.contacts.json").write_text(contacts_to_json(ContactList()))
+    again = run(*given[:-2], "-o", tmp_path / "with", "--contacts", "beside")
+    assert "1 converted" in again.stdout or "skipped" in again.stdout
+    assert (tmp_path / "with" / "clap.bvh").read_bytes() == (tmp_path / "without" / "clap.bvh").read_bytes()
+
+
+def test_a_scene_takes_contacts_for_each_performer(walk, child):
+    apart_by = np.array([100.0, 0.0, 0.0])
+    others = [walk, replace(walk, root_positions=walk.root_positions + apart_by)]
+    entry = Distance(distance=("LeftWrist", "Head"), value=12.0, frames=FRAMES)
+    scene = retarget_scene(others, [child.skeleton] * 2, contacts=[ContactList((entry,)), ContactList()])
+    off = []
+    for one in scene.results:
+        wrist, head = (one.motion.skeleton.index(name) for name in ("LeftWrist", "Head"))
+        x = one.motion.positions[FRAMES[0] : FRAMES[1] + 1]
+        off.append(np.abs(np.linalg.norm(x[:, wrist] - x[:, head], axis=1) - 12.0).max())
+    assert off[0] / scene.results[0].matching.target.height < 0.003
+    assert off[1] > 20.0
+
+
+def test_the_program_lists_writes_and_takes_contacts(tmp_path):
+    clip, body, listed = SAMPLES / "clap.bvh", SAMPLES / "child.json", tmp_path / "clap.contacts.json"
+    printed = run("contacts", clip, body, "-o", listed)
+    assert printed.returncode == 0
+    assert "left hand - right hand  frames 58-74    touching" in printed.stdout.splitlines()
+    plain, same, dropped = (tmp_path / f"{name}.bvh" for name in ("plain", "same", "dropped"))
+    run(clip, body, "-o", plain, "-q")
+    run(clip, body, "-o", same, "-q", "--contacts", listed)
+    assert same.read_bytes() == plain.read_bytes()
+    document = json.loads(listed.read_text())
+    document["contacts"][-1]["keep"] = False
+    listed.write_text(json.dumps(document))
+    run(clip, body, "-o", dropped, "-q", "--contacts", listed)
+    assert dropped.read_bytes() != plain.read_bytes()
+    document["contacts"][-1]["frames"] = [193, 999]
+    listed.write_text(json.dumps(document))
+    failed = run(clip, body, "-o", tmp_path / "x.bvh", "--contacts", listed)
+    assert failed.returncode == 1
+    assert failed.stderr.strip() == (
+        f"distretarget: {listed}: contacts[{len(document['contacts']) - 1}].frames: frame 999 is beyond the clip, "
+        "which has 277 frames, 0 to 276"
+    )
