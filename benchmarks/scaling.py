@@ -26,15 +26,18 @@ import numpy as np
 from clips import LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
 
-from distretarget import Motion, read_bvh, retarget, write_bvh
+from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
+from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
 
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
 HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
 CHAINS = (0, 5, 15, 35)  # added to each of two joints
 CHAIN_JOINTS = 3
+LIMBS = (500, 1000)
 FIRST_RUNS = 5
 VERY_LONG = 50_000  # frames of the clip whose memory is measured
 CONVERT = """
@@ -89,6 +92,37 @@ def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
             before, after = len(clips[a].skeleton), len(clips[b].skeleton)
             exponents = np.log(times[:, b] / times[:, a]) / np.log(after / before)
             yield _line(f"exponent in joints, {what}, {before} to {after}", exponents)
+
+
+def star(limbs: int) -> Motion:
+    """Two frames of a root with so many limbs of a joint and an End Site each, of all lengths and directions."""
+    draw, count = np.random.default_rng(limbs), 1 + 2 * limbs
+    parents = np.array([-1, *[0, -1] * limbs])
+    parents[2::2] = np.arange(1, count, 2)
+    channels = [(*POSITION_CHANNELS, *USUAL_ROTATIONS), *[USUAL_ROTATIONS, ()] * limbs]
+    ends = np.arange(count) % 2 == 0
+    ends[0] = False
+    body = Skeleton(
+        names=("root", *(f"{what}{limb}" for limb in range(limbs) for what in ("limb", "end"))),
+        parents=parents,
+        offsets=draw.normal(size=(count, 3)),
+        channels=tuple(channels),
+        end_sites=ends,
+    )
+    rotations = Rotation.from_euler("ZXY", draw.normal(size=(2 * count, 3)), degrees=True).as_quat()
+    rotations[np.tile(ends, 2)] = [0.0, 0.0, 0.0, 1.0]
+    return Motion(body, np.zeros((2, 3)), rotations.reshape(2, count, 4), "0.01")
+
+
+def limb_lines() -> Iterator[Line]:
+    """The seconds that a body with very many limbs takes."""
+
+    def run(limbs: int) -> None:
+        source = star(limbs)
+        retarget(source, source.skeleton.with_lengths(1.1 * source.skeleton.lengths)).figures  # noqa: B018
+
+    for limbs in LIMBS:
+        yield _line(f"two frames of a root with {limbs:,} limbs [s]", alternating([partial(run, limbs)], 3)[:, 0])
 
 
 def core_line(corpus: Path, rounds: int) -> Line:
@@ -161,7 +195,7 @@ def main(corpus: Path, page: Path | None, rounds: int) -> None:
     corpus = corpus.resolve()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        lines = [*joint_lines(corpus, rounds), core_line(corpus, rounds)]
+        lines = [*joint_lines(corpus, rounds), *limb_lines(), core_line(corpus, rounds)]
         lines += [*start_lines(corpus, folder, rounds), memory_line(corpus, folder)]
     publish({"scaling": table(" | median | least to largest", lines)}, page)
 

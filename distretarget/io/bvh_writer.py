@@ -132,7 +132,9 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Array:
     for axes, joints in alike.items():
         numbers, angles = (np.array(each, np.intp) for each in zip(*joints, strict=True))
         write_channel_angles(motion.rotations, numbers, axes, angles, values)
-    if not np.isfinite(values).all():
-        raise MotionError("a position or rotation is not finite and cannot be written")
-    values[np.abs(values) <= [0.5 * 10.0**-places for places in decimals]] = 0.0
+    least = np.array([0.5 * 10.0**-places for places in decimals])
+    for part in np.split(values, range(TEXT_FRAMES, len(values), TEXT_FRAMES)):
+        if not np.isfinite(part).all():
+            raise MotionError("a position or rotation is not finite and cannot be written")
+        part[np.abs(part) <= least] = 0.0
     return values
