@@ -27,7 +27,7 @@ LEAST = 200  # frames
 
 def faults_of(motion):
     """The faults of a motion, by kind."""
-    found = find_faults(motion, Body.of_motion(motion))
+    found = find_faults(motion)
     return {kind: each for kind, each in found.items() if each.value > KINDS[kind].limit}
 
 

@@ -94,12 +94,12 @@ def usual_limits() -> dict[str, float]:
 def _audited(path: Path, clip: str | None) -> AuditedClip:
     try:
         motion, _ = parse_motion(load_file(path), clip)
-        body = Body.of_motion(motion)
-        findings = find_faults(motion, body)
+        findings = find_faults(motion)
     except DistretargetError as error:
         return AuditedClip(path=path, animation=clip, findings={"unreadable": Finding(1.0, None, error.reason)})
     if "unreadable" in findings:
         return AuditedClip(path=path, animation=clip, findings=findings)
+    body = Body.of_motion(motion)
     leg = 0.5 * body.unit
     return AuditedClip(
         path=path,

@@ -98,13 +98,14 @@ class Finding:
 Findings = dict[str, Finding]
 
 
-def find_faults(motion: Motion, body: Body) -> Findings:
-    """Return what is wrong with a motion of a body, by kind; kinds that cannot be measured are missing."""
+def find_faults(motion: Motion) -> Findings:
+    """Return what is wrong with a motion, by kind; kinds that cannot be measured are missing."""
+    if len(motion) < 2:
+        return {"unreadable": Finding(1.0, None, "has fewer than two frames")}
+    body = Body.of_motion(motion)
     leg = 0.5 * body.unit
-    if len(motion) < 2 or leg <= 0:
-        return {
-            "unreadable": Finding(1.0, None, "has fewer than two frames" if leg > 0 else "has no bone with a length")
-        }
+    if leg <= 0:
+        return {"unreadable": Finding(1.0, None, "has no bone with a length")}
     joints = np.flatnonzero((body.regions.of_joint >= 0) & ~body.skeleton.end_sites)
     steps = steps_along(motion.positions, joints) / leg
     findings = _still(steps, motion.frame_time)
