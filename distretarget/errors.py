@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import difflib
 import json
+import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Self
 
 LONGEST_SHOWN = 60  # of a name that is longer, only the beginning is in messages [characters]
+LONGEST_LINE = 2000  # on a terminal; of a line that is longer, the middle is left out [characters]
+LAST_SHOWN = 600  # of such a line, from its end, where the advice is [characters]
 SAY_IN_A_MAP = "say in a map which source joint drives which target joint"
 
 
@@ -124,6 +127,19 @@ class BatchError(DistretargetError):
 def cut(name: str) -> str:
     """Return a name, or only its beginning if it is too long for a message."""
     return name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}..."
+
+
+def shown(line: str) -> str:
+    """Return a line as a terminal may show it: without characters that control it, change the direction of the text or
+    break the line, which are escaped, and not longer than `LONGEST_LINE`.
+    """
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE - LAST_SHOWN]} ... {line[-LAST_SHOWN:]}"
+    return "".join(each if _is_harmless(each) else each.encode("unicode_escape").decode() for each in line)
+
+
+def _is_harmless(character: str) -> bool:
+    return character.isprintable() or unicodedata.category(character) == "Zs"
 
 
 def quoted(names: Iterable[str], most: int = 6) -> str:

@@ -13,18 +13,20 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.checks import check_kind
-from distretarget.errors import MotionError, quoted
+from distretarget.errors import MotionError, counted, quoted
 from distretarget.numerics.compiled import read_only
-from distretarget.numerics.kinematics import joint_positions, make_local, world_rotations
+from distretarget.numerics.kinematics import joint_positions, line_rotations, make_local, world_rotations
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
-from distretarget.numerics.vectors import lengths
-from distretarget.skeleton import Skeleton
+from distretarget.numerics.vectors import extent, lengths
+from distretarget.skeleton import LARGEST, Skeleton
 
 Array = NDArray[np.float64]
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
 UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
+MOST_SAMPLES = 20  # frames into which resampling may turn each frame of a motion ...
+FREE_SAMPLES = 1_000_000  # ... that is not as short as this, resampled [frames x joints]
 SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
 NUMERALS = frozenset("0123456789.+-eE")
 
@@ -202,8 +204,7 @@ class Motion:
 
     def world_rotations_of(self, joint: int) -> Array:
         """(frames, 4), the world rotations of one joint."""
-        line = self.skeleton.line(joint)[::-1]
-        return world_rotations(np.arange(len(line)) - 1, np.take(self.rotations, line, axis=1))[:, -1]
+        return line_rotations(np.array(self.skeleton.line(joint)[::-1], np.intp), self.rotations)
 
     @cached_property
     def positions(self) -> Array:
@@ -228,13 +229,31 @@ class Motion:
         rotations = self.rotations * np.append(flip, 1.0)
         return Motion(skeleton, self.root_positions * flip, rotations, self.frame_time_text, moving)
 
-    def resampled(self, frame_time_text: str) -> Motion:
-        """Return the motion at another frame time: translations interpolated linearly, rotations spherically."""
+    def resampled_frames(self, frame_time_text: str) -> int:
+        """Return how many frames the motion has at another frame time."""
+        step = float(frame_time_text)
+        if not len(self) or same_time(self.frame_time, step):
+            return len(self)
+        return int((len(self) - 1) * self.frame_time / step + SAME_TIME) + 1
+
+    def resampled(self, frame_time_text: str, most: int | None = None) -> Motion:
+        """Return the motion at another frame time: translations interpolated linearly, rotations spherically.
+
+        Only the first `most` frames are made if that is given.
+
+        Raises:
+            MotionError: `most` is not given, and there would be far more frames than the motion has.
+        """
         step = float(frame_time_text)
         if same_time(self.frame_time, step):
-            return self
-        last = len(self) - 1
-        times = np.arange(int(last * self.frame_time / step + SAME_TIME) + 1) * step / self.frame_time  # [frames]
+            return self if most is None or most >= len(self) else self[:most]
+        frames, last, joints = self.resampled_frames(frame_time_text), len(self) - 1, len(self.skeleton)
+        if most is None and frames * joints > max(FREE_SAMPLES, MOST_SAMPLES * len(self) * joints):
+            raise MotionError(
+                f"lasts {last * self.frame_time:g} s, which are {frames:,} frames of {step:g} s; expected at most "
+                f"{MOST_SAMPLES} for each of its {counted(len(self), 'frame')}; choose a lower frame rate"
+            )
+        times = np.arange(min(frames, frames if most is None else most)) * step / self.frame_time  # [frames]
         before = np.minimum(times.astype(int), last)
         after, share = np.minimum(before + 1, last), (times - before)[:, None, None]
         start, end = (Rotation.from_quat(self.rotations[frames]) for frames in (before, after))
@@ -276,6 +295,12 @@ class Motion:
         bones = lengths(offsets)
         bones[joints] = np.median(lengths(self.moving.translations), axis=0)
         return self.skeleton.with_offsets(offsets).with_lengths(bones)
+
+
+def check_reach(motion: Motion, name: str) -> None:
+    """Raise a MotionError if positions of a motion are too large to compute with."""
+    if not extent(motion.positions) <= LARGEST:
+        raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
 
 
 def motion_of_world(

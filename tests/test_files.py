@@ -2,12 +2,14 @@
 
 import errno
 import os
+import socket
 import stat
 
 import pytest
 
+from distretarget.batch.manifest import MANIFEST, Manifest
 from distretarget.errors import FileError
-from distretarget.io.files import check_inside, check_writable, make_folder, read_text, write_whole
+from distretarget.io.files import check_inside, check_writable, hash_of_file, make_folder, read_text, write_whole
 
 
 def read(tmp_path, content):
@@ -60,6 +62,22 @@ def test_reading_what_is_not_there(tmp_path):
         read_text(tmp_path)
     with pytest.raises(FileError, match="is not a valid file name"):
         read_text("a\0b")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_only_regular_files_are_read(tmp_path, monkeypatch):
+    """A pipe would be waited for, and some devices have no end."""
+    monkeypatch.chdir(tmp_path)  # names of sockets are short
+    os.mkfifo("pipe")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind("socket")
+        for path in ("pipe", "socket", "/dev/zero"):
+            with pytest.raises(FileError, match="is not a regular file"):
+                read_text(path)
+    assert hash_of_file(tmp_path / "pipe") is None
+    (tmp_path / MANIFEST).symlink_to(tmp_path / "pipe")
+    with pytest.raises(FileError, match="is not a regular file"):
+        Manifest(tmp_path)
 
 
 def test_unknown_bytes_survive_a_round_trip(tmp_path):

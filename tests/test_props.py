@@ -210,9 +210,10 @@ def test_props_that_cannot_be_are_refused():
 @pytest.mark.parametrize("held_by", [(), (Grip(0, "RightWrist"),)], ids=["free", "held"])
 def test_props_too_large_to_compute_with_are_refused(held_by):
     box = standing_prop("box", np.array([[40.0, 0.0, 60.0], [60.0, 0.0, 60.0]]))
-    prop = Prop(name="box", motion=box, scale=1e12, held_by=held_by)
     with pytest.raises(MotionError, match=r"'box' reaches beyond 1e\+12 with a scale of 1e\+12; choose a smaller"):
-        retarget_scene([drummer()], [child()], [prop])
+        Prop(name="box", motion=box, scale=1e12, held_by=held_by)
+    with pytest.raises(MotionError, match=r"'box' reaches beyond 1e\+12 with a scale of 1e\+12; choose a smaller"):
+        retarget_scene([drummer()], [child()], [Prop(name="box", motion=box, held_by=held_by)], world_scale=1e12)
     for far in (1e13, 1e300):
         with pytest.raises(MotionError, match=r"'box' has positions beyond 1e\+12"):
             Prop(name="box", motion=replace(box, root_positions=far * np.ones((1, 3))), held_by=held_by)

@@ -1,11 +1,13 @@
 """`-` for standard input and output, names of outputs, --quiet, and source and target that are swapped."""
 
 import io
+import os
+import subprocess
 import sys
 
 import pytest
 from bodies import other_lengths, person, swaying
-from program import run
+from program import command, compile_all, run
 
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.target_file import skeleton_to_json
@@ -93,6 +95,42 @@ def test_errors_in_standard_input_say_so():
 def test_closed_standard_input_is_an_error(monkeypatch):
     monkeypatch.setattr("distretarget.cli.outputs.sys", type("Closed", (), {"stdin": None}))
     assert run("-", "body.json", "-o", "out.bvh").stderr == "distretarget: standard input: is closed\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closes streams as POSIX shells do")
+@pytest.mark.parametrize("closed", ["1", "2", "12"])
+def test_closed_output_streams_are_as_if_led_to_nowhere(folder, closed):
+    compile_all()
+    streams = " ".join(f"{number}>&-" for number in closed)
+    for arguments in (("in.bvh", "body.json", "-o", "out.bvh"), ("--help",)):
+        done = subprocess.run(["sh", "-c", f'exec "$@" {streams}', "sh", *command(*arguments)], capture_output=True)
+        assert (done.returncode, done.stderr) == (0, b"")
+        assert bool(done.stdout) == ("1" not in closed)
+    assert (folder / "out.bvh").read_text().startswith("HIERARCHY\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names that other systems refuse")
+def test_names_reach_the_terminal_escaped_and_shortened(folder):
+    """Escape codes could rewrite what a terminal shows, and marks of direction could hide an ending."""
+    strange = "\x1b[2J\u202e\n\x9b腰　b"
+    names = CLIP.replace("Head", f"{strange[:6]}{'x' * 200_000}").replace("LeftHip", strange[:6])
+    (folder / f"{strange}.bvh").write_text(names)
+    runs = [
+        (f"{strange}.bvh", "none.json", "-o", "o.bvh"),
+        (f"{strange}none.bvh", "body.json", "-o", "o.bvh"),
+        (f"{strange}.bvh", "body.json", "-o", "o.bvh"),
+        ("batch", f"{strange}.bvh", "body.json", "-o", "o", "--dry-run"),
+        ("skeleton", "show", f"{strange}.bvh"),
+        ("skeleton", "match", f"{strange}.bvh", "body.json"),
+        ("--fps", strange, "in.bvh", "body.json", "-o", "o.bvh"),
+    ]
+    for arguments in runs:
+        done = run(*arguments)
+        lines = (done.stdout + done.stderr).splitlines()
+        assert lines
+        assert not set("\x1b\u202e\x9b").intersection(done.stdout + done.stderr)
+        assert max(map(len, lines)) < 3000
+    assert run(*runs[1]).stderr == ("distretarget: \\x1b[2J\\u202e \\x9b腰　bnone.bvh: there is no such file\n")
 
 
 def test_a_file_may_be_called_minus(folder, converted):

@@ -64,7 +64,8 @@ def find_soles(
     pose = pose or body.reference
     feet = [_reference_foot(body, leg, pose) for leg in legs]
     if not all(foot.known for foot in feet):
-        feet = [_resting_foot(body, leg, pose) or foot for leg, foot in zip(legs, feet, strict=True)]
+        length = leg_length(body.skeleton, legs)
+        feet = [_resting_foot(body, leg, length, pose) or foot for leg, foot in zip(legs, feet, strict=True)]
         pitch = max((foot.pitch for foot in feet if foot.known), default=None)
         feet = feet if pitch is None else [foot.pitched(pitch) for foot in feet]
     if normals is not None:
@@ -181,12 +182,14 @@ def _reference_foot(body: Body, leg: Leg, pose: Pose) -> _Foot:
     return replace(foot, up=up @ hanging @ ankle, known=False)
 
 
-def _resting_foot(body: Body, leg: Leg, pose: Pose) -> _Foot | None:
-    """The foot in the median pose of the frames in which it rests; None where it never rests."""
+def _resting_foot(body: Body, leg: Leg, length: float, pose: Pose) -> _Foot | None:
+    """The foot in the median pose of the frames in which it rests; None where it never rests. The legs have a `length`
+    [file units].
+    """
     motion = body.motion
     if motion is None or len(motion) < 2:
         return None
-    resting = np.flatnonzero(feet_at_rest(motion, leg, body.up_vector, body.leg_length).all(axis=1))
+    resting = np.flatnonzero(feet_at_rest(motion, leg, body.up_vector, length).all(axis=1))
     if not len(resting):
         return None
     to_ankle = Rotation.from_quat(motion[resting].world_rotations_of(leg.ankle)).inv()

@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import click
 
 from distretarget.batch.interrupts import interrupts_kept
-from distretarget.errors import DistretargetError
+from distretarget.errors import DistretargetError, shown
 from distretarget.io.files import reason_of
 
 COMMANDS = {  # by name: where the command is, and its short help
@@ -35,6 +35,7 @@ COMMANDS = {  # by name: where the command is, and its short help
         "distretarget.cli.skeleton:skeleton_group",
         "Show, edit and match skeletons, and write skeleton files.",
     ),
+    "view": ("distretarget.cli.view:view_command", "Look at motions and characters in the browser."),
 }
 DEFAULT_COMMAND = "retarget"
 THREAD_TIMEOUT = 5.0  # the program waits this long for each remaining thread before it ends [s]
@@ -91,6 +92,7 @@ def cli() -> None:
     distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
     distretarget skeleton match SOURCE TARGET         which joint drives which
     distretarget skeleton show FILE                   the joints of a file and their bone lengths
+    distretarget view FILE                            a motion or character in the browser
     """  # noqa: D301
     # Imported here, like the commands, so that --help does not wait for numba.
     from distretarget.cli.outputs import say
@@ -105,6 +107,7 @@ for name, (place, short_help) in COMMANDS.items():
 
 def main() -> None:
     """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
+    _replace_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -115,6 +118,18 @@ def main() -> None:
     except OSError as error:  # of standard output, if the error names no file
         sys.stdout = None  # so that Python does not flush it again at exit
         sys.exit(_complain(f"{error.filename or 'standard output'}: {reason_of(error)}", 1))
+
+
+def _replace_closed_streams() -> None:
+    """Send to nowhere what goes to closed standard output or error, which the next file that is opened would get."""
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+            os.set_inheritable(number, True)
+            setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
 
 
 @contextmanager
@@ -173,5 +188,5 @@ def _leave(status: int) -> NoReturn:
 def _complain(message: str, status: int) -> int:
     """Print an error on one line and return the exit status."""
     line = " ".join(message.split("\n"))
-    click.echo(f"distretarget: {line}".encode("utf-8", "backslashreplace").decode(), err=True)
+    click.echo(shown(f"distretarget: {line}"), err=True)
     return status

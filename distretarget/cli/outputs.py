@@ -9,7 +9,7 @@ from pathlib import Path, PurePath
 
 import click
 
-from distretarget.errors import FileError
+from distretarget.errors import FileError, shown
 from distretarget.io.files import (
     STANDARD_INPUT,
     Content,
@@ -87,7 +87,7 @@ def check_suffix(path: Path | None, suffix: str) -> None:
     kind = suffix[1:].upper()
     if sys.stdin and sys.stdin.isatty():
         question = f"{path}: the name does not end in {suffix}; write {kind} to it all the same?"
-        click.confirm(question, abort=True, err=True)
+        click.confirm(shown(question), abort=True, err=True)
     else:
         better = path.with_suffix(suffix) if path.name else suffix
         raise FileError(path, f"the output is {kind}, so its name has to end in {suffix}, such as {str(better)!r}")
@@ -115,8 +115,7 @@ def complain(line: str) -> None:
 
 
 def _print(line: str, err: bool) -> None:
-    """Print a line; characters that UTF-8 cannot encode are escaped."""
-    click.echo(line.encode("utf-8", "backslashreplace").decode(), err=err)
+    click.echo(shown(line), err=err)
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
@@ -128,6 +127,10 @@ def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
 
 
 def about(a: PurePath, b: PurePath) -> About:
-    """What a report says of this run: the command, and the names of both clips, or their paths if names are equal."""
-    names = (str(a), str(b)) if a.name == b.name else (a.name, b.name)
-    return About(a=names[0], b=names[1], command=shlex.join(["distretarget", *sys.argv[1:]]))
+    """What a report says of this run: the command, and the names of both clips, with their folders if names are equal.
+
+    Of absolute paths only the names are told, so that a report can be sent.
+    """
+    names = ["/".join(path.parts[-2:]) if a.name == b.name else path.name for path in (a, b)]
+    words = [PurePath(word).name if PurePath(word).is_absolute() else word for word in sys.argv[1:]]
+    return About(a=names[0], b=names[1], command=shlex.join(["distretarget", *words]))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import cycle
 from pathlib import Path
 from typing import Any, get_args
@@ -13,6 +15,8 @@ import click
 from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
+from distretarget.batch.manifest import Manifest
+from distretarget.batch.scene_results import SceneResults
 from distretarget.cli.options import (
     ENVIRONMENT_OPTION,
     OVERWRITE_OPTION,
@@ -21,10 +25,10 @@ from distretarget.cli.options import (
     positive,
     quiet,
 )
-from distretarget.cli.outputs import check_outputs, say
-from distretarget.errors import FileError
+from distretarget.cli.outputs import check_outputs, complain, say
+from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import is_folder, make_folder, write_whole
+from distretarget.io.files import Content, check_inside, is_folder, make_folder, write_whole
 from distretarget.io.input_file import MOTION_SUFFIXES, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
@@ -100,28 +104,46 @@ def scene_command(
 
     SOURCES are their motion files, with the same frames. Each performer gets a body; hands that hold each other still
     do so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and which
-    props the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT.
+    props the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT;
+    scenes that are done and unchanged are skipped, as manifest.jsonl in OUTPUT says, and one that fails stops no other.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
     distretarget scene staff.json -o staff
     distretarget scene sample_bvh/scenes -o scenes
     """  # noqa: D301
-    setups = [(_setup(sources, targets, options), output)] if targets else _setups(sources, output, options)
-    warm("contact")
-    for setup, folder in setups:
-        existed = is_folder(folder)
-        make_folder(folder)
+    if targets:
+        _retarget(_setup(sources, targets, options), output, overwrite, report)
+        return
+    path = _scene_path(sources, options)
+    if is_folder(path):
+        _retarget_folder(path, output, overwrite, report)
+    else:
+        _retarget(load_scene(path), output, overwrite, report)
+
+
+def _retarget_folder(path: Path, output: Path, overwrite: bool, report: bool) -> None:
+    """Retarget all scenes of a folder; those that fail do not stop the others, those that are done are left out."""
+    files = sorted(path.rglob(SCENE_NAME))
+    if not files:
+        raise FileError(path, f"has no {SCENE_NAME} in it or below")
+    manifest, skipped, failures = Manifest(output), 0, list[DistretargetError]()
+    for file in files:
         try:
-            _retarget(setup, folder, overwrite, report)
-        finally:
-            if not existed:
-                with contextlib.suppress(OSError):  # it is not empty
-                    folder.rmdir()
+            folder = output / file.parent.relative_to(path)
+            check_inside(folder, output)
+            skipped += not _retarget(load_scene(file), folder, overwrite, report, (file, manifest))
+        except DistretargetError as error:
+            failures.append(error)
+            complain(f"failed: {error}")
+    converted = len(files) - skipped - len(failures)
+    say(f"{counted(len(files), 'scene')}: {converted} converted, {skipped} done before, {len(failures)} failed")
+    if failures:
+        sys.exit(1)
 
 
-def _setups(sources: Sequence[Path], output: Path, options: dict[str, Any]) -> list[tuple[SceneSetup, Path]]:
-    """The scene in a file, or all scenes in a folder, with the folders to write to."""
+def _scene_path(sources: Sequence[Path], options: dict[str, Any]) -> Path:
+    """The path of the scene file, or of the folder of scenes, that the command line names."""
     path = sources[0]
     if len(sources) > 1 or path.suffix.lower() in MOTION_SUFFIXES:
         raise click.UsageError("Missing option '-t' / '--target', or name one SCENE.json.")
@@ -129,12 +151,7 @@ def _setups(sources: Sequence[Path], output: Path, options: dict[str, Any]) -> l
     for option in context.command.params:
         if option.name in options and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE:
             raise click.UsageError(f"{option.opts[0]} belongs in the scene file.")
-    if not is_folder(path):
-        return [(load_scene(path), output)]
-    found = sorted(path.rglob(SCENE_NAME))
-    if not found:
-        raise FileError(path, f"has no {SCENE_NAME} in it or below")
-    return [(load_scene(file), output / file.parent.relative_to(path)) for file in found]
+    return path
 
 
 def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
@@ -162,23 +179,66 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
     return SceneSetup(performers=performers, **options)
 
 
-def _retarget(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> None:
-    """Retarget a scene into a folder, and print how it went."""
+def _retarget(
+    setup: SceneSetup,
+    folder: Path,
+    overwrite: bool,
+    report: bool,
+    among: tuple[Path, Manifest] | None = None,
+) -> bool:
+    """Retarget a scene into a folder, and print how it went; return whether that was needed.
+
+    `among` is the scene's file and the manifest, for a scene of a folder of scenes.
+    """
     targets = [TargetFile.of(load_file(performer.target)) for performer in setup.performers]
     suffixes = [*map(suffix_of, targets), *[".bvh"] * (len(setup.names) - len(targets))]  # the others are props
     outputs = [folder / f"{name}{suffix}" for name, suffix in zip(setup.names, suffixes, strict=True)]
     outputs += [folder / "report.html"] if report else []
-    check_outputs(outputs, setup.inputs, overwrite)
+    for path in outputs:
+        check_inside(path, folder)
+    write: Callable[[Path, Content], None] = partial(write_whole, overwrite=overwrite)
+    if among:
+        results = SceneResults.of(among[1], among[0], setup, targets[0], outputs, overwrite)
+        if results.are_done():
+            return False
+        results.check_replaceable()
+        write = results.write
+    with _made(folder):
+        check_outputs(outputs, setup.inputs, overwrite or bool(among))
+        _write(setup, targets, outputs, write)
+    return True
+
+
+@contextlib.contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Make a folder, and remove it if nothing gets into it."""
+    existed = is_folder(folder)
+    make_folder(folder)
+    try:
+        yield
+    finally:
+        if not existed:
+            with contextlib.suppress(OSError):  # it is not empty
+                folder.rmdir()
+
+
+def _write(
+    setup: SceneSetup, targets: Sequence[TargetFile], outputs: Sequence[Path], write: Callable[[Path, Content], None]
+) -> None:
+    """Retarget a scene, write its results to these paths, the last a report if there is one more, and print how it
+    went.
+    """
+    warm("contact")
     began = time.perf_counter()
     result = setup.retargeted()
     clips = [DEFAULT_OUTPUT.clip(one.motion, name) for one, name in zip(result.results, setup.names, strict=False)]
     contents = [[*content_of(*each, DEFAULT_OUTPUT)] for each in zip(outputs, clips, targets, strict=False)]
     contents += [[*bvh_parts(prop.motion)] for prop in result.props]
     seconds = time.perf_counter() - began
-    if report:
+    if len(outputs) > len(contents):
         contents.append([scene_page(result, setup.names)])
     for path, content in zip(outputs, contents, strict=True):
-        write_whole(path, content, overwrite=overwrite)
+        write(path, content)
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)

@@ -25,6 +25,7 @@ STANDARD_INPUT = Path("standard input")  # its name in errors
 REASONS = {
     errno.ENOENT: "there is no such file",
     errno.EISDIR: "is a folder",
+    errno.ENXIO: "is not a regular file",  # but a socket
     errno.EACCES: "permission denied",
     errno.EPERM: "permission denied",
     errno.ENOSPC: "the disk is full",
@@ -45,16 +46,24 @@ def read_text(path: str | Path) -> str:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return the content of a file.
+    """Return the content of a regular file; others, such as pipes and devices, may have no end.
 
     Raises:
-        FileError: the file is missing, a folder or not readable.
+        FileError: the file is missing, a folder, not a regular file or not readable.
     """
     check_path("path", path)
     try:
-        return Path(path).read_bytes()
+        with open(path, "rb", opener=_open_at_once) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise FileError(path, "is not a regular file")
+            return file.read()
     except (OSError, ValueError) as error:
         raise FileError(path, reason_of(error)) from error
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file without waiting for another program to write to it, as for a pipe."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def text_of(content: bytes, path: str | Path) -> str:
@@ -66,7 +75,7 @@ def text_of(content: bytes, path: str | Path) -> str:
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
     text = text.removesuffix(CTRL_Z)
-    if not text.strip():
+    if not text or text.isspace():
         raise FileError(path, "is empty")
     return text
 
@@ -91,8 +100,8 @@ def hash_of(*content: bytes | memoryview) -> str:
 def hash_of_file(path: Path) -> str | None:
     """Return the hash of a file's content; None if the file does not exist or cannot be read."""
     try:
-        return hash_of(path.read_bytes())
-    except OSError:
+        return hash_of(read_bytes(path))
+    except FileError:
         return None
 
 
@@ -101,13 +110,19 @@ def is_folder(path: str | Path) -> bool:
     return os.path.isdir(path)  # noqa: PTH112 - the method raises instead
 
 
+def is_inside(path: Path, folder: Path) -> bool:
+    """Return whether a path leads to a place in a folder, and not out of it by links or `..`; False if it leads nowhere
+    because links go in circles.
+    """
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
 def check_inside(path: Path, folder: Path) -> None:
     """Raise a FileError if a path in a folder leads out of the folder, by links or `..`."""
-    try:
-        inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError) as error:
-        raise FileError(path, reason_of(error)) from error
-    if not inside:
+    if not is_inside(path, folder):
         raise FileError(path, f"leads out of the folder {str(folder)!r}; remove the link")
 
 

@@ -10,7 +10,7 @@ from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of
 from distretarget.character.nodes import Scene
 from distretarget.checks import check_kind, check_number
-from distretarget.errors import DistretargetError, FileError, SkeletonError
+from distretarget.errors import DistretargetError, FileError, MotionError, SkeletonError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.fbx import parse_fbx
 from distretarget.io.gltf_scene import gltf_scene
@@ -55,7 +55,10 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
             motion = parse_bvh(file.text, file.path)
             if clip is not None:
                 raise FileError(file.path, "is BVH, which holds one motion without a name; leave out --clip")
-            return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), ()
+            try:
+                return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), ()
+            except MotionError as error:
+                raise error.in_file(file.path) from None
     scene = read_scene(file, clip, fps)
     if scene.animation is None:
         raise FileError(file.path, "has no animation; expected a file with a motion")

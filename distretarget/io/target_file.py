@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from distretarget.character.character import Character
-from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
+from distretarget.errors import BvhError, MotionError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
 from distretarget.io.mesh_file import CharacterMesh, HeldMesh
 from distretarget.io.motion_file import parse_character
+from distretarget.motion import check_reach
 from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target, with_bones
 
@@ -101,7 +102,8 @@ def _bvh_target(text: str, path: str | Path) -> Target:
     """The target in the text of a BVH file; its MOTION may be missing or invalid."""
     try:
         motion = parse_bvh(text, path)
-    except BvhError:
+        check_reach(motion, "its motion")
+    except (BvhError, MotionError):
         return Target(with_bones(parse_bvh_skeleton(text, path), path), {}, "")
     return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
 

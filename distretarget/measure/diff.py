@@ -19,8 +19,8 @@ from distretarget.matching.matching import Matching, match
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.metrics import Comparison, Reference
 from distretarget.measure.skin import find_skin
-from distretarget.motion import Motion
-from distretarget.skeleton import LARGEST, JointMap
+from distretarget.motion import Motion, check_reach
+from distretarget.skeleton import JointMap
 
 Array = NDArray[np.float64]
 
@@ -105,11 +105,13 @@ def diff(
     apart = abs(a.frame_time - b.frame_time) / b.frame_time
     if apart > SAME_TIME or apart * min(len(a), len(b)) > LATE:
         notes.append(f"A was resampled from {1 / a.frame_time:.6g} to {1 / b.frame_time:.6g} frames/s")
-        a = a.resampled(b.frame_time_text)
-    if len(a) != len(b):
-        frames = min(len(a), len(b))
+        own, a = a.resampled_frames(b.frame_time_text), a.resampled(b.frame_time_text, len(b))
+    else:
+        own = len(a)
+    if own != len(b):
+        frames = min(own, len(b))
         compared = "the first was" if frames == 1 else f"the first {frames} were"
-        notes.append(f"A has {counted(len(a), 'frame')} and B has {len(b)}; {compared} compared")
+        notes.append(f"A has {counted(own, 'frame')} and B has {len(b)}; {compared} compared")
         a, b = a[:frames], b[:frames]
     problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
     stress = (problem.body_size / target.height) ** 2 * posture_stress(problem, a.positions, b.positions)
@@ -131,7 +133,6 @@ def turned_note(world: World) -> tuple[str, ...]:
 def _check(motion: Motion, name: str) -> None:
     if not len(motion):
         raise MotionError(f"{name} has no frames; there is nothing to compare")
-    if not np.abs(motion.positions).max() <= LARGEST:
-        raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
+    check_reach(motion, name)
     if not motion.rigid_skeleton.path_lengths.max() > 0:
         raise MotionError(f"no bone of {name} has a length; there is nothing to compare")

@@ -139,9 +139,8 @@ class Figure:
     def of_clip(self, tracks: Tracks) -> float | None:
         """The figure of the whole clip; None where nothing was to be measured."""
         track = tracks[self.track or self.key]
-        weights = track.weights
-        measured = weights > 0
-        values = track.values[measured]
+        counted = track.values.size if track.counts is None else track.counts.sum()
+        values = track.values if track.counts is None else track.values[track.counts > 0]
         if not values.size:
             return None
         if self.reduction == "frames":
@@ -150,7 +149,7 @@ class Figure:
             return float(values.max(initial=0.0))
         if self.reduction == "percentile 99":
             return float(np.percentile(values, 99))
-        return float(values.sum() / weights[measured].sum())
+        return float(values.sum() / counted)
 
     def over_time(self, tracks: Tracks, frames: int) -> Array:
         """(frames,), the figure of each frame; nan where nothing was to be measured, as in rows that are missing."""
@@ -262,6 +261,7 @@ def as_data(source: str, result: str) -> list[dict[str, Any]]:
             "explanation": figure.explanation(source, result),
             "missing": figure.missing.format(source=source),
             "judged": figure.judged,
+            "instead": figure.instead,
             "comparison": figure.comparison(source, result),
             "whole": figure.reduction == "frames",
             "factor": figure.factor,

@@ -22,6 +22,7 @@ from distretarget.body.legs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.vectors import angles_between, cross, level, normalised
 
 Array = NDArray[np.float64]
@@ -83,7 +84,7 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
         ankle_rests, rests = stance[:, 2 * k], stance[:, 2 * k] & stance[:, 2 * k + 1]
         both = zip(legs, (side[1 - k] for side in matching.legs or ()), strict=True)
         add("splay", legs[1].ankle, (partial(_outwards, *pair) for pair in both), ankle_rests)
-        axes = [*map(_foot_axes, bodies, legs)]
+        axes = [*map(_foot_axes, bodies, legs, matching.leg_lengths)]
         if matching.source_normals is not None and axes[0][0].any():
             axes[0] = matching.source_normals[k], axes[0][1]
         add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
@@ -105,8 +106,10 @@ def _head_axes(body: Body, head: int) -> Axes:
     return _mean_axes(body, head, np.asarray(body.moving.trunk @ body.up_vector > UPRIGHT))
 
 
-def _foot_axes(body: Body, leg: Leg) -> Axes:
-    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average."""
+def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average. The
+    legs have a `length` [file units].
+    """
     if leg.toe == leg.ankle:
         return UNKNOWN, UNKNOWN
     if body.up_at_rest:
@@ -115,7 +118,7 @@ def _foot_axes(body: Body, leg: Leg) -> Axes:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
         return UNKNOWN, UNKNOWN
-    rests = feet_at_rest(body.motion, leg, body.up_vector, body.leg_length)
+    rests = feet_at_rest(body.motion, leg, body.up_vector, length)
     return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
 
 
@@ -145,7 +148,7 @@ def _hands(matching: Matching) -> list[tuple[tuple[int, int, int], tuple[int, in
 
 def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Array:
     """(frames, 3), an axis of a joint, (3,), in the world; its level part if the vector up, `along`, (3,), is given."""
-    axes = Rotation.from_quat(motion.world_rotations_of(joint)).apply(axis)
+    axes = turned_by(motion.world_rotations_of(joint), axis)
     return axes if along is None else level(axes, along)
 
 

@@ -192,7 +192,7 @@ def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str)
     """Return a prop of the source in the target's axes, resampled to `frames` frames; it stands still after its own."""
     prop = world.turned(prop)
     if len(prop) > 1:
-        prop = prop.resampled(frame_time_text)
+        prop = prop.resampled(frame_time_text, frames)
     return replace(prop[np.minimum(np.arange(frames), len(prop) - 1)], frame_time_text=frame_time_text)
 
 

@@ -18,8 +18,7 @@ from distretarget.ik.poses import Poses
 from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
-from distretarget.motion import Motion
-from distretarget.numerics.vectors import extent
+from distretarget.motion import Motion, check_reach
 from distretarget.objectives.asking import Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_floor
@@ -34,7 +33,7 @@ from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.soundness import check_finite, check_places
-from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
+from distretarget.skeleton import SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import SkeletonEdit, Target
@@ -202,8 +201,7 @@ def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdi
 def _check(source: Motion, target: Skeleton) -> None:
     if not len(source):
         raise MotionError("the source has no frames; there is nothing to retarget")
-    if not extent(source.positions) <= LARGEST:
-        raise MotionError(f"the source has positions beyond {LARGEST:g}; OFFSETs or position channels must be wrong")
+    check_reach(source, "the source")
     for body, name in ((source.skeleton, "source"), (target, "target")):
         if not body.lengths.max() >= SMALLEST:
             raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all below {SMALLEST:g}")

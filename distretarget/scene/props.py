@@ -19,7 +19,7 @@ from distretarget.baseline.rotation_copy import RootScale
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.ik.springs import Springs
-from distretarget.motion import Motion
+from distretarget.motion import Motion, check_reach
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import extent, lengths
@@ -89,9 +89,16 @@ class Prop:
             raise SettingsError(
                 f"the scale of {self.name!r} is {self.scale!r}; expected 'world', the number of a performer or a factor"
             )
-        if not extent(self.motion.positions) <= LARGEST:
+        check_reach(self.motion, repr(self.name))
+        if isinstance(self.scale, float):
+            self.check_size(self.scale, 0.0)
+
+    def check_size(self, scale: float, farthest: float) -> None:
+        """Raise a MotionError if with a scale the prop is too large to compute with, or gets as far as `farthest`."""
+        size = extent(self.motion.positions - self.motion.root_positions[:, None])
+        if not max(farthest, scale * size) <= LARGEST:
             raise MotionError(
-                f"{self.name!r} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong"
+                f"{self.name!r} reaches beyond {LARGEST:g} with a scale of {scale:g}; choose a smaller scale"
             )
 
 
@@ -133,12 +140,14 @@ class PropResult:
         motion: its motion in the target's world, scaled.
         source: its motion in the source, in the target's axes.
         scale: target units per source unit of its size.
+        copy: its motion among the rotation copies of the performers.
     """
 
     name: str
     motion: Motion
     source: Motion
     scale: float
+    copy: Motion
 
 
 @dataclass(frozen=True, eq=False)

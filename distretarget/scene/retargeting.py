@@ -173,8 +173,10 @@ def retarget_scene(
     return SceneResult(
         results=results,
         props=tuple(
-            PropResult(prop.name, place.moved(each.motion), each.motion, place.scale)
-            for prop, each, place in zip(props, placed, touching.placements(motions), strict=True)
+            PropResult(prop.name, place.moved(each.motion), each.motion, place.scale, copied.moved(each.motion))
+            for prop, each, place, copied in zip(
+                props, placed, touching.placements(motions), touching.placements(copies), strict=True
+            )
         ),
         world_scale=level,
         longest_strides=tuple(longest),
@@ -205,8 +207,7 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
     source = matching.source_motion
     motion = prop_in_world(prop.motion, performers[0].world, len(source), source.frame_time_text)
     free = free_placement(motion.positions, scale, level, matching.source.up_vector)
-    if not max(extent(free(motion.positions)), scale * extent(motion.skeleton.offsets)) <= LARGEST:
-        raise MotionError(f"{prop.name!r} reaches beyond {LARGEST:g} with a scale of {scale:g}; choose a smaller scale")
+    prop.check_size(scale, extent(free(motion.positions)))
     return PlacedProp(motion, free, grips, prop.surface)
 
 

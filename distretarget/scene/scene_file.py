@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS
-from distretarget.errors import DistretargetError, MotionError, closest
+from distretarget.errors import DistretargetError, MotionError, closest, counted
 from distretarget.io.build_file import load_build, with_source
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text
@@ -217,13 +217,23 @@ def started(motion: Motion, start: float) -> Motion:
 
 
 def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest."""
+    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest.
+
+    Raises:
+        MotionError: a motion that is resampled and not cut has not as many frames as the first.
+    """
+    time = motions[0].frame_time_text
+    counts = [motion.resampled_frames(time) if resample else len(motion) for motion in motions]
+    frames = min(counts) if cut else counts[0]
     if resample:
-        motions = [motion.resampled(motions[0].frame_time_text) for motion in motions]
-    if cut:
-        frames = min(map(len, motions))
-        motions = [motion[:frames] for motion in motions]
-    return list(motions)
+        for number, count in enumerate(counts, 1):
+            if count != frames and not cut:
+                raise MotionError(
+                    f"clip {number} has {counted(count, 'frame')} of {float(time):g} s, and clip 1 has {frames}; cut "
+                    "them to the same frames"
+                )
+        motions = [motion.resampled(time, frames) for motion in motions]
+    return [motion[:frames] if cut and len(motion) > frames else motion for motion in motions]
 
 
 def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], surface: Surface | None, sources: Sequence[Motion]) -> Prop:
