@@ -142,6 +142,7 @@ class Batch:
             if self.index:
                 self._write_pages(self.index, workers)
         finally:
+            self.manifest.release()
             tally.seconds = time.perf_counter() - started - workers.start_seconds
 
     def _write_pages(self, index: Path, workers: Workers) -> None:
@@ -155,26 +156,37 @@ class Batch:
         self._write_page(index, index_page(list(records.values()), links, title, VERSION))
 
     def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
-        """The clips that are not done."""
-        left = sum(clip.size for clip in self.clips)
+        """The clips that are not done; last those that another run is at work on, if that does not finish them."""
+        left, others = sum(clip.size for clip in self.clips), list[Clip]()
         for clip in self.clips:
             split = clip.size > max(SPLIT_SIZE, left / workers)
             left -= clip.size
-            record = self.record_of(clip)
-            try:
-                content = read_bytes(clip.path)
-                record["input_hash"] = hash_of(content)
-                output_hash = None if self.overwrite else hash_of_file(self.folder / clip.place)
-                if output_hash and self.manifest.is_done(record, output_hash):
-                    self.manifest.confirm(record["output"], output_hash)
-                    show(None)
-                    continue
-                source = with_files_beside(InputFile(content, clip.path))
-            except DistretargetError as error:
-                self._finish(Result(record | {"error": str(error)}), show)
-                continue
-            about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
-            yield self._job(source, clip, record, about, split)
+            if self.manifest.claim(clip.place.as_posix()):
+                yield from self._unless_done(clip, split, show)
+            else:
+                others.append(clip)
+        for clip in others:
+            self.manifest.claim(clip.place.as_posix())
+            yield from self._unless_done(clip, False, show)
+
+    def _unless_done(self, clip: Clip, split: bool, show: Show) -> Iterator[Job]:
+        """The job of a clip that is not done."""
+        record = self.record_of(clip)
+        try:
+            content = read_bytes(clip.path)
+            record["input_hash"] = hash_of(content)
+            output_hash = None if self.overwrite else hash_of_file(self.folder / clip.place)
+            if output_hash and self.manifest.is_done(record, output_hash):
+                self.manifest.confirm(record["output"], output_hash)
+                self.manifest.release(record["output"])
+                show(None)
+                return
+            source = with_files_beside(InputFile(content, clip.path))
+        except DistretargetError as error:
+            self._finish(Result(record | {"error": str(error)}), show)
+            return
+        about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
+        yield self._job(source, clip, record, about, split)
 
     def _report_jobs(self, records: dict[str, ManifestRecord]) -> Iterator[Job]:
         """The clips that need a report on their present output."""
@@ -217,6 +229,7 @@ class Batch:
                 self.manifest.add(record)
             except FileError as error:
                 record["error"] = f"{record['error']} ({error})"
+        self.manifest.release(record["output"])
         show(record)
         if record["status"] == "failed" and self.fail_fast:
             raise BatchError(f"stopped at the first failure: {record['error']}")
