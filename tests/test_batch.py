@@ -130,6 +130,27 @@ def test_a_second_run_has_nothing_to_do(folder):
     assert len(lines(folder)) == 3
 
 
+def test_a_run_leaves_to_another_what_that_is_at_work_on(folder):
+    first = Manifest(folder / "out")
+    assert first.claim("c.bvh")
+    assert go(folder).of("done") == ["deep/b.bvh", "a.bvh", "c.bvh"]
+    (folder / "out" / "c.bvh").unlink()
+    (folder / "out" / "a.bvh").unlink()
+
+    class Finishing(Inline):
+        """Before the clip a.bvh, another run finishes c.bvh."""
+
+        def submit(self, function, *arguments):
+            if arguments and arguments[0].source.path.name == "a.bvh":
+                (folder / "out" / "c.bvh").write_text("body.json: third clip")
+                first.release("c.bvh")
+            return super().submit(function, *arguments)
+
+    seen = go(folder, Workers(Finishing()))
+    assert (seen.of("done"), seen.skipped) == (["a.bvh"], 2)
+    assert not [*(folder / "out").glob(".distretarget-*")]
+
+
 def test_what_changed_is_done_again(folder):
     go(folder)
     (folder / "in" / "a.bvh").write_text("one, changed")

@@ -172,6 +172,7 @@ class Batch:
             if self.index:
                 self._write_pages(self.index, workers)
         finally:
+            self.manifest.release()
             tally.seconds = time.perf_counter() - started - workers.start_seconds
 
     def _write_pages(self, index: Path, workers: Workers) -> None:
@@ -185,24 +186,35 @@ class Batch:
         self._write_page(index, index_page(list(records.values()), links, title, VERSION))
 
     def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
-        """The clips that are not done."""
-        left = sum(clip.size for clip in self.clips)
+        """The clips that are not done; last those that another run is at work on, if that does not finish them."""
+        left, others = sum(clip.size for clip in self.clips), list[Clip]()
         for clip in self.clips:
             split = clip.size > max(SPLIT_SIZE, left / workers)
             left -= clip.size
-            record = self.record_of(clip)
-            try:
-                content = read_bytes(clip.path)
-                record["input_hash"] = hash_of(content)
-                if known := self.known(clip, record, self.manifest):
-                    show(self._again(known))
-                    continue
-                source, contacts = with_files_beside(InputFile(content, clip.path)), self._contacts(clip)
-            except DistretargetError as error:
-                self._finish(Result(record | {"error": str(error)}), show)
-                continue
-            about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
-            yield self._job(source, clip, record, about, contacts, split)
+            if self.manifest.claim(clip.place.as_posix()):
+                yield from self._unless_done(clip, split, show)
+            else:
+                others.append(clip)
+        for clip in others:
+            self.manifest.claim(clip.place.as_posix())
+            yield from self._unless_done(clip, False, show)
+
+    def _unless_done(self, clip: Clip, split: bool, show: Show) -> Iterator[Job]:
+        """The job of a clip that is not done."""
+        record = self.record_of(clip)
+        try:
+            content = read_bytes(clip.path)
+            record["input_hash"] = hash_of(content)
+            if known := self.known(clip, record, self.manifest):
+                show(self._again(known))
+                self.manifest.release(record["output"])
+                return
+            source, contacts = with_files_beside(InputFile(content, clip.path)), self._contacts(clip)
+        except DistretargetError as error:
+            self._finish(Result(record | {"error": str(error)}), show)
+            return
+        about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
+        yield self._job(source, clip, record, about, contacts, split)
 
     def known(self, clip: Clip, record: ManifestRecord, manifest: Manifest) -> ManifestRecord | None:
         """The line of a clip that needs no work: it is done, or was left out and would be again; None for others."""
@@ -283,6 +295,7 @@ class Batch:
                 self.manifest.add(record)
             except FileError as error:
                 record["error"] = f"{record['error']} ({error})"
+        self.manifest.release(record["output"])
         show(record)
         if record["status"] == "failed" and self.fail_fast:
             raise BatchError(f"stopped at the first failure: {record['error']}")

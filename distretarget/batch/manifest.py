@@ -7,6 +7,7 @@ the two, and the clip is retargeted again.
 from __future__ import annotations
 
 import fnmatch
+import hashlib
 import json
 import os
 import sys
@@ -18,7 +19,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, TypedDict, cast
 
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from distretarget.batch.plan import MANIFEST, Clip
 from distretarget.body.build import OWN_BUILDS, Builds
@@ -163,6 +164,7 @@ class Manifest:
         self._ends_whole = True
         self._made: dict[tuple[str, str], int] = {}  # where the line begins [bytes] of each output with each hash
         self._last: dict[str, int] = {}  # where the last line of each output begins [bytes]
+        self._claims: dict[str, FileLock] = {}  # of the outputs that this run is at work on
         if not read_only:
             make_folder(folder)
             check_inside(self.path, folder)
@@ -180,6 +182,25 @@ class Manifest:
         """Keep other runs from writing to the folder; raise a FileError if it cannot be locked."""
         with self._named_errors(), self._lock:
             yield
+
+    def claim(self, output: str) -> bool:
+        """Say that this run is at work on an output; return whether no other run is. The claim ends with the run."""
+        name = hashlib.sha256(output.encode("utf-8", "surrogatepass")).hexdigest()[:16]
+        lock = FileLock(self.path.with_name(f".distretarget-{name}.lock"))
+        try:
+            lock.acquire(timeout=0)
+        except (Timeout, OSError):  # OSError: another user's run is
+            return False
+        self._claims[output] = lock
+        return True
+
+    def release(self, *outputs: str) -> None:
+        """Give up the claims to some outputs, or all claims."""
+        for output in outputs or tuple(self._claims):
+            if lock := self._claims.pop(output, None):
+                lock.release()
+                with suppress(OSError):
+                    Path(lock.lock_file).unlink()
 
     def is_done(
         self, record: ManifestRecord, output_hash: str | None, others: Mapping[str, str | None] | None = None
