@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, counted, quoted
 from distretarget.numerics.compiled import read_only
-from distretarget.numerics.kinematics import joint_positions, make_local, world_rotations
+from distretarget.numerics.kinematics import joint_positions, line_rotations, make_local, world_rotations
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
 from distretarget.numerics.vectors import extent, lengths
@@ -203,9 +203,16 @@ class Motion:
         return world_rotations(self.skeleton.parents, self.rotations[frames])
 
     def world_rotations_of(self, joint: int) -> Array:
-        """(frames, 4), the world rotations of one joint."""
-        line = self.skeleton.line(joint)[::-1]
-        return world_rotations(np.arange(len(line)) - 1, np.take(self.rotations, line, axis=1))[:, -1]
+        """(frames, 4), the world rotations of one joint; kept, since several measures ask for the same joints."""
+        if joint not in self._kept_rotations:
+            line = np.array(self.skeleton.line(joint)[::-1], np.intp)
+            self._kept_rotations[joint] = read_only(line_rotations(line, self.rotations))
+        return self._kept_rotations[joint]
+
+    @cached_property
+    def _kept_rotations(self) -> dict[int, Array]:
+        """What `world_rotations_of` has returned, by joint."""
+        return {}
 
     @cached_property
     def positions(self) -> Array:

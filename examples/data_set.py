@@ -1,15 +1,14 @@
-"""Retarget a folder of clips to one skeleton, and save positions and 6D rotations of each for training.
+"""Retarget a folder of clips to one skeleton, and save arrays of each for training, and a table of figures.
 
-python examples/data_set.py CLIPS TARGET.json ARRAYS
+python examples/data_set.py CLIPS TARGET ARRAYS
 """
 
 import sys
-from pathlib import Path
 
-from distretarget import load_target, read_bvh, retarget, write_npz
+from distretarget import OutputSettings, convert_folder
 
-clips, target, arrays = Path(sys.argv[1]), load_target(sys.argv[2]), Path(sys.argv[3])
-arrays.mkdir(exist_ok=True)
-for clip in sorted(clips.glob("*.bvh")):
-    result = retarget(read_bvh(clip), target)
-    write_npz(arrays / f"{clip.stem}.npz", result.motion, rotations="6d")
+if __name__ == "__main__":
+    clips, target, arrays = sys.argv[1:]
+    writing = OutputSettings(rotations="6d", precision="float32")
+    tally = convert_folder(clips, target, arrays, formats=["npz"], writing=writing, table=f"{arrays}/figures.csv")
+    print("\n".join(tally.lines))

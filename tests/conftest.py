@@ -11,6 +11,8 @@ settings.register_profile("however slow", deadline=None)  # a busy machine is no
 settings.load_profile("however slow")
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+PLAYER_BUILT = "async () => { while (!globalThis.app) await new Promise(requestAnimationFrame); }"
+SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # draws WebGL without a graphics card
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +25,7 @@ def browser():
         pytest.skip("no Chromium or Chrome is installed")
     with sync_api.sync_playwright() as playwright:
         running = playwright.chromium.launch(
-            executable_path=program, args=["--no-sandbox", "--disable-background-networking"]
+            executable_path=program, args=["--no-sandbox", "--disable-background-networking", *SOFTWARE]
         )
         yield running
         running.close()
@@ -51,6 +53,19 @@ def open_page(browser):
     assert not problems
     assert len(asked) == len(tabs)
     assert all(url.startswith("file:") for url in asked)
+
+
+@pytest.fixture
+def open_player(open_page):
+    """Opens a page with a player, and waits until that is built."""
+
+    def opens(path, **options):
+        tab = open_page(path, **options)
+        tab.evaluate(PLAYER_BUILT)
+        settle(tab)
+        return tab
+
+    return opens
 
 
 @pytest.fixture

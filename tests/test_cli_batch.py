@@ -199,6 +199,7 @@ def test_a_dry_run_writes_nothing(folder):
         (["in", "body.json", "--jobs", "2", "--dask", "x"], 2, "give either --jobs or --dask"),
         (["in", "body.json", "--objective", "paper", "--supports", "hold"], 2, "--supports hold"),
         (["in", "none.json"], 1, "none.json: there is no such file"),
+        (["in", "body.json", "--format", "bvh,png"], 2, "found 'png'"),
         (["in/a.bvh", "more/a.bvh", "body.json"], 2, "would be the result of both"),
         (["in", "bad.json"], 1, "bad.json: "),
         (["in", "body.json", "--include", "nothing"], 1, "there are no clips to convert"),
@@ -218,6 +219,33 @@ def test_wrong_usage_is_one_line(folder, arguments, status, says):
     assert says in done.stderr
     assert done.stderr.count("\n") == 1
     assert not (folder / "out").exists()
+
+
+def every_file(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.[bn][vp][hz]")}
+
+
+def test_several_kinds_of_results_are_the_same_in_every_run(folder):
+    """Beside each BVH file its arrays, byte for byte the same again; what is missing is made again."""
+    for out in ("out", "again"):
+        assert batch("in", "body.json", "-o", out, "--npz", "--jobs", 2).returncode == 0
+    files = every_file(folder / "out")
+    assert sorted(files) == ["a.bvh", "a.npz", "deep/b.bvh", "deep/b.npz", "deep/er/c.bvh", "deep/er/c.npz"]
+    assert files == every_file(folder / "again")
+    (folder / "out/a.npz").unlink()
+    done = batch("in", "body.json", "-o", "out", "--format", "bvh,npz", "--jobs", 1)
+    assert done.stdout.startswith("3 clips: 1 converted, 2 done before")
+    assert every_file(folder / "out") == files
+
+
+def test_another_result_does_not_replace_a_file_of_other_origin(folder):
+    (folder / "out").mkdir()
+    (folder / "out/a.npz").write_text("mine")
+    done = batch("in", "body.json", "-o", "out", "--npz", "--jobs", 1)
+    assert done.returncode == 1
+    assert "a.npz: exists already" in done.stdout
+    assert (folder / "out/a.npz").read_text() == "mine"
+    assert not (folder / "out/a.bvh").exists()
 
 
 def test_results_inside_the_source_are_refused(folder):

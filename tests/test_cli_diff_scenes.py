@@ -150,11 +150,11 @@ def test_scenes_that_cannot_be_compared_are_refused(results, folder):
     assert sorted(folder.rglob("*")) == before
 
 
-def test_the_report_plays_in_a_browser(results, folder, open_page):
+def test_the_report_plays_in_a_browser(results, folder, open_player):
     assert run("diff", HANDSHAKE, results / "handshake", "-o", "d.html", "--json", "d.json", "-q").stdout == ""
     (gaps,) = json.loads((folder / "d.json").read_text())["gaps"]
-    tab = open_page(folder / "d.html")
-    assert tab.locator("#legend span").count() == 2
+    tab = open_player(folder / "d.html")
+    assert tab.locator("#labels > div").count() == 2
     touch, figures = tab.locator("#tables table").all()
     assert touch.locator("tbody tr").count() == 1
     assert figures.locator("thead th").all_inner_texts() == ["figure", "one A", "one B", "other A", "other B"]

@@ -10,7 +10,7 @@ from distretarget.objectives.skins import BodySkin
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements
-from distretarget.skin.limbs import bent
+from distretarget.skin.limbs import WRIST, bent
 
 PERSON = person()
 BODY = Body.of(PERSON)
@@ -99,11 +99,12 @@ def test_a_hand_stays_on_the_side_on_which_it_entered():
     assert (ahead[inside] > 0).all()
 
 
-def test_an_arm_bends_to_where_its_joints_are_displaced_to():
+@pytest.mark.parametrize("angle", [0.1, 0.27, 1.5])
+def test_an_arm_bends_to_where_its_joints_are_displaced_to(angle):
     motion = standing({"LeftShoulder": [0.3, -0.8, 0.2], "LeftElbow": [0, -0.9, 0.1]}, 3)
     skin = skin_of()
     shoulder, elbow, wrist = skin.limbs[0].joints
-    turn = Rotation.from_rotvec([0.1, 0.2, -0.15])
+    turn = Rotation.from_rotvec(angle * np.array([0.37, 0.74, -0.56]))
     x = motion.positions
     d = np.zeros((3, len(skin.limbs), 2, 3))
     d[:, 0, 0] = turn.apply(x[:, elbow] - x[:, shoulder]) - (x[:, elbow] - x[:, shoulder])
@@ -113,10 +114,15 @@ def test_an_arm_bends_to_where_its_joints_are_displaced_to():
     np.testing.assert_allclose(moved.positions[:, wrist], x[:, wrist] + d[:, 0, 1], atol=1e-12)
     others = [joint for joint in range(len(PERSON)) if joint not in PERSON.subtree(shoulder)]
     np.testing.assert_allclose(moved.positions[:, others], x[:, others], atol=1e-12)
-    same = (
-        Rotation.from_quat(moved.world_rotations_of(wrist)) * Rotation.from_quat(motion.world_rotations_of(wrist)).inv()
-    )
-    assert same.magnitude().max() < 1e-7  # the hand keeps its rotation in the world
+    hand, forearm = (_turn(moved, motion, joint) for joint in (wrist, elbow))
+    assert (forearm * hand.inv()).magnitude() <= WRIST  # the wrist takes the forearm's turn as far as it can
+    assert hand.magnitude() <= forearm.magnitude() * min((forearm.magnitude() / WRIST) ** 2, 1.0)
+
+
+def _turn(moved, motion, joint):
+    """How a joint has turned in the world in the first frame."""
+    new, old = (Rotation.from_quat(each.world_rotations_of(joint)[0]) for each in (moved, motion))
+    return new * old.inv()
 
 
 def test_no_displacement_is_the_motion_itself():

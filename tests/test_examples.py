@@ -1,6 +1,7 @@
 """The scripts in `examples/` run unchanged, and pass a type check as a user's code would."""
 
 import runpy
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -25,15 +26,21 @@ def run(monkeypatch, capsys):
 
 
 def test_a_folder_becomes_a_data_set_of_positions_and_6d_rotations(run, tmp_path):
-    run("data_set", SAMPLES, SAMPLES / "child.json", tmp_path / "arrays")
-    assert {path.stem for path in (tmp_path / "arrays").iterdir()} == {path.stem for path in SAMPLES.glob("*.bvh")}
-    for path in (tmp_path / "arrays").iterdir():
+    (tmp_path / "clips").mkdir()
+    for name in ("clap.bvh", "wave.bvh"):
+        shutil.copy(SAMPLES / name, tmp_path / "clips")
+    assert "2 clips: 2 converted" in run("data_set", tmp_path / "clips", SAMPLES / "child.json", tmp_path / "arrays")
+    paths = sorted((tmp_path / "arrays").glob("*.npz"))
+    assert [path.stem for path in paths] == ["clap", "wave"]
+    assert len((tmp_path / "arrays/figures.csv").read_text().splitlines()) == 3
+    for path in paths:
         with np.load(path, allow_pickle=False) as arrays:
             frames, joints, _ = arrays["positions"].shape
             assert arrays["local_rotations"].shape == arrays["world_rotations"].shape == (frames, joints, 6)
             assert len(arrays["names"]) == len(arrays["parents"]) == joints
             columns = arrays["world_rotations"].reshape(frames, joints, 2, 3)
-            np.testing.assert_allclose((columns[..., 0, :] * columns[..., 1, :]).sum(axis=-1), 0, atol=1e-9)
+            np.testing.assert_allclose((columns[..., 0, :] * columns[..., 1, :]).sum(axis=-1), 0, atol=1e-6)
+            assert len(arrays["shots"]) == frames
 
 
 def test_a_clip_is_compared_with_its_source(run, tmp_path):

@@ -63,7 +63,7 @@ def test_names_of_all_kinds_stay_text():
         assert text.count(mark) == plain.count(mark)
     batch = embedded(text)
     (row,) = batch["rows"]
-    assert batch["folder"] + row[FIELDS.index("clip")] == one["input"]
+    assert one["input"].endswith(batch["folder"] + row[FIELDS.index("clip")])
     assert batch["warnings"] == [NASTY]
     assert batch["version"] == NASTY
     assert row[FIELDS.index("error")] == NASTY
@@ -130,11 +130,11 @@ def test_figures_that_are_missing_or_no_numbers_are_none():
 
 def test_names_leave_out_the_folder_they_share():
     batch = embedded(index_page([record("x/a.bvh"), record("x/ab.bvh", target="/rigs/t.json")], {}, "title", "1"))
-    assert batch["folder"] == "/clips/x/"
+    assert batch["folder"] == "x/"
     assert [row[0] for row in batch["rows"]] == ["a.bvh", "ab.bvh"]
     assert batch["targets"] == ["tall.json", "t.json"]
     windows = embedded(index_page([record(input=rf"C:\clips\{name}") for name in "ab"], {}, "title", "1"))
-    assert windows["folder"] == "C:\\clips\\"
+    assert windows["folder"] == "clips\\"
 
 
 def test_no_records_at_all():

@@ -101,7 +101,7 @@ def test_the_head_counts(opened):
         "Failed": "1",
         "Frames": "413",
         "Retargeting": "2.00 s, all clips added up",
-        "Folder": "/clips/",
+        "Folder": "clips/",
         "Made by": "distretarget version 1.2",
     }
     assert tab.title() == tab.inner_text("h1") == "Title few"
@@ -113,7 +113,6 @@ def test_the_cards_have_median_and_worst(opened):
     assert card.locator(".big").inner_text() == "0.200 median"
     rows = dict(zip(*(card.locator(tag).all_inner_texts() for tag in ("dt", "dd")), strict=True))
     assert rows == {"worst": "0.300", "rotation copy": "0.250", "copy’s worst": "0.400"}  # noqa: RUF001
-    assert card.locator(".strip").get_attribute("aria-label") == "Distribution over the clips, from 0.100 to 0.300"
 
 
 def test_failures_stand_above_with_their_reasons(opened):
@@ -204,6 +203,8 @@ def test_nothing_is_wider_than_the_screen(opened, name):
         tab.set_viewport_size({"width": width, "height": 844})
         settle(tab)
         assert tab.evaluate("document.scrollingElement.scrollWidth") <= width
+        for cell in tab.locator("tbody th, tbody td").all() if width < 640 else []:
+            assert cell.bounding_box()["x"] + cell.bounding_box()["width"] <= width
 
 
 def test_the_head_of_a_table_that_fits_stays_on_the_screen(opened):

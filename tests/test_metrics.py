@@ -6,10 +6,8 @@ from bodies import SAMPLES, clapping, lengthened, matched, moved, other_lengths,
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Options, Skeleton, read_bvh, retarget
-from distretarget.measure.contacts import normalised_distances
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import Reference
-from distretarget.numerics.parallel import blocks_of
 
 LEG = 0.435 + 0.453
 TIME = 0.02
@@ -222,14 +220,3 @@ def test_the_shortest_motions_have_figures(frames):
     assert figures.turn.shape == (frames - 1, len(PERSON))
     assert all(value is None or np.isfinite(value) for value in of_clip(figures).values())
     assert of_clip(figures)["jerk"] is None
-
-
-def test_distances_come_in_blocks_that_cover_every_frame():
-    motion = swaying(PERSON, frames=600)
-    u, v = np.array([0, 0, 5]), np.array([5, 9, 9])
-    blocks = list(blocks_of(len(motion)))
-    assert len(blocks) > 1
-    D = np.concatenate([normalised_distances(motion, u, v, block) for block in blocks])
-    x, tau = motion.positions, PERSON.path_lengths
-    np.testing.assert_allclose(D, np.linalg.norm(x[:, u] - x[:, v], axis=-1) / tau[u, v])
-    assert D.max() <= 1 + 1e-12

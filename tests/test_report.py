@@ -1,23 +1,25 @@
-"""The report, without a browser: its content, its size, and how accurate the drawing is."""
+"""The report, without a browser: its content, its size, and what it says of contacts."""
 
+import hashlib
 import json
 import re
-from base64 import b64decode
+import zlib
+from base64 import b64decode, b64encode
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_bone
+from bodies import clapping, lengthened, person, posed, swaying
 
-from distretarget import Skeleton, read_bvh
+from distretarget import Skeleton
 from distretarget.measure.diff import diff
-from distretarget.numerics.time_series import spans_of
-from distretarget.report.clip_page import diff_drawing, diff_page
+from distretarget.report import actors
+from distretarget.report.actors import packed
+from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import About, document
-from distretarget.report.page import BUDGET, SCRIPTS, STEPS, drawn_step, quantised, script_json
+from distretarget.report.page import script_json
 
 PERSON = person()
-NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{drawing}}"
+NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{stage}} __proto__ \u202e" + 10_000 * "x"
 
 
 def about(**others):
@@ -35,17 +37,18 @@ def embedded(text, name):
     return json.loads(text[text.index(">", start) + 1 : text.index("</script", start)])
 
 
-def numbers(text, dtype, shape):
-    return np.frombuffer(b64decode(text), dtype).reshape(shape)
+def stage_of(motion_a, motion_b):
+    return embedded(page_of(motion_a, motion_b), "stage")
+
+
+def numbers(text, dtype):
+    """The numbers of a packed array."""
+    planes = np.frombuffer(zlib.decompress(b64decode(text)), np.uint8).reshape(np.dtype(dtype).itemsize, -1)
+    return np.ascontiguousarray(planes.T).view(dtype).ravel()
 
 
 def clap(frames=12):
     return clapping(np.sin(np.linspace(0, np.pi, frames)))
-
-
-def positions_of(drawing):
-    q = numbers(drawing["positions"], "<i2", (-1, len(drawing["names"]), 3))
-    return np.array(drawing["offset"]) + np.array(drawing["scale"]) * q
 
 
 def chain(joints):
@@ -68,7 +71,7 @@ def test_names_of_all_kinds_stay_text():
     for mark in ("<script", "</script", "<!--", "<b>"):
         assert text.count(mark) == plain.count(mark)
     assert embedded(text, "document")["a"]["file"] == NASTY
-    assert NASTY in embedded(text, "drawing")["b"]["names"]
+    assert NASTY in embedded(text, "stage")["actors"][1]["names"]
     assert embedded(text, "document")["program"]["command"] == NASTY
 
 
@@ -78,132 +81,80 @@ def test_json_in_a_script_is_the_same_json():
     assert not set("<>&\u2028\u2029") & set(script_json(value))
 
 
-def test_the_document_stands_in_the_page_as_it_is():
+def test_the_document_stands_in_the_page_but_for_its_frames():
     difference = diff(clap(), clap())
     whole = document(difference, about())
-    assert embedded(diff_page(difference, whole), "document") == json.loads(json.dumps(whole))
+    text = diff_page(difference, whole)
+    there = embedded(text, "document")
+    assert {key: there[key] for key in whole if key != "frames"} == json.loads(
+        json.dumps({key: whole[key] for key in whole if key != "frames"})
+    )
+    stress = numbers(embedded(text, "columns")["stress"], "<f4")
+    np.testing.assert_allclose(stress, [row["stress"] for row in whole["frames"]], rtol=1e-6, atol=1e-30)
 
 
-def test_the_page_is_one_file_that_asks_for_nothing():
+def test_the_page_is_one_file_that_asks_for_nothing_and_runs_only_its_own_scripts():
     text = page_of(clap(), clap())
     assert not re.search(r'(src|href)="(?!#|data:)', text)
     assert "@import" not in text
     assert "default-src 'none'" in text
     assert "{{" not in text
-    assert text.count("'use strict';") == 1
-    for scripts in SCRIPTS.values():
-        assert len(set(scripts)) == len(scripts)
+    scripts = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    assert len(scripts) == 2
+    (policy,) = re.findall(r"script-src (.*?);", text)
+    assert policy.split() == [
+        f"'sha256-{b64encode(hashlib.sha256(one.encode()).digest()).decode()}'" for one in scripts
+    ]
 
 
 def test_scripts_make_no_markup_of_text():
-    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(", page_of(clap(), clap()))
+    own = re.findall(r"<script>(.*?)</script>", page_of(clap(), clap()), re.DOTALL)[1]
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(|Function\(|fetch\(", own)
+
+
+def test_packed_numbers_are_the_same_numbers():
+    for dtype in ("<f4", "<i2", "<u1", "<u4"):
+        values = np.arange(24).reshape(2, 3, 4).astype(dtype)
+        np.testing.assert_array_equal(numbers(packed(values, dtype), dtype), values.ravel())
 
 
 def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():
     motion = swaying(chain(60), 5000)
     text = page_of(motion, motion)
     assert len(text.encode()) < 9e6
-    assert embedded(text, "drawing")["step"] == 1
+    assert embedded(text, "stage")["actors"][0]["step"] == 1
 
 
-def test_positions_are_off_by_at_most_half_a_step_of_their_box():
-    x = np.random.default_rng(0).normal(size=(50, 7, 3)) * [1.0, 100.0, 1e-3] + [0, 1e4, 0]
-    x[..., 2] = 0.25
-    q, offset, scale = quantised(x)
-    assert q.dtype == np.int16
-    assert (np.abs(offset + scale * q - x) <= 0.5001 * np.ptp(x, axis=(0, 1)) / STEPS + 1e-11).all()
-    np.testing.assert_array_equal((offset + scale * q)[..., 2], 0.25)
+def test_a_long_clip_is_thinned(monkeypatch):
+    monkeypatch.setattr(actors, "BUDGET", 50_000)
+    motion = swaying(PERSON, 2000)
+    one, _ = stage_of(motion, motion)["actors"]
+    assert one["step"] > 1
+    frames = len(numbers(one["path"], "<f4")) / 3
+    assert (frames - 1) * one["step"] < len(motion) <= frames * one["step"]
 
 
-@pytest.mark.parametrize("up", ["Y", "Z"])
-def test_the_drawing_stands_upright_on_the_floor_and_keeps_D(up):
-    a = read_bvh(SAMPLES / "walk.bvh")
-    if up == "Z":
-        turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-        from bodies import moved
-        from scipy.spatial.transform import Rotation
-
-        a = moved(a, Rotation.from_matrix(turn))
-    drawn = diff_drawing(diff(a, a))
-    x = positions_of(drawn["b"])
-    assert abs(np.percentile(x[..., 1].min(axis=1), 2)) < 1e-3
-    assert 0.9 < np.ptp(x[0], axis=0)[1] < 1.4
-    points = drawn["b"]["points"]
-    tau = numbers(drawn["b"]["tau"], "<f4", (len(points), len(points)))
-    body = a.rigid_skeleton
-    i, j = np.argwhere(tau > 0).T
-    D = np.linalg.norm(x[5, points][i] - x[5, points][j], axis=1) / tau[i, j]
-    own = np.linalg.norm(a.positions[5, points][i] - a.positions[5, points][j], axis=1)
-    np.testing.assert_allclose(D, own / body.path_lengths[points][:, points][i, j], atol=2e-3)
-
-
-def test_a_long_clip_is_thinned_and_says_so():
-    motion = swaying(PERSON, 40_000)
-    joints = 2 * len(PERSON)
-    step = drawn_step(len(motion), joints)
-    assert step > 1
-    drawn = diff_drawing(diff(motion, motion))
-    assert drawn["step"] == step
-    assert any(f"one frame in {step}" in note for note in drawn["notes"])
-    frames = len(positions_of(drawn["a"]))
-    assert (frames - 1) * step < len(motion) <= frames * step
-    assert 2 * frames * len(PERSON) * 6 <= BUDGET + joints * 6
-    assert drawn_step(1, 40) == drawn_step(100, 40) == 1
-
-
-def test_one_frame():
-    text = page_of(clap(1), clap(1))
-    drawn = embedded(text, "drawing")
-    assert len(positions_of(drawn["a"])) == 1
-    assert drawn["step"] == 1
-
-
-def test_no_contacts():
+def test_one_frame_without_contacts():
     spread = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
-    motion = posed(PERSON, spread, np.tile([0.0, 0.9, 0.0], (5, 1)))
-    drawn = diff_drawing(diff(motion, motion))
-    assert drawn["contacts"] == []
-    assert document(diff(motion, motion), about())["figures"]["result"]["contact_error"] is None
+    motion = posed(PERSON, spread, np.tile([0.0, 0.9, 0.0], (1, 1)))
+    stage = stage_of(motion, motion)
+    assert stage["frames"] == len(numbers(stage["actors"][0]["path"], "<f4")) / 3 == 1
+    assert not [row for row in stage["rows"] if " - " in row["name"]]
 
 
-def test_the_scale_of_differences_is_of_pairs_with_a_length_in_both():
-    flat = {"Neck", "Head", "Chest3", "Chest4"}
-    body = PERSON.with_lengths(np.where([name in flat for name in PERSON.names], 0.0, PERSON.lengths))
-    drawn = diff_drawing(diff(swaying(body, 4), swaying(PERSON, 4)))
-    assert drawn["largest_difference"] < 0.9
-
-
-def test_contact_spans_are_the_runs_of_contact_in_both():
+def test_a_row_holds_where_the_regions_touch_and_joins_the_joints_of_the_document():
     a = clapping(np.array([0, 1, 1, 0, 0, 1, 0.0]))
-    b = replace(a, skeleton=PERSON)
-    drawn = diff_drawing(diff(a, b))
-    assert document(diff(a, b), about())["contacts"][0]["regions"] == "left hand - right hand"
-    row = drawn["contacts"][0]
-    assert row["a"] == row["b"] == [[1, 3], [5, 6]]
-    assert spans_of(np.array([True, True, False, True])).tolist() == [[0, 2], [3, 4]]
-    assert spans_of(np.zeros(3, bool)).tolist() == []
-
-
-def test_contacts_are_those_of_the_document():
-    a = clap()
-    longer = lengthened(PERSON, {"Elbow": 1.5})
-    difference = diff(a, replace(a, skeleton=longer))
+    difference = diff(a, replace(a, skeleton=lengthened(PERSON, {"Elbow": 1.5})))
     whole = document(difference, about())
-    drawn = diff_drawing(difference)
-    names, points = drawn["b"]["names"], drawn["b"]["points"]
-    found = [[names[points[k]] for k in contact["pair"]] for contact in drawn["contacts"]]
-    assert found == [contact["joints_b"] for contact in whole["contacts"]]
-    assert found
-
-
-def test_bones_carry_how_far_they_are_off_and_those_without_a_counterpart_are_marked():
-    body = with_bone(PERSON, "Tail", PERSON.names[0])
-    turned = {"LeftElbow": np.radians([0, 0, 40.0])}
-    a, b = (posed(*one, np.tile([0.0, 0.9, 0.0], (4, 1))) for one in ((PERSON, {}), (body, turned)))
-    errors = numbers(diff_drawing(diff(a, b))["bone_errors"], "<u1", (4, len(body)))
-    assert set(errors[:, body.index("Tail")]) == set(errors[:, 0]) == {255}
-    assert set(errors[:, body.index("LeftWrist")]) == {80}
-    assert set(errors[:, body.index("LeftElbow")]) == {0}
-    opposite = posed(PERSON, {"LeftElbow": np.radians([0, 0, 179.0])}, np.tile([0.0, 0.9, 0.0], (4, 1)))
-    errors = numbers(diff_drawing(diff(a, opposite))["bone_errors"], "<u1", (4, len(PERSON)))
-    assert set(errors[:, PERSON.index("LeftWrist")]) == {254}
+    stage = embedded(diff_page(difference, whole), "stage")
+    row, contact = stage["rows"][0], whole["contacts"][0]
+    assert row["name"] == contact["regions"] == "left hand - right hand"
+    assert (numbers(row["codes"], "<u1") > 0).tolist() == [False, True, True, False, False, True, False]
+    for side, joints in enumerate((contact["joints_a"], contact["joints_b"])):
+        assert [stage["actors"][actor]["names"][joint] for actor, joint in row["points"][side]] == joints
+        assert {actor for actor, _ in row["points"][side]} == {side}
+    off = (numbers(row["codes"], "<u1")[[1, 2, 5]] - 1) / 254 * row["top"]
+    skin = difference.comparison.tracks["skin_gap"]
+    hands = np.where(skin.weights > 0, skin.values, 0.0)[[1, 2, 5], :2].max(axis=1)
+    np.testing.assert_allclose(off, hands, atol=row["top"] / 254)
+    assert {"frame": 1, "kind": "Contacts", "text": "left hand - right hand \u00b7 1"} in stage["jumps"]

@@ -9,7 +9,7 @@ from named_bodies import tree
 
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching
-from distretarget.report.unmatched import others_without_source, parts_without_source
+from distretarget.matching.unmatched import others_without_source, parts_without_source
 
 PERSON = person()
 MIXAMO = load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton

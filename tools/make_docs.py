@@ -17,6 +17,7 @@ import numpy as np
 from tables import table, with_tables
 
 from distretarget.cli import ImportedCommand, cli
+from distretarget.measure.clip_faults import KINDS
 from distretarget.measure.figures import FIGURES, SUFFIXES, Figure, figures_at
 from distretarget.objectives.settings import ContactSettings
 
@@ -33,6 +34,7 @@ def documents() -> dict[Path, str]:
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
         DOCS / "diff.md": with_tables(DOCS / "diff.md", {"figures": figure_table(), "limits": limit_table()}),
+        DOCS / "data_sets.md": with_tables(DOCS / "data_sets.md", {"faults": fault_table()}),
         README: with_tables(README, {"front": front_table()}),
         SCHEMA: schema(),
     }
@@ -103,6 +105,14 @@ def limit_table() -> str:
     return table(("figure", "above", "means", "likely cause"), rows)
 
 
+def fault_table() -> str:
+    """The kinds of faults that `audit` finds."""
+    rows = (
+        (f"`{key}`", kind.meaning, "" if kind.plain else f"{kind.limit:g} {kind.unit}") for key, kind in KINDS.items()
+    )
+    return table(("fault", "", "above"), rows)
+
+
 def schema() -> str:
     """The schema, with the definitions of figures written anew."""
     document: Json = json.loads(SCHEMA.read_text("utf-8"))
@@ -144,7 +154,7 @@ COPY, PEER, PAPER, MINK, RESULT = METHODS = ("copied rotations", "MotionBuilder"
 
 def front_table() -> str:
     """What was measured, and its value by method."""
-    rows = [*_summary_rows(), *_other_rows()]
+    rows = [*_skin_rows(), *_summary_rows(), *_other_rows()]
     return table(("", *METHODS), ([what, *(values.get(method, "") for method in METHODS)] for what, values in rows))
 
 
@@ -163,6 +173,20 @@ def numbers(cell: str) -> list[float]:
 def means(rows: Iterable[list[str]], column: int) -> list[float]:
     """The mean over rows of each number in a column; rows with `-` there do not count."""
     return list(np.mean([numbers(row[column]) for row in rows if not row[column].startswith("-")], axis=0))
+
+
+def _skin_rows() -> Iterator[tuple[str, dict[str, str]]]:
+    """What the scoreboard of characters says of their skin."""
+    rows = {row[0]: row[1:] for row in cells("scoreboard")}
+    starts = {COPY: COPY, PAPER: "paper", MINK: "mink", RESULT: RESULT}
+    # `--skin none` comes before the result with skin, and mink's hands and feet before GMR's recipe
+    found = {method: [row for name, row in rows.items() if name.startswith(start)] for method, start in starts.items()}
+    own = {method: rows[-1] if method == RESULT else rows[0] for method, rows in found.items() if rows}
+    for what, column in (
+        ("hands and forearms inside the body, % of their skin", 0),
+        ("deepest of that, % of height", 2),
+    ):
+        yield f"ten characters: {what}", {method: f"{numbers(row[column])[-1]:.2f}" for method, row in own.items()}
 
 
 def _summary_rows() -> Iterator[tuple[str, dict[str, str]]]:

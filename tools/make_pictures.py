@@ -1,4 +1,4 @@
-"""Draw the pictures of the front page, of docs/gallery.md and of the guides, all from the samples.
+"""Draw the pictures of docs/gallery.md and of the guides, all from the samples.
 
     python tools/make_pictures.py [FOLDER] [--only GLOB]
 
@@ -26,8 +26,8 @@ from distretarget import Motion, RetargetResult, Skeleton, load_target, read_bvh
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
 METHODS = ("source", "copied rotations", "distretarget")
-FRONT_DPI, SHEET_DPI, LOOP_DPI = 170, 70, 105
-FRONT_FRAMES = (66, 228)  # of the clap: from one meeting of the hands to another, six claps later
+CLAP_DPI, SHEET_DPI, LOOP_DPI = 170, 70, 105
+MEETING = 66  # a frame of the clap in which the hands meet
 STEP = 3  # frames of a clip from one picture of a loop to the next
 DUET_FRAMES = range(40, 280, 4)
 ACROSS = 5  # bodies in a row of the zoo
@@ -45,12 +45,12 @@ def result_of(clip: str, body: str) -> RetargetResult:
     return retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(SAMPLES / f"{body}.json"))
 
 
-def draw_front_page(path: Path) -> None:
-    """Draw a loop of source, rotation copy and result, in the same scale."""
+def draw_clap(path: Path) -> None:
+    """Draw source, rotation copy and result of a clap in a frame in which the hands meet, in the same scale."""
     result = result_of("clap", "long_arms")
     motions = (result.source, result.rotation_copy, result.motion)
-    columns = [cells(motion, range(*FRONT_FRAMES, STEP), tallest(motions)) for motion in motions]
-    write_loop(path, METHODS, columns, STEP * result.source.frame_time, "front", FRONT_DPI, still=0)
+    scene = [cell for motion in motions for cell in cells(motion, [MEETING], tallest(motions))]
+    write_picture(path, [scene], [""], [METHODS], VIEWS["front"], CLAP_DPI)
 
 
 def draw_hero(path: Path) -> None:
@@ -159,7 +159,7 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str) -> No
 
 
 PICTURES: dict[str, Callable[[Path], None]] = {
-    "clap_long_arms.gif": draw_front_page,
+    "clap_long_arms.png": draw_clap,
     "hero.png": draw_hero,
     "high_five.png": draw_high_five,
     "props.png": draw_props,

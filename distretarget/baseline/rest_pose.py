@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import FINGERS
 from distretarget.body.body import Pose
 from distretarget.matching.matching import BUILD_ANGLE, Matching
+from distretarget.numerics.compiled import read_only
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import level
 
@@ -25,6 +27,9 @@ LONG_BONES = (*FIRST_BONES, "LowerArm", "LowerLeg")  # roles whose bones are alw
 TRUNK = ("hips", "head")  # roles at the ends of the trunk
 
 
+_FOUND: WeakKeyDictionary[Matching, Array] = WeakKeyDictionary()  # as long as the matching is in use
+
+
 def rest_alignment(matching: Matching) -> Array:
     """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources: where a
     source joint has the world rotation R, the target joint gets R A.
@@ -32,10 +37,18 @@ def rest_alignment(matching: Matching) -> Array:
     Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the parent bone, which also gives
     the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
     part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
+
+    It is found once for each matching, and read-only.
     """
-    bodies = _Bodies(matching)
+    if matching not in _FOUND:
+        _FOUND[matching] = read_only(_found(_Bodies(matching)))
+    return _FOUND[matching]
+
+
+def _found(bodies: _Bodies) -> Array:
+    """The alignment of two bodies, as in `rest_alignment`."""
     source_pose, target_pose = bodies.rotations
-    back = source_pose[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
+    back = source_pose[np.maximum(bodies.matching.rotation_sources, 0)].swapaxes(-1, -2)
     alignments = back @ (_joint_alignments(bodies) @ target_pose)[:, None]
     return Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat().reshape(-1, 2, 4)
 

@@ -102,7 +102,8 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     the matching's `pelvis` takes the scaled path of its driver.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
-    sources, alignment, blend = matching.rotation_sources.copy(), rest_alignment(matching), matching.blend.copy()
+    alignment = rest_alignment(matching).copy()
+    sources, blend = matching.rotation_sources.copy(), matching.blend.copy()
     stance = Rotation.from_quat(matching.target.reference.rotations)
     for joint, parent in enumerate(skeleton.parents):
         if joint and sources[joint, 0] < 0:

@@ -13,13 +13,16 @@ from pathlib import Path, PurePath
 from types import NoneType
 
 from distretarget.batch.alignment_spread import spread_warnings
+from distretarget.batch.figure_table import check_table, is_table
+from distretarget.batch.figure_table import table as table_of
+from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
 from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
-from distretarget.checks import check_kind, check_number, check_path
+from distretarget.checks import check_choice, check_kind, check_number, check_path
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import (
     check_inside,
@@ -34,7 +37,7 @@ from distretarget.io.files import (
 from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
@@ -68,6 +71,8 @@ class Batch:
     reading: Reading = DEFAULT_READING
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
+    table: Path | None = None  # the table of all clips
+    keep: Condition | None = None  # clips that fail it are left out
     time_limit: float | None = None  # of a clip [s]
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
@@ -107,18 +112,25 @@ class Batch:
         """The manifest of the folder of results; the first use makes both."""
         return Manifest(self.folder)
 
+    @property
+    def kept_clips(self) -> list[Clip]:
+        """The clips that are not left out."""
+        left_out = {record["output"] for record in self.manifest.latest(self.clips) if "left_out" in record}
+        return [clip for clip in self.clips if clip.place.as_posix() not in left_out]
+
     def check(self) -> None:
         """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
         if not self.clips:
             raise BatchError("there are no clips to convert")
-        if self.index is None:
-            return
-        check_page(self.index, self.clips, self.folder, self.map_file.path)
-        above = next(path for path in (self.index, *self.index.absolute().parents) if os.path.lexists(path))
-        if above == self.index:
-            check_writable(self.index, self._is_replaceable(self.index))
-        elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
-            raise FileError(self.index, f"nothing can be written to {str(above)!r}")
+        if self.table:
+            check_table(self.table)
+        for path in filter(None, (self.index, self.table)):
+            check_page(path, self.clips, self.folder, self.map_file.path)
+            above = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
+            if above == path:
+                check_writable(path, self._is_replaceable(path))
+            elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
+                raise FileError(path, f"nothing can be written to {str(above)!r}")
 
     def convert(self, workers: Workers, tally: Tally, show: Show = lambda _record: None) -> None:
         """Retarget the clips that are not done, count them, and write the pages.
@@ -139,6 +151,8 @@ class Batch:
             for result in convert_all(workers, self._jobs(workers.count, count)):
                 self._finish(result, count)
             tally.alignments = [*spread_warnings(self.manifest.latest(self.clips))]
+            if self.table:
+                self._write_page(self.table, table_of(self.table, self.manifest.latest(self.clips), VERSION))
             if self.index:
                 self._write_pages(self.index, workers)
         finally:
@@ -175,11 +189,9 @@ class Batch:
         try:
             content = read_bytes(clip.path)
             record["input_hash"] = hash_of(content)
-            output_hash = None if self.overwrite else hash_of_file(self.folder / clip.place)
-            if output_hash and self.manifest.is_done(record, output_hash):
-                self.manifest.confirm(record["output"], output_hash)
+            if known := self.known(clip, record, self.manifest):
+                show(self._again(known))
                 self.manifest.release(record["output"])
-                show(None)
                 return
             source = with_files_beside(InputFile(content, clip.path))
         except DistretargetError as error:
@@ -187,6 +199,43 @@ class Batch:
             return
         about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
         yield self._job(source, clip, record, about, split)
+
+    def known(self, clip: Clip, record: ManifestRecord, manifest: Manifest) -> ManifestRecord | None:
+        """The line of a clip that needs no work: it is done, or was left out and would be again; None for others."""
+        if self.overwrite:
+            return None
+        output_hash = hash_of_file(self.folder / clip.place)
+        if output_hash and (made := manifest.made(record, output_hash, self._hashes_of_others(clip))):
+            return made
+        left_out = manifest.left_out(record)
+        return left_out if left_out and self.keep and self.keep.fault(left_out) else None
+
+    def _again(self, known: ManifestRecord) -> ManifestRecord | None:
+        """What to show of a clip that needs no work; None if it is done."""
+        if self.keep and (fault := self.keep.fault(known)):
+            return self._leave_out(known, fault)
+        self.manifest.confirm(known["output"], known["output_hash"] or "")
+        return None
+
+    def _leave_out(self, record: ManifestRecord, fault: str) -> ManifestRecord:
+        """Say in the manifest that a clip is left out, and remove results of it that a batch has made."""
+        if record.get("left_out") == fault:
+            return record
+        names, reason = (record["output"], *record.get("others", {})), f"left out: {fault}"
+        gone: ManifestRecord = {**record, "status": "failed", "error": reason, "left_out": fault, "output_hash": None}
+        for key in ("alignment", "others"):
+            gone.pop(key, None)  # type: ignore[misc]
+        with self.manifest.locked():
+            for path, name in ((self.folder / name, name) for name in names):
+                check_inside(path, self.folder)
+                if self.manifest.has_made(name, hash_of_file(path)):
+                    path.unlink(missing_ok=True)
+            self.manifest.add(gone)
+        return gone
+
+    def _hashes_of_others(self, clip: Clip) -> dict[str, str | None]:
+        """The hashes of the other results of a clip, by their paths in the folder of results; None if missing."""
+        return {place.as_posix(): hash_of_file(self.folder / place) for place in clip.others}
 
     def _report_jobs(self, records: dict[str, ManifestRecord]) -> Iterator[Job]:
         """The clips that need a report on their present output."""
@@ -203,22 +252,17 @@ class Batch:
         self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
     ) -> Job:
         target = self._prepared[str(clip.target.path)]
-        ways = (
-            self.map_file,
-            self.options,
-            record,
-            about,
-            split,
-            self._reading(clip),
-            self.writing,
-            self.builds,
-            self.time_limit,
-        )
-        return Job(source, target, *ways)
+        ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing, self.builds
+        others = tuple(place.as_posix() for place in clip.others)
+        return Job(source, target, *ways, others=others, time_limit=self.time_limit)
 
     def _finish(self, result: Result, show: Show) -> None:
         """Write the output of a clip, its line of the manifest, and its report."""
         record = result.record
+        if record["status"] == "done" and self.keep and (fault := self.keep.fault(record)):
+            others = dict.fromkeys(result.others, "")
+            show(self._leave_out({**record, "others": others}, fault))
+            return
         try:
             if record["status"] == "done":
                 self._put(result)
@@ -238,15 +282,20 @@ class Batch:
 
     def _put(self, result: Result) -> None:
         """Write an output; its line of the manifest comes just before the output is put in place."""
-        record, output = result.record, result.output
-        parts: Parts = [output] if isinstance(output, bytes) else []
-        path = self.folder / record["output"]
+        record, path = result.record, self.folder / result.record["output"]
         check_inside(path, self.folder)
-        if isinstance(output, Animation):
-            parts = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
+        parts = self._parts(path, result)
+        if isinstance(result.output, Animation):
             record["output_hash"] = hash_of(*parts)
+        others = {
+            name: self._parts(self.folder / name, replace(result, output=each)) for name, each in result.others.items()
+        }
+        if others:
+            record["others"] = {name: hash_of(*each) for name, each in others.items()}
         make_folder(path.parent)
         with self.manifest.locked():
+            for name, each in others.items():
+                self._put_beside(name, each, record)
             output_hash = hash_of_file(path)
             if output_hash == record["output_hash"]:
                 self.manifest.add(record)  # another run was faster
@@ -256,11 +305,30 @@ class Batch:
             replaces = self.overwrite or output_hash is not None
             write_whole(path, parts, replaces, lambda: self.manifest.add(record))
 
+    def _parts(self, path: Path, result: Result) -> Parts:
+        """The content of the file of a result, in parts."""
+        if isinstance(result.output, bytes):
+            return [result.output]
+        character = self._characters[result.record["target"]]
+        return with_animations(path, character, [result.output], self.writing.animations)
+
+    def _put_beside(self, name: str, parts: Parts, record: ManifestRecord) -> None:
+        """Write another output of a clip, before its first one, unless it is there already."""
+        path = self.folder / name
+        check_inside(path, self.folder)
+        output_hash = hash_of_file(path)
+        if output_hash == record["others"][name]:
+            return
+        if not self.overwrite:
+            self.manifest.check_replaceable(record, path, output_hash, name)
+        write_whole(path, parts, self.overwrite or output_hash is not None)
+
     def _write_report(self, result: Result) -> None:
         """Write the report on a clip, if any, or remember why that failed."""
         path = self._report_path(result.record["output"])
         try:
-            if result.report:
+            if result.report and self.index:
+                check_inside(path, self.index.parent)
                 mark = MARK + OF.format(result.record["output_hash"])
                 self._write_page(path, result.report.replace(MARK, mark, 1))
         except FileError as error:
@@ -274,16 +342,14 @@ class Batch:
         """Whether a clip has a report on its present output, not on an earlier one."""
         return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
 
-    def _write_page(self, path: Path, html: str) -> None:
-        if self.index and path != self.index:
-            check_inside(path, self.index.parent)
+    def _write_page(self, path: Path, content: str | bytes) -> None:
         make_folder(path.parent)
         with self.manifest.locked():
-            write_whole(path, html, self._is_replaceable(path))
+            write_whole(path, content, self._is_replaceable(path))
 
     def _is_replaceable(self, page: Path) -> bool:
         """Whether a page may be replaced, because this program wrote it or `overwrite` is set."""
-        return self.overwrite or MARK in _head(page)
+        return self.overwrite or (is_table(page) if page == self.table else MARK in _head(page))
 
 
 def _head(path: Path) -> str:
@@ -306,7 +372,7 @@ def convert_folder(
     rest: str | Path | None = None,
     clip: str | None = None,
     fps: float | None = None,
-    kind: str | None = None,
+    formats: Sequence[str] = (),
     writing: OutputSettings = DEFAULT_OUTPUT,
     options: Options = DEFAULT_OPTIONS,
     builds: Builds = OWN_BUILDS,
@@ -316,6 +382,8 @@ def convert_folder(
     time_limit: float | None = None,
     report: str | Path | None = None,
     reports: int | None = 10,
+    table: str | Path | None = None,
+    keep: str | None = None,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
 
@@ -332,7 +400,8 @@ def convert_folder(
         rest: a file of the clips' rig whose first frame is a standing pose, as `--rest` takes it.
         clip: the animation to read of files that have several.
         fps: the frame rate to sample animations at [frames/s]; their own keys by default.
-        kind: of the results, such as "glb"; by default that of the target if it is glTF, else "bvh".
+        formats: of the results, such as ("bvh", "npz"): files of each clip, named alike; by default, and for "own",
+            that of the target if it is glTF, else "bvh".
         writing: how motions are put into the files of characters.
         options: how to retarget.
         builds: how thick the bodies are, if other files say it than their own.
@@ -342,9 +411,11 @@ def convert_folder(
         time_limit: the longest time for a clip [s]; one that takes longer fails, and the next call tries it again.
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
+        table: a table to write with a row for each clip, .csv or .parquet.
+        keep: a condition on figures, as `--keep` takes it; clips that fail it are left out.
 
     Returns:
-        The numbers of clips converted, skipped and failed, and `lines` to print.
+        The numbers of clips converted, skipped, failed and left out, and `lines` to print.
 
     Raises:
         BatchError: there are no clips, results would replace clips, or `fail_fast` stopped the batch.
@@ -355,6 +426,10 @@ def convert_folder(
     check_kind("builds", builds, Builds)
     check_kind("include", include, Sequence)
     check_kind("exclude", exclude, Sequence)
+    check_kind("keep", keep, str, NoneType)
+    check_kind("formats", formats, Sequence)
+    for each in [formats] if isinstance(formats, str) else formats:
+        check_choice("formats", each, FORMATS)
     for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
         check_kind(name, number, int, NoneType)
         check_number(name, least if number is None else number, least, sys.maxsize)
@@ -365,14 +440,17 @@ def convert_folder(
     found, unread = find_clips(paths, (), include, exclude)
     if unread:
         raise unread[0]
-    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, kind, clip)
+    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, formats, clip)
     index, pairs = Path(report) if report else None, load_map(map_file, rest)
+    of_all = Path(table) if table else None
 
     def about(clip: PurePath, result: PurePath) -> About:
         return About(a=clip.name, b=result.name)
 
     ways = options, pairs, about, index, reports, overwrite, fail_fast
-    batch = Batch(clips, Path(folder), *ways, Reading(clip, fps), writing, builds, time_limit)
+    condition = Condition(keep) if keep else None
+    how = Reading(clip, fps), writing, builds, of_all, condition, time_limit
+    batch = Batch(clips, Path(folder), *ways, *how)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:

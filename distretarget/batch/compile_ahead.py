@@ -66,7 +66,7 @@ def _keep_apart(body: BodySkin, motion: Motion) -> None:
     gaps, some = segment_gaps(body.balls, ends, 1.0), np.zeros((frames, 1, 2, 3))
     limbs, free, acts = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2)), np.ones(frames, bool)
     displacements(body.balls, body.displaced, ends, limbs, free, acts, gaps, gaps, gaps, gaps, some)
-    bent(motion, (Limb(1, 2, 3),), some + 0.1)
+    bent(motion, (Limb(1, 2, 3, True),), some + 0.1)
 
 
 def _run_for_legs(source: Motion) -> None:

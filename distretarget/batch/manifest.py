@@ -40,9 +40,19 @@ made_from = itemgetter("input_hash", "target_hash", "options", "version")  # wha
 
 
 class _OfDone(TypedDict, total=False):
-    """What the line of a clip that is done has as well: the alignment of the two bodies, as `alignment_text` has it."""
+    """What the line of a clip that is done has as well.
+
+    Attributes:
+        alignment: of the two bodies, as `alignment_text` has it.
+        others: the hashes of the other results, by their paths in the folder of results.
+        verdict: on the result, in a sentence.
+        left_out: why its results were not written, of a clip that fails the condition of `--keep`.
+    """
 
     alignment: str
+    others: dict[str, str]
+    verdict: str
+    left_out: str
 
 
 class ManifestRecord(ClipRecord, _OfDone):
@@ -109,10 +119,13 @@ def parse_record(line: bytes) -> ManifestRecord | None:
     record = _parsed(line)
     if any(not isinstance(record.get(key, ...), kind) for kind, keys in KINDS.items() for key in keys):
         return None
-    sides = record["figures"].values()
+    sides, others = record["figures"].values(), record.get("others", {})
     sound = (
         record.get("status") in ("done", "failed")
-        and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"], record.get("alignment", "")))
+        and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"]))
+        and all(isinstance(record.get(key, ""), str) for key in ("alignment", "verdict", "left_out"))
+        and isinstance(others, dict)
+        and all(isinstance(text, str) for text in others.values())
         and all(isinstance(side, dict) for side in sides)
         and all(isinstance(number, int | float | None) for side in sides for number in side.values())
         and all(abs(number or 0) <= MOST for side in sides for number in side.values())
@@ -189,16 +202,44 @@ class Manifest:
                 with suppress(OSError):
                     Path(lock.lock_file).unlink()
 
-    def is_done(self, record: ManifestRecord, output_hash: str | None) -> bool:
-        """Return whether the output with this hash was made from the same files in the same way as `record` says."""
-        made = self._record_of(record["output"], output_hash)
-        return made is not None and bool(made_from(made) == made_from(record))
-
-    def check_replaceable(self, record: ManifestRecord, path: Path, output_hash: str | None) -> None:
-        """Raise a FileError if an output may replace the file at `path`, which has this hash, only with --overwrite: no
-        batch made it, or one from another clip or target.
+    def is_done(
+        self, record: ManifestRecord, output_hash: str | None, others: Mapping[str, str | None] | None = None
+    ) -> bool:
+        """Return whether the output with this hash was made from the same files in the same way as `record` says, and
+        with it the `others`, hashes by paths in the folder of results.
         """
+        return self.made(record, output_hash, others or {}) is not None
+
+    def made(
+        self, record: ManifestRecord, output_hash: str | None, others: Mapping[str, str | None]
+    ) -> ManifestRecord | None:
+        """Return the line of an output that is done, as `is_done`; None if it is not."""
         made = self._record_of(record["output"], output_hash)
+        if made is None or made_from(made) != made_from(record):
+            return None
+        of_others = made.get("others", {})
+        return made if all(each and of_others.get(name) == each for name, each in others.items()) else None
+
+    def left_out(self, record: ManifestRecord) -> ManifestRecord | None:
+        """Return the last line of an output if it was left out, and would be made in the same way; else None."""
+        self._catch_up()
+        start = self._last.get(record["output"])
+        last = None if start is None else next(self._records_at([start]), None)
+        return last if last and "left_out" in last and made_from(last) == made_from(record) else None
+
+    def has_made(self, name: str, output_hash: str | None) -> bool:
+        """Return whether a batch wrote a file with this hash to this path in the folder of results."""
+        self._catch_up()
+        return (name, output_hash or "") in self._made
+
+    def check_replaceable(
+        self, record: ManifestRecord, path: Path, output_hash: str | None, name: str | None = None
+    ) -> None:
+        """Raise a FileError if an output may replace the file at `path`, which has this hash, only with --overwrite: no
+        batch made it, or one from another clip or target. `name` is its path in the folder of results, if it is not
+        that of `record`.
+        """
+        made = self._record_of(name or record["output"], output_hash)
         if made is None:
             if path.exists():
                 check_writable(path)
@@ -263,6 +304,8 @@ class Manifest:
             self._last[record["output"]] = self._size
             if record["output_hash"]:
                 self._made[record["output"], record["output_hash"]] = self._size
+                for name, output_hash in record.get("others", {}).items():
+                    self._made[name, output_hash] = self._size
         elif line.strip():
             self.broken.append(self._lines)
         self._size += len(line)
@@ -314,6 +357,7 @@ class Tally:
         done: clips retargeted.
         skipped: clips that an earlier run retargeted.
         failed: clips that could not be retargeted.
+        left_out: clips that fail the condition on what is kept.
         warned: clips that are done and need a look.
         frames: frames retargeted.
         workers: processes that did so.
@@ -325,6 +369,7 @@ class Tally:
     done: int = 0
     skipped: int = 0
     failed: int = 0
+    left_out: int = 0
     warned: int = 0
     frames: int = 0
     workers: int = 1
@@ -332,11 +377,16 @@ class Tally:
     alignments: Sequence[str] = ()
     _worst: dict[Figure, list[ManifestRecord]] = field(default_factory=dict)
     _failures: list[str] = field(default_factory=list)
+    _left_out: list[str] = field(default_factory=list)
 
     def add(self, record: ManifestRecord | None) -> None:
         """Count a clip by its line of the manifest, or None if it was done before."""
         if record is None:
             self.skipped += 1
+        elif "left_out" in record:
+            self.left_out += 1
+            if self.left_out <= FAILURES:
+                self._left_out.append(f"  {record['input']}: {record['left_out']}")
         elif record["status"] == "done":
             self.done += 1
             self.frames += record["frames"]
@@ -353,7 +403,9 @@ class Tally:
     def lines(self) -> list[str]:
         """The summary of the run."""
         counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
-        if left := self.clips - self.done - self.skipped - self.failed:
+        if self.left_out:
+            counts.append(f"{self.left_out} left out")
+        if left := self.clips - self.done - self.skipped - self.failed - self.left_out:
             counts.append(f"{left} left")
         lines = [f"{counted(self.clips, 'clip')}: {', '.join(counts)}"]
         if self.frames:
@@ -370,14 +422,19 @@ class Tally:
             ]
             if bad:
                 lines.append(f"worst {figure.label}: {', '.join(bad)}")
-        return [*lines, *self.alignments, *self.failures]
+        left_out = _listing("left out:", self._left_out, self.left_out)
+        return [*lines, *self.alignments, *left_out, *self.failures]
 
     @property
     def failures(self) -> list[str]:
         """Which clips failed, and why."""
-        more = self.failed - len(self._failures)
-        listed = ["failed:", *self._failures] if self.failed else []
-        return [*listed, f"  and {more} more; the manifest has them all"] if more else listed
+        return _listing("failed:", self._failures, self.failed)
+
+
+def _listing(title: str, lines: list[str], count: int) -> list[str]:
+    """The first lines of `count`, below a title; nothing if there are none."""
+    more = count - len(lines)
+    return [*([title] if count else []), *lines, *([f"  and {more} more; the manifest has them all"] if more else [])]
 
 
 def worst(records: Iterable[ManifestRecord], figure: Figure) -> list[ManifestRecord]:

@@ -32,6 +32,22 @@ class Clip:
     place: PurePath  # of the result, relative to the folder of results; its suffix is the kind of file
     size: int  # of the clip's file [bytes]; 0 if it cannot be read
     animation: str | None = None  # which of several in the file, such as "#2"
+    suffixes: tuple[str, ...] = ()  # of the other results, which are beside the first and named like it
+
+    @property
+    def others(self) -> tuple[PurePath, ...]:
+        """The places of the other results."""
+        return tuple(self.place.with_name(self.stem + suffix) for suffix in self.suffixes)
+
+    @property
+    def places(self) -> tuple[PurePath, ...]:
+        """The places of all results."""
+        return (self.place, *self.others)
+
+    @property
+    def stem(self) -> str:
+        """The name of the results without suffix."""
+        return self.place.name.removesuffix(self.place.suffix)
 
 
 def find_clips(
@@ -72,14 +88,15 @@ def plan(
     targets: Sequence[TargetFile],
     folder: Path,
     sources: Sequence[Path],
-    kind: str | None = None,
+    kinds: Sequence[str] = (),
     animation: str | None = None,
 ) -> list[Clip]:
     """Plan to retarget every clip found to every target, the largest clips first.
 
-    Results go into `folder`; with several targets, each target has a folder in it. `kind` is what they are, such as
-    "glb"; by default characters get their motions in files of their own kind, and all other targets BVH. A glTF file
-    with several animations is as many clips, in a folder of their own, unless `animation` names one.
+    Results go into `folder`; with several targets, each target has a folder in it. `kinds` are what they are, such as
+    "glb" and "npz"; by default, and for "own", characters get their motions in files of their own kind, and all other
+    targets BVH. A glTF file with several animations is as many clips, in a folder of their own, unless `animation`
+    names one.
 
     Raises:
         BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
@@ -91,31 +108,38 @@ def plan(
                 f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
     names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
-    parts = [part for path, place in found for part in ([(path, place, None)] if animation else _parts(path, place))]
+    parts = [
+        part for path, place in found for part in ([(path, place, None)] if animation else animations_of(path, place))
+    ]
     sizes = [status.st_size if (status := _status(path)) else 0 for path, _, _ in parts]
+    suffixes = [
+        list(dict.fromkeys(suffix_of(target, None if kind == "own" else kind) for kind in kinds or ("own",)))
+        for target in targets
+    ]
     clips = [
-        Clip(path, target, name / place.with_name(place.name + suffix_of(target, kind)), size, number)
-        for target, name in zip(targets, names, strict=True)
+        Clip(path, target, name / place.with_name(place.name + first), size, number, tuple(others))
+        for target, name, (first, *others) in zip(targets, names, suffixes, strict=True)
         for (path, place, number), size in zip(parts, sizes, strict=True)
     ]
     taken: dict[str, Clip] = {}
     inputs = _inputs(clips)
     for clip in clips:
-        result = folder / clip.place
-        other = taken.setdefault(clip.place.as_posix().casefold(), clip)
-        if other is not clip:
-            both = " and ".join(f"{each.path} onto {each.target.path}" for each in (other, clip))
-            raise BatchError(
-                f"{result} would be the result of both {both}; "
-                "leave one of them out with --exclude, and convert it into another folder"
-            )
-        if _file(result) in inputs:
-            raise BatchError(f"{result} is an input and would be replaced; choose another folder with -o")
+        for place in clip.places:
+            result = folder / place
+            other = taken.setdefault(place.as_posix().casefold(), clip)
+            if other is not clip:
+                both = " and ".join(f"{each.path} onto {each.target.path}" for each in (other, clip))
+                raise BatchError(
+                    f"{result} would be the result of both {both}; "
+                    "leave one of them out with --exclude, and convert it into another folder"
+                )
+            if _file(result) in inputs:
+                raise BatchError(f"{result} is an input and would be replaced; choose another folder with -o")
     return sorted(clips, key=lambda clip: -clip.size)
 
 
-def _parts(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
-    """The animations of a file: its path, the place of the result, and which animation it is; None for the only one."""
+def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
+    """Yield the animations of a file: its path, the place of the result, and which it is; None for the only one."""
     names: Sequence[str] = ()
     if KINDS.get(path.suffix.lower()) == "glTF":
         with suppress(DistretargetError):  # reading the clip will report it
@@ -131,10 +155,12 @@ def _parts(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | 
 
 
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
-    """Raise a BatchError if the page over all clips would replace an input or a file of the batch in `folder`."""
-    written = {folder.resolve() / place for place in (PurePath(MANIFEST), *(clip.place for clip in clips))}
+    """Raise a BatchError if a page or table on all clips would replace an input or a file of the batch in `folder`."""
+    written = {
+        folder.resolve() / place for place in (PurePath(MANIFEST), *(place for clip in clips for place in clip.places))
+    }
     if page.resolve() in written or _file(page) in {*_inputs(clips), _file(map_path) or ()}:
-        raise BatchError(f"{page}: is an input, or the place of a result; give the page another name")
+        raise BatchError(f"{page}: is an input, or the place of a result; give it another name")
 
 
 def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:

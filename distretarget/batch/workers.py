@@ -12,11 +12,11 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from concurrent.futures.process import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from multiprocessing.util import get_temp_dir
@@ -42,11 +42,12 @@ from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, character_animation
 from distretarget.io.target_file import TargetFile
 from distretarget.io.vrma import vrma
+from distretarget.matching.unmatched import others_without_source, parts_without_source
+from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
-from distretarget.report.unmatched import others_without_source, parts_without_source
 
 # These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -63,6 +64,7 @@ class Reading:
 
 
 DEFAULT_READING = Reading()
+Output = bytes | Animation
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ class Job:
     reading: Reading = DEFAULT_READING
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
+    others: tuple[str, ...] = ()  # the other outputs, as paths in the folder of results
     time_limit: float | None = None  # [s]
 
     def failed(self, reason: str) -> Result:
@@ -90,12 +93,14 @@ class Job:
 class Result:
     """What became of a clip: its line of the manifest and, if it is done, its output and the HTML of its report.
 
-    The output of a character is the animation alone, which goes into the character's file where that is.
+    The output of a character is the animation alone, which goes into the character's file where that is. `others` are
+    the other outputs, by their paths in the folder of results.
     """
 
     record: ManifestRecord
-    output: bytes | Animation = b""
+    output: Output = b""
     report: str = ""
+    others: Mapping[str, Output] = field(default_factory=dict)
 
 
 def convert(job: Job, mapper: Mapper = map) -> Result:
@@ -129,16 +134,10 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         motion, job.target, source=path, map_file=job.map_file, options=job.options, builds=builds, mapper=mapper
     )
     clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
-    kind = OUTPUTS[PurePath(job.record["output"]).suffix]
-    parts: Iterable[str] = ()
-    output: bytes | Animation = b""
-    if kind == "BVH":
-        parts = bvh_parts(clip.motion, mapper)  # other workers, if the mapper has any, make them while figures are made
-    elif kind == "character":
-        output = character_animation(job.target, clip)
-    else:
-        output = b"".join(vrma(clip.motion, clip.name, clip.extras))
-    refused = refusals(clip.motion.skeleton) if kind == "BVH" else ()
+    names = (job.record["output"], *job.others)
+    # Texts are made by other workers, if the mapper has any, while figures are made.
+    texts = {name: bvh_parts(clip.motion, mapper) for name in names if OUTPUTS[PurePath(name).suffix] == "BVH"}
+    refused = refusals(clip.motion.skeleton) if texts else ()
     record = job.record | {
         "status": "done",
         "frames": len(result.motion),
@@ -146,12 +145,25 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "warnings": [*lost, *result.warnings],
         "alignment": alignment_text(result.matching),
+        "verdict": result.verdict,
     }
-    report = run_page(result, job.about) if job.about else ""
-    if isinstance(output, Animation):
-        return Result(record, output, report)
-    output = output or b"".join(encoded_parts(parts))
-    return Result(record | {"output_hash": hash_of(output)}, output, report)
+    report = run_page(result, job.about, job.target.target) if job.about else ""
+
+    def made(name: str) -> Output:
+        match OUTPUTS[PurePath(name).suffix]:
+            case "BVH":
+                return b"".join(encoded_parts(texts[name]))
+            case "character":
+                return character_animation(job.target, clip)
+            case "VRMA":
+                return b"".join(vrma(clip.motion, clip.name, clip.extras))
+            case "arrays":
+                return job.writing.arrays(replace(clip, labels=labels_of(result)))
+
+    output, *others = map(made, names)
+    if isinstance(output, bytes):
+        record["output_hash"] = hash_of(output)
+    return Result(record, output, report, dict(zip(job.others, others, strict=True)))
 
 
 class Workers(Protocol):

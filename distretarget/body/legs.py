@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,13 +82,25 @@ def tree_legs(skeleton: Skeleton) -> Legs | None:
     for children in skeleton.children:
         chains = [_longest_chain(skeleton, child) for child in children]
         chains = [chain for chain in chains if leg_length(skeleton, [_leg(skeleton, chain)]) > 0]
-        alike = [pair for pair in combinations(chains, 2) if are_alike(skeleton, *pair)]
-        pairs += [(float(skeleton.lengths[a].sum()), a, b) for a, b in alike]
+        pairs += _longest_pair(skeleton, chains)
     longest = max((length for length, _, _ in pairs), default=0.0)
     limbs = [pair for pair in pairs if pair[0] >= SHORTEST_LIMB * longest]
     from_root = skeleton.path_lengths[0]
     legs = min(limbs, key=lambda pair: (from_root[skeleton.parents[pair[1][0]]], -pair[0]), default=None)
     return (_leg(skeleton, legs[1]), _leg(skeleton, legs[2])) if legs else None
+
+
+def _longest_pair(skeleton: Skeleton, chains: Sequence[list[int]]) -> list[tuple[float, list[int], list[int]]]:
+    """The pair of chains with about equal bone lengths whose first chain is longest, after the length of that; none if
+    no two chains are alike.
+    """
+    sizes = [float(skeleton.lengths[chain].sum()) for chain in chains]
+    for a in sorted(range(len(chains)), key=lambda n: -sizes[n]):
+        for b in range(a + 1, len(chains)):  # that of about the same length may be alike
+            near = 2 * abs(sizes[a] - sizes[b]) <= 1.001 * LIKENESS * (sizes[a] + sizes[b])
+            if near and are_alike(skeleton, chains[a], chains[b]):
+                return [(sizes[a], chains[a], chains[b])]
+    return []
 
 
 def are_alike(skeleton: Skeleton, a: Sequence[int], b: Sequence[int]) -> bool:

@@ -14,12 +14,13 @@ from distretarget.character.character import Character
 from distretarget.character.nodes import Nodes
 from distretarget.errors import FileError
 from distretarget.skeleton import LARGEST
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 
 Array = NDArray[np.float64]
 Number = TypeVar("Number", bound=np.generic)
 
 MOST_TRIANGLES = 30_000  # of a mesh; of a finer one every second, third ... triangle is taken
+MOST_SHOWN = 200_000  # triangles of a mesh that can be shown with all of them
 LEAST_WEIGHT = 1e-6  # vertices whose weights sum to less are bound to nothing
 
 
@@ -34,6 +35,8 @@ class MeshPart:
         joints: (vertices, influences), which of the bones move each vertex.
         weights: (vertices, influences), how much.
         triangles: (triangles, 3), the vertices of each.
+        materials: (triangles,), the material of each; None where the file has none.
+        uv: (vertices, 2), their places on the images of materials; None where these have none.
     """
 
     vertices: Array
@@ -42,6 +45,14 @@ class MeshPart:
     joints: NDArray[np.intp]
     weights: Array
     triangles: NDArray[np.intp]
+    materials: NDArray[np.intp] | None = None
+    uv: Array | None = None
+
+    @property
+    def looks(self) -> Looks:
+        """How it looks, without the materials themselves."""
+        materials = np.full(len(self.triangles), -1) if self.materials is None else self.materials
+        return Looks((), materials, np.zeros((len(self.vertices), 2)) if self.uv is None else self.uv)
 
     def thinned(self, step: int) -> MeshPart:
         """Return the part with one of every `step` triangles, and the vertices that these have."""
@@ -55,10 +66,14 @@ class MeshPart:
             joints=self.joints[used],
             weights=self.weights[used],
             triangles=numbers[triangles],
+            materials=None if self.materials is None else self.materials[::step],
+            uv=None if self.uv is None else self.uv[used],
         )
 
 
-def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) -> SkinnedMesh | None:
+def skinned_mesh(
+    character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...] = ()
+) -> SkinnedMesh | None:
     """Return the mesh of a character from its parts, or None if none of them hangs on its joints; `nodes` are those of
     the file.
 
@@ -68,7 +83,18 @@ def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) 
     Raises:
         FileError: a vertex is too far away.
     """
-    step = max(-(-sum(len(part.triangles) for part in parts) // MOST_TRIANGLES), 1)
+    count = sum(len(part.triangles) for part in parts)
+    step = max(-(-count // MOST_TRIANGLES), 1)
+    mesh = _assembled(character, nodes, parts, materials, step)
+    if mesh is None or step == 1 or count > MOST_SHOWN:
+        return mesh
+    return replace(mesh, whole=_assembled(character, nodes, parts, materials, 1))
+
+
+def _assembled(
+    character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...], step: int
+) -> SkinnedMesh | None:
+    """The mesh with one of every `step` triangles."""
     binds = character.bind_transforms
     joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
     bound = [_bound(part.thinned(step), nodes, binds, joints) for part in parts]
@@ -84,6 +110,11 @@ def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) 
         joints=np.concatenate([_widened(part.joints, influences) for part in found]),
         weights=np.concatenate([_widened(part.weights, influences) for part in found]),
         triangles=np.concatenate([part.triangles + start for part, start in zip(found, starts, strict=False)]),
+        looks=Looks(
+            materials,
+            np.concatenate([part.looks.of_triangle for part in found if part.looks]),
+            np.concatenate([part.looks.uv for part in found if part.looks]),
+        ),
     )
 
 
@@ -99,7 +130,8 @@ def _bound(part: MeshPart, nodes: Nodes, binds: Mapping[int, Array], joints: Map
     if not moved.any():
         return None
     numbers = np.cumsum(moved) - 1
-    triangles = part.triangles[moved[part.triangles].all(axis=1)]
+    kept = moved[part.triangles].all(axis=1)
+    triangles, looks = part.triangles[kept], Looks((), part.looks.of_triangle[kept], part.looks.uv[moved])
     local, weights = part.joints[moved], weights[moved] / sums[moved, None]
     to_world = np.stack([transform for _, transform in placed]) @ part.to_bones
     vertices, points = np.zeros((len(local), 3)), part.vertices[moved]
@@ -108,7 +140,7 @@ def _bound(part: MeshPart, nodes: Nodes, binds: Mapping[int, Array], joints: Map
         by_bone = to_world[local[used, place]]
         reached = np.einsum("vij,vj->vi", by_bone[:, :, :3], points[used]) + by_bone[:, :, 3]
         vertices[used] += weights[used, place, None] * reached
-    return SkinnedMesh(vertices, np.maximum(joint_of[local], 0), weights, numbers[triangles])
+    return SkinnedMesh(vertices, np.maximum(joint_of[local], 0), weights, numbers[triangles], looks)
 
 
 def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> tuple[int, Array]:

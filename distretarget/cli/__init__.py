@@ -24,6 +24,7 @@ from distretarget.errors import DistretargetError, shown
 from distretarget.io.files import reason_of
 
 COMMANDS = {  # by name: where the command is, and its short help
+    "audit": ("distretarget.cli.audit:audit_command", "Say what is wrong with the clips in a folder."),
     "batch": ("distretarget.cli.batch:batch_command", "Retarget many clips to one or several targets."),
     "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
     "retarget": (
@@ -35,6 +36,7 @@ COMMANDS = {  # by name: where the command is, and its short help
         "distretarget.cli.skeleton:skeleton_group",
         "Show, edit and match skeletons, and write skeleton files.",
     ),
+    "view": ("distretarget.cli.view:view_command", "Look at motions and characters in the browser."),
 }
 DEFAULT_COMMAND = "retarget"
 THREAD_TIMEOUT = 5.0  # the program waits this long for each remaining thread before it ends [s]
@@ -86,10 +88,12 @@ def cli() -> None:
     \b
     distretarget walk.bvh hero.glb -o hero_walk.glb   one clip; short for: distretarget retarget
     distretarget batch FOLDER TARGET -o FOLDER        a folder of clips
+    distretarget audit FOLDER                         what is wrong with the clips as they are
     distretarget scene A.bvh B.bvh -t TARGET -o DUET  performers who share a world
     distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
     distretarget skeleton match SOURCE TARGET         which joint drives which
     distretarget skeleton show FILE                   the joints of a file and their bone lengths
+    distretarget view FILE                            a motion or character in the browser
     """  # noqa: D301
     # Imported here, like the commands, so that --help does not wait for numba.
     from distretarget.cli.outputs import say

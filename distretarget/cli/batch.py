@@ -13,24 +13,33 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.batch import Batch, load_targets
+from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest, ManifestRecord, Tally
 from distretarget.batch.merge import clips_folder
 from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import Processes, Reading, Workers
-from distretarget.cli.options import PATH, SkinFiles, of_reports, quiet, reading, retargeting, writing
+from distretarget.cli.options import PATH, SkinFiles, of_formats, of_reports, quiet, reading, retargeting, writing
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
-from distretarget.errors import BatchError, DistretargetError, FileError, counted
+from distretarget.errors import BatchError, DistretargetError, FileError, SettingsError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, output_kind
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, OutputSettings, output_kind
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
+
+
+def of_condition(text: str) -> Condition:
+    """The condition in the text."""
+    try:
+        return Condition(text)
+    except SettingsError as error:
+        raise click.BadParameter(error.reason.removeprefix("keep ")) from error
 
 
 @click.command("batch")
@@ -65,10 +74,13 @@ INTERRUPTED = 130  # exit status
 @retargeting
 @click.option(
     "--format",
-    "kind",
-    type=click.Choice([suffix[1:] for suffix in OUTPUTS]),
-    help="What the results are. Default: the kind of TARGET if it is glTF or VRM, else bvh.",
+    "kinds",
+    type=of_formats,
+    metavar="KIND[,KIND...]",
+    help=f"What the results are, one file of each kind: {', '.join(FORMATS)}. Default: own, the kind of TARGET if it "
+    "is glTF or VRM, else bvh. npz has arrays: positions, rotations, and labels of frames.",
 )
+@click.option("--npz", is_flag=True, help="Write arrays beside each result, like --format own,npz.")
 @writing
 @click.option(
     "--merge",
@@ -106,6 +118,19 @@ INTERRUPTED = 130  # exit status
     help="With --report, the clips that get a report of their own: worst:N for the N with the largest "
     f"{FIGURES[0].label}, all or none.",
 )
+@click.option(
+    "--table",
+    type=PATH,
+    metavar="FILE",
+    help="Write a table, .csv or .parquet, with a row for each clip: its figures, verdict, warnings, and hashes.",
+)
+@click.option(
+    "--keep",
+    type=of_condition,
+    metavar="CONDITION",
+    help="Leave out clips that fail a condition on their figures, such as 'contact_error < 0.01 and snap == 0'. It has "
+    "the names that --table has, numbers, < <= > >= == !=, and, or, not.",
+)
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 @quiet
 def batch_command(
@@ -117,7 +142,8 @@ def batch_command(
     input_list: Iterator[str] | None,
     clip: str | None,
     fps: float | None,
-    kind: str | None,
+    kinds: tuple[str, ...] | None,
+    npz: bool,
     settings: OutputSettings,
     merge: bool,
     map_path: Path | None,
@@ -131,6 +157,8 @@ def batch_command(
     fail_fast: bool,
     index: Path | None,
     reports: int | None,
+    table: Path | None,
+    keep: Condition | None,
     dry_run: bool,
 ) -> None:
     """Retarget many clips to one or several targets.
@@ -168,14 +196,18 @@ def batch_command(
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
     results = folder
     if merge:
-        results, kind = _for_merge(folder, texts, kind, overwrite, dry_run), "bvh"
+        if kinds or npz:
+            raise click.UsageError("--merge writes what the name of -o says; leave out --format and --npz.")
+        results, kinds = _for_merge(folder, texts, overwrite, dry_run), ("bvh",)
+    elif npz:
+        kinds = (*(kinds or ("own",)), "npz")
     try:
-        clips = plan(found, texts, results, sources, kind, clip)
+        clips = plan(found, texts, results, sources, kinds or (), clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
-    into = DEFAULT_OUTPUT if merge else settings
-    batch = Batch(clips, results, *ways, Reading(clip, fps), into, skins.builds(), time_limit)
+    how = Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()
+    batch = Batch(clips, results, *ways, *how, table, keep, time_limit)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:
@@ -193,15 +225,13 @@ def batch_command(
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:
-        count = write_merged(folder, texts[0], clips, settings, overwrite)
+        count = write_merged(folder, texts[0], batch.kept_clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
 
 
-def _for_merge(file: Path, targets: Sequence[TargetFile], kind: str | None, overwrite: bool, dry_run: bool) -> Path:
+def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_run: bool) -> Path:
     """The folder of the clips that go into one file, after a check that it can be written."""
-    if kind:
-        raise click.UsageError("--merge writes what the name of -o says; leave out --format.")
     if len(targets) != 1:
         raise click.UsageError("--merge writes one file, for one target.")
     if output_kind(file, targets[0].file) != "character":
@@ -251,14 +281,15 @@ def _print_plan(batch: Batch) -> None:
         path = batch.folder / clip.place
         record = batch.record_of(clip)
         try:
-            record["input_hash"], output_hash = hash_of(read_bytes(clip.path)), hash_of_file(path)
-            skip = not batch.overwrite and manifest.is_done(record, output_hash)
+            record["input_hash"] = hash_of(read_bytes(clip.path))
+            skip = batch.known(clip, record, manifest)
             if not skip and not batch.overwrite:
-                manifest.check_replaceable(record, path, output_hash)
+                manifest.check_replaceable(record, path, hash_of_file(path))
         except DistretargetError as error:
             say(f"fail     {error}")
         else:
-            say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {path}")
+            beside = ", ".join([str(path), *clip.suffixes])
+            say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {beside}")
 
 
 def _print_broken(manifest: Manifest) -> None:

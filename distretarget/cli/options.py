@@ -16,8 +16,10 @@ from distretarget.body.build import Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.io.build_file import load_build
 from distretarget.io.gltf_animation import Mode
-from distretarget.io.motion_writer import OutputSettings
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings
+from distretarget.io.npz import Precision
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
+from distretarget.numerics.rotations import RotationKind
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
 from distretarget.skeleton import LARGEST, SMALLEST
 
@@ -82,6 +84,14 @@ def of_rate(text: str) -> float:
         least, most = 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME
         raise click.BadParameter(f"expected frames per second, from {least:g} to {most:g}, found {text!r}")
     return rate
+
+
+def of_formats(text: str) -> tuple[str, ...]:
+    """The kinds of results in the text, separated by commas."""
+    kinds = tuple(text.split(","))
+    if wrong := [kind for kind in kinds if kind not in FORMATS]:
+        raise click.BadParameter(f"expected one of {', '.join(FORMATS)}, or several with commas, found {wrong[0]!r}")
+    return kinds
 
 
 def of_reports(text: str) -> int | None:
@@ -201,8 +211,10 @@ def reading(command: Callable[..., None]) -> Callable[..., None]:
 def writing(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options of writing to a command, which receives them as `settings`."""
 
-    def with_settings(animations: Mode, in_place: bool, **given: Any) -> None:
-        command(settings=OutputSettings(animations, in_place), **given)
+    def with_settings(
+        animations: Mode, in_place: bool, rotations: RotationKind, precision: Precision, **given: Any
+    ) -> None:
+        command(settings=OutputSettings(animations, in_place, rotations, precision), **given)
 
     kept = click.option(
         "--animations",
@@ -216,7 +228,21 @@ def writing(command: Callable[..., None]) -> Callable[..., None]:
         is_flag=True,
         help="Leave out the root's path along the floor. Character files and .vrma keep it in the animation's extras.",
     )
-    return kept(in_place(functools.update_wrapper(with_settings, command)))
+    rotations = click.option(
+        "--rotations",
+        type=click.Choice(get_args(RotationKind)),
+        default=DEFAULT_OUTPUT.rotations,
+        show_default=True,
+        help="In .npz, what rotations are: quaternions x y z w, matrices, or the first two columns of these.",
+    )
+    precision = click.option(
+        "--precision",
+        type=click.Choice(get_args(Precision)),
+        default=DEFAULT_OUTPUT.precision,
+        show_default=True,
+        help="In .npz, the precision of numbers.",
+    )
+    return kept(in_place(rotations(precision(functools.update_wrapper(with_settings, command)))))
 
 
 def retargeting(command: Callable[..., None]) -> Callable[..., None]:

@@ -127,6 +127,10 @@ def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
 
 
 def about(a: PurePath, b: PurePath) -> About:
-    """What a report says of this run: the command, and the names of both clips, or their paths if names are equal."""
-    names = (str(a), str(b)) if a.name == b.name else (a.name, b.name)
-    return About(a=names[0], b=names[1], command=shlex.join(["distretarget", *sys.argv[1:]]))
+    """What a report says of this run: the command, and the names of both clips, with their folders if names are equal.
+
+    Of absolute paths only the names are told, so that a report can be sent.
+    """
+    names = ["/".join(path.parts[-2:]) if a.name == b.name else path.name for path in (a, b)]
+    words = [PurePath(word).name if PurePath(word).is_absolute() else word for word in sys.argv[1:]]
+    return About(a=names[0], b=names[1], command=shlex.join(["distretarget", *words]))

@@ -45,13 +45,14 @@ from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion, read_scene
 from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile
+from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
+from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.run_summary import figures_json, figures_line, summary_line
-from distretarget.report.unmatched import others_without_source, parts_without_source
 
 
 @click.command("retarget")
@@ -140,12 +141,13 @@ def retarget_command(
     )
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
+    named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = reading + time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
         figures: lambda: figures_json(result),
-        report: lambda: run_page(result, about(Path(source_file.path), output)),
+        report: lambda: run_page(result, about(Path(source_file.path), output), body.target),
     }
     write_outputs(contents, overwrite)
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))

@@ -30,8 +30,8 @@ from distretarget.io.motion_file import parse_motion
 from distretarget.io.obj import capsules_to_obj
 from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
+from distretarget.matching.unmatched import parts_without_source
 from distretarget.pipeline.performer import target_capsules
-from distretarget.report.unmatched import parts_without_source
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
 from distretarget.target import SkeletonEdit, Target

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from distretarget.io.bvh import MAX_DEPTH, is_name
 from distretarget.io.decimals import rows_text
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
-from distretarget.numerics.euler import euler_angles
+from distretarget.numerics.euler import write_channel_angles
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
@@ -118,17 +119,20 @@ def _decimals(skeleton: Skeleton) -> list[int]:
 
 def _channel_values(motion: Motion, decimals: Sequence[int]) -> Array:
     """(frames, channels) as written, depth first: positions, and angles in degrees; 0 for what rounds to minus zero."""
-    values, columns = np.empty((len(motion), len(decimals))), itertools.count()
-    for joint in motion.skeleton.depth_first:
-        channels = motion.skeleton.channels[joint]
-        axes = motion.skeleton.rotation_axes(joint)
-        angles = np.degrees(euler_angles(motion.rotations[:, joint], axes))
-        places = motion.translations_of(joint)
-        for channel in channels:
-            is_position = channel in POSITION_CHANNELS
-            column = places[:, "XYZ".index(channel[0])] if is_position else angles[:, axes.index(channel[0])]
-            if not np.all(np.isfinite(column)):
-                raise MotionError("a position or rotation is not finite and cannot be written")
-            number = next(columns)
-            values[:, number] = np.where(np.abs(column) <= 0.5 * 10.0 ** -decimals[number], 0.0, column)
+    values, skeleton = np.empty((len(motion), len(decimals))), motion.skeleton
+    alike: defaultdict[str, list[tuple[int, list[int]]]] = defaultdict(list)
+    columns = itertools.count()
+    for joint in skeleton.depth_first:
+        column = {channel: next(columns) for channel in skeleton.channels[joint]}
+        for axis, channel in enumerate(POSITION_CHANNELS):
+            if channel in column:
+                values[:, column[channel]] = motion.translations_of(joint)[:, axis]
+        axes = skeleton.rotation_axes(joint)
+        alike[axes].append((joint, [column[f"{axis}rotation"] for axis in axes]))
+    for axes, joints in alike.items():
+        numbers, angles = (np.array(each, np.intp) for each in zip(*joints, strict=True))
+        write_channel_angles(motion.rotations, numbers, axes, angles, values)
+    if not np.isfinite(values).all():
+        raise MotionError("a position or rotation is not finite and cannot be written")
+    values[np.abs(values) <= [0.5 * 10.0**-places for places in decimals]] = 0.0
     return values

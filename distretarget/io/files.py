@@ -80,7 +80,7 @@ def text_of(content: bytes, path: str | Path) -> str:
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
     text = text.removesuffix(CTRL_Z)
-    if not text.strip():
+    if not text or text.isspace():
         raise FileError(path, "is empty")
     return text
 

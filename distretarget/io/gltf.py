@@ -45,6 +45,7 @@ INDICES = (5121, 5123, 5125)  # components of the indices of sparse accessors
 FREE_NUMBERS = 4_000_000  # so many numbers may a file refer to, however small it is
 PER_BYTE = 2  # so many numbers may it refer to for each of its bytes: channels share accessors
 DATA_URI = "data:"
+LISTS = ("nodes", "skins", "accessors", "bufferViews", "buffers", "meshes", "materials", "textures", "images")
 NESTED_SIZE, PAIR_SIZE = 64, 120  # memory that an empty list and a key with its value take in others [bytes]
 MOST_MEMORY, FREE_MEMORY = 7, 2**26  # memory that these may take [sizes of the JSON, and beside that bytes]
 
@@ -111,7 +112,7 @@ class Gltf:
 
     @cached_property
     def _lists(self) -> dict[str, list[Node]]:
-        return {key: self.entries(key) for key in ("nodes", "skins", "accessors", "bufferViews", "buffers", "meshes")}
+        return {key: self.entries(key) for key in LISTS}
 
     def entry(self, key: str, reference: Node) -> Fields:
         """The values of the entry of a list that a reference, an index, leads to."""
@@ -233,6 +234,16 @@ class Gltf:
         if uri not in self.beside:
             fields["uri"].fail(f"there is no file {cut(uri)!r} beside it")
         return memoryview(self.beside[uri])
+
+    def image(self, reference: Node) -> bytes:
+        """The content of an image; empty where it is in a file of its own."""
+        fields, place = self.entry("images", reference), self._lists["images"][self.index("images", reference)]
+        if "uri" in fields:
+            uri = fields["uri"].text()
+            return _decoded(fields["uri"], uri) if uri.startswith(DATA_URI) else b""
+        view = required(place, fields, "bufferView", lambda node: node)
+        length = required(place, self.entry("bufferViews", view), "byteLength", whole)
+        return self._view(view, 0, length, 1, COMPONENTS[5121], place).tobytes()
 
     @property
     def binary(self) -> memoryview | None:

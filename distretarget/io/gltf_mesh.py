@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from distretarget.character.mesh import MeshPart
 from distretarget.character.nodes import Skin
-from distretarget.errors import FileError
+from distretarget.errors import DistretargetError, FileError
 from distretarget.io.gltf import Gltf, dotted, whole
 from distretarget.io.json_node import Fields, Node
 
@@ -63,8 +63,32 @@ def _part(
     joints, weights = np.zeros((len(vertices), 1), np.intp), np.ones((len(vertices), 1))
     if skinned:
         joints, weights = _influences(gltf, place, attributes, len(vertices), len(bones))
-    triangles = np.concatenate([_triangles(gltf, each, fields, len(vertices)) for each, fields in primitives])
-    return MeshPart(vertices, bones, binds, joints, weights, triangles)
+    triangles = [_triangles(gltf, each, fields, len(vertices)) for each, fields in primitives]
+    materials = [
+        np.full(len(some), gltf.index("materials", fields["material"]) if "material" in fields else -1)
+        for some, (_, fields) in zip(triangles, primitives, strict=True)
+    ]
+    return MeshPart(
+        vertices,
+        bones,
+        binds,
+        joints,
+        weights,
+        np.concatenate(triangles),
+        np.concatenate(materials),
+        _uv(gltf, attributes, len(vertices)),
+    )
+
+
+def _uv(gltf: Gltf, attributes: Fields, vertices: int) -> Array | None:
+    """(vertices, 2), the places of the vertices on images; None where the file does not say them."""
+    if "TEXCOORD_0" not in attributes or not gltf.entries("images"):
+        return None
+    try:
+        uv = gltf.numbers(attributes["TEXCOORD_0"], "VEC2")
+    except DistretargetError:
+        return None
+    return uv if len(uv) == vertices else None
 
 
 def _influences(

@@ -6,20 +6,20 @@ channels replace, and a rotation, both in float32.
 
 from __future__ import annotations
 
-import io
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.checks import check_kind
+from distretarget.checks import check_choice, check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
 from distretarget.io.bvh import add_offsets, joint_names
 from distretarget.io.files import write_whole
+from distretarget.io.npz import Arrays, Precision, npz
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import RotationKind
 from distretarget.skeleton import Skeleton
@@ -33,19 +33,22 @@ LARGEST_FLOAT32 = float(np.finfo(np.float32).max)  # the largest coordinate that
 
 
 def write_npz(
-    path: str | Path, motion: Motion, rotations: RotationKind = "quaternion", overwrite: bool = False
+    path: str | Path,
+    motion: Motion,
+    rotations: RotationKind = "quaternion",
+    overwrite: bool = False,
+    precision: Precision = "float64",
 ) -> None:
-    """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all.
+    """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all; "float32" makes it half as large.
 
-    `numpy.load(path)` gives them back under their names, without pickle.
+    `numpy.load(path)` gives them back under their names, without pickle. Equal motions make equal files.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
     """
     check_kind("motion", motion, Motion)
-    content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **cast(dict[str, Any], motion.to_dict(rotations)))
-    write_whole(path, content.getvalue(), overwrite)
+    check_choice("precision", precision, get_args(Precision))
+    write_whole(path, npz(cast(Arrays, motion.to_dict(rotations)), precision), overwrite)
 
 
 def from_bvhio(container: bvhio.BvhContainer) -> Motion:

@@ -9,6 +9,7 @@ from distretarget.character.character import Character
 from distretarget.character.mesh import skinned_mesh
 from distretarget.errors import DistretargetError
 from distretarget.io.fbx import fbx_mesh
+from distretarget.io.gltf_materials import gltf_materials
 from distretarget.io.gltf_mesh import gltf_parts
 from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.input_file import InputFile
@@ -62,7 +63,8 @@ class CharacterMesh:
                     return None, ()
                 return skinned_mesh(self.character, *fbx_mesh(self.file.content, self.file.path)), ()
             scene = gltf_scene(self.file.gltf, animated=False)
-            return skinned_mesh(self.character, scene.nodes, tuple(gltf_parts(self.file.gltf, scene.skins))), ()
+            parts = tuple(gltf_parts(self.file.gltf, scene.skins))
+            return skinned_mesh(self.character, scene.nodes, parts, gltf_materials(self.file.gltf)), ()
         except DistretargetError as error:
             why = error.in_file(self.file.path)
             return None, (f"its mesh is not read, so that the body gets an average thickness: {why}",)

@@ -1,12 +1,14 @@
-"""Motions written by the kind of file that a name's ending says: BVH, a character with its mesh, or a VRM animation."""
+"""Motions written by the kind of file that a name's ending says: BVH, a character with its mesh, a VRM animation, or
+arrays.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import NoneType
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +24,15 @@ from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
+from distretarget.io.npz import Arrays, Precision, npz
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.motion import Motion
+from distretarget.numerics.rotations import RotationKind
 from distretarget.numerics.vectors import level
 
 Array = NDArray[np.float64]
-OutputKind = Literal["BVH", "character", "VRMA"]
+OutputKind = Literal["BVH", "character", "VRMA", "arrays"]
 
 OUTPUTS: dict[str, OutputKind] = {
     ".bvh": "BVH",
@@ -36,7 +40,9 @@ OUTPUTS: dict[str, OutputKind] = {
     ".gltf": "character",
     ".vrm": "character",
     ".vrma": "VRMA",
+    ".npz": "arrays",
 }
+FORMATS = ("own", *(suffix[1:] for suffix in OUTPUTS))  # of results; "own" is the target's own
 NAMES = {"BVH": "BVH", "FBX": "FBX", "skeleton": "a skeleton file"}
 NO_FBX = "FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read"
 PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
@@ -90,13 +96,13 @@ def write_motion(
     in_place: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write a motion to a file, whole or not at all: BVH (.bvh), a VRM animation (.vrma), or, of a motion on the
-    skeleton of a character file, that file with an animation more (.glb, .gltf, .vrm).
+    """Write a motion to a file, whole or not at all: BVH (.bvh), a VRM animation (.vrma), arrays (.npz), or, of a
+    motion on the skeleton of a character file, that file with an animation more (.glb, .gltf, .vrm).
 
     Args:
         path: of the file; its ending says what it is.
         motion: to write.
-        character: the path of the character's file, which `load_target` has read; for .bvh not needed.
+        character: the path of the character's file, which `load_target` has read; for .bvh and .npz not needed.
         name: of the animation; the file's name without ending if not given.
         animations: "add" it to those in the character's file, or "replace" them.
         in_place: whether to leave out the root's path along the floor; see `in_place`.
@@ -117,21 +123,33 @@ def write_motion(
 
 @dataclass(frozen=True)
 class NamedClip:
-    """A motion to write, its name, and what to keep beside it."""
+    """A motion to write, its name, what to keep beside it, and arrays that say more of its frames (`labels_of`)."""
 
     motion: Motion
     name: str
     extras: Mapping[str, object]
+    labels: Arrays = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class OutputSettings:
-    """How motions are written: whether animations are added to those in the file or replace them, and whether the
-    root's path along the floor is left out.
+    """How motions are written.
+
+    Attributes:
+        animations: whether animations are added to those in a character's file, or replace them.
+        in_place: whether the root's path along the floor is left out.
+        rotations: what those in arrays are: "quaternion" (x y z w), "matrix", or "6d", the matrix's first two columns.
+        precision: of the numbers in arrays.
     """
 
     animations: Mode = "add"
     in_place: bool = False
+    rotations: RotationKind = "quaternion"
+    precision: Precision = "float64"
+
+    def arrays(self, clip: NamedClip) -> bytes:
+        """Return the content of an npz file with the arrays of a clip, and its labels."""
+        return npz({**cast(Arrays, clip.motion.to_dict(self.rotations)), **clip.labels}, self.precision)
 
     def clip(self, motion: Motion, name: str, up: Array | None = None) -> NamedClip:
         """Return a motion as it is to be written; `up` is the unit vector up, by default Y."""
@@ -159,6 +177,8 @@ def content_of(
             return bvh_parts(clip.motion)
         case "VRMA":
             return vrma(clip.motion, clip.name, clip.extras)
+        case "arrays":
+            return [settings.arrays(clip)]
     assert target is not None
     return with_animations(path, target, [character_animation(target, clip)], settings.animations)
 

@@ -17,7 +17,7 @@ from distretarget.body.arms import hanging_distances
 from distretarget.body.legs import passing_regions
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.compiled import compiled, read_only
 from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import lengths
 
@@ -50,27 +50,28 @@ class Candidates:
         `Contacts`.
         """
         u, v = joint_of[self.u], joint_of[self.v]
-        found = [np.zeros((3, 0), np.intp)]
-        if len(self.first):
-            for block in blocks_of(len(motion)):
-                rows = self._nearest(normalised_distances(motion, u, v, block))
-                rows[0] += block.start
-                found.append(rows)
-        rows = np.concatenate(found, axis=1)
+        tau = motion.rigid_skeleton.path_lengths[u, v]
+        nearest = np.empty((len(motion), len(self.first)), np.int32)
+        ends = np.append(self.first, len(u))
+        _write_nearest(read_only(np.ascontiguousarray(motion.positions)), u, v, (self.limits * tau) ** 2, ends, nearest)
+        rows = np.stack([*np.nonzero(nearest >= 0), nearest[nearest >= 0]])
         return np.asarray(rows[:, ~(self.passing[rows[1]] & strides[rows[0]])])
 
-    def _nearest(self, D: Array) -> Numbers:
-        """The contacts where D, (frames, pairs of joints), is below its limit, as in `touching`. Of the joints of two
-        regions those are nearest whose D is smallest relative to its limit.
-        """
-        D = D / self.limits
-        frame, regions = np.nonzero(np.minimum.reduceat(D, self.first, axis=1) < 1.0)
-        ends = np.append(self.first[1:], D.shape[1])
-        pairs = np.zeros(len(frame), np.intp)
-        for k in np.unique(regions):
-            some = np.flatnonzero(regions == k)
-            pairs[some] = self.first[k] + D[frame[some], self.first[k] : ends[k]].argmin(axis=1)
-        return np.stack([frame, regions, pairs])
+
+@compiled()
+def _write_nearest(positions, u, v, limits, ends, nearest):  # type: ignore[no-untyped-def]
+    """Write the nearest pair of joints of each pair of regions, whose squared distance is smallest relative to its
+    limit, (pairs of joints,); -1 where none is below it. `ends` are the first pairs of each, and their number.
+    """
+    for frame in range(len(nearest)):
+        x = positions[frame]
+        for k in range(nearest.shape[1]):
+            least, nearest[frame, k] = 1.0, -1
+            for n in range(ends[k], ends[k + 1]):
+                i, j = u[n], v[n]
+                square = (x[i, 0] - x[j, 0]) ** 2 + (x[i, 1] - x[j, 1]) ** 2 + (x[i, 2] - x[j, 2]) ** 2
+                if square < least * limits[n]:
+                    least, nearest[frame, k] = square / limits[n], n
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -185,14 +186,6 @@ def find_candidates(matching: Matching) -> Candidates:
         v=v,
         limits=np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE),
     )
-
-
-def normalised_distances(motion: Motion, u: Numbers, v: Numbers, frames: slice) -> Array:
-    """D, (frames, pairs), of joints u and v, (pairs,) each; nan where the path between them has no length."""
-    tau = motion.rigid_skeleton.path_lengths[u, v]
-    x, y, z = np.ascontiguousarray(np.moveaxis(motion.positions[frames], -1, 0))  # eight times as fast as a norm
-    squared = (x[:, u] - x[:, v]) ** 2 + (y[:, u] - y[:, v]) ** 2 + (z[:, u] - z[:, v]) ** 2
-    return np.asarray(np.sqrt(squared) / np.where(tau > 0, tau, np.nan))
 
 
 def _distances(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled
+from distretarget.numerics.kinematics import angles_to_bones, turned
 from distretarget.numerics.parallel import in_blocks
-from distretarget.numerics.vectors import angles_between
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
@@ -23,13 +24,8 @@ def direction_error(expected: Array, result: Motion, lower: Joints) -> Array:
     """(frames, bones), the angle between the bones above the joints `lower`, (bones,), and their `expected` directions,
     (frames, bones, 3), of any length [degrees].
     """
-
-    def error(block: slice) -> Array:
-        positions = result.positions[block]
-        bones = positions[:, lower] - positions[:, result.skeleton.parents[lower]]
-        return np.asarray(np.degrees(angles_between(expected[block], bones)))
-
-    return in_blocks(error, len(result))
+    angles = angles_to_bones(expected, result.positions, result.skeleton.parents[lower], lower)
+    return np.degrees(angles, out=angles)
 
 
 def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Array:
@@ -44,15 +40,36 @@ def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Ar
     own = np.isin(upper, _built_differently(matching))
     alignment = rest_alignment(matching)
 
+    bones = matching.target.skeleton.offsets[lower]
+    aligned = np.stack([Rotation.from_quat(alignment[upper, k]).apply(bones) for k in (0, 1)], axis=1)
+    turns = np.where(own[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
+
     def directions(block: slice) -> Array:
-        positions = source.positions[block]
-        expected = positions[:, drivers[lower]] - positions[:, drivers[upper]]
-        if own.any():
-            world = source.world_rotations_in(block)
-            expected[:, own] = _by_rotation(world, alignment, matching, upper[own], lower[own])
+        expected = np.empty((block.stop - block.start, len(lower), 3))
+        world = source.world_rotations_in(block)
+        _write_directions(source.positions[block], drivers[upper], drivers[lower], world, *turns, expected)
         return expected
 
     return in_blocks(directions, len(source))
+
+
+@compiled()
+def _write_directions(positions, upper, lower, world, turning, blend, bones, directions):  # type: ignore[no-untyped-def]
+    """Write the directions from the joints `upper` to `lower`, (bones,) each; of bones that joints turn, (bones, 2) or
+    -1, those of `bones`, (bones, 2, 3), with the world rotations R of both joints, blended: R A b.
+    """
+    for frame in range(len(directions)):
+        for n in range(len(lower)):
+            way, p, q = directions[frame, n], positions[frame, upper[n]], positions[frame, lower[n]]
+            way[0], way[1], way[2] = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            for k in range(2):
+                if turning[n, k] >= 0 and (k == 0 or blend[n] > 0.0):
+                    r, v = world[frame, turning[n, k]], bones[n, k]
+                    x, y, z = turned(r[0], r[1], r[2], r[3], v[0], v[1], v[2])
+                    share = blend[n] if k else 1.0
+                    way[0] = share * x + (1.0 - share) * way[0]
+                    way[1] = share * y + (1.0 - share) * way[1]
+                    way[2] = share * z + (1.0 - share) * way[2]
 
 
 def shared_bones(matching: Matching) -> Joints:
@@ -72,22 +89,3 @@ def _built_differently(matching: Matching) -> list[int]:
         return []
     joints = [joint for role, joint in anatomy.roles.items() if role.endswith(BUILT_DIFFERENTLY)]
     return [*joints, *anatomy.spine, *anatomy.neck, *matching.target.above_hips]
-
-
-def _by_rotation(world: Array, alignment: Array, matching: Matching, upper: Joints, lower: Joints) -> Array:
-    """(frames, bones, 3), R A b: the target's own bones b, turned by A from its rest pose to the source's, then by the
-    source's world rotations R, `world`, (frames, source joints, 4).
-    """
-
-    def turned(bones: Joints, k: int) -> Array:
-        """The bones turned by their first (k = 0) or second (k = 1) rotation source."""
-        own = Rotation.from_quat(alignment[upper[bones], k]).apply(matching.target.skeleton.offsets[lower[bones]])
-        return np.asarray(Rotation.from_quat(world[:, matching.rotation_sources[upper[bones], k]]).apply(own))
-
-    weight = matching.blend[upper, None]
-    between = np.flatnonzero(weight)
-    directions = turned(np.arange(len(upper)), 0)
-    if len(between):
-        directions[:, between] *= 1.0 - weight[between]
-        directions[:, between] += weight[between] * turned(between, 1)
-    return directions

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
@@ -20,7 +19,7 @@ from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import speeds_along
+from distretarget.numerics.kinematics import lowest_heights, speeds_along, turned_by
 from distretarget.numerics.time_series import over_runs
 from distretarget.numerics.vectors import lengths, level
 
@@ -48,7 +47,7 @@ class FlatFoot:
         """(frames, 3), the unit vector up from the sole, in the world; nan if unknown."""
         if self.normal is None:
             return np.full((len(motion), 3), np.nan)
-        return np.asarray(Rotation.from_quat(motion.world_rotations_of(self.leg.ankle)).apply(self.normal))
+        return turned_by(motion.world_rotations_of(self.leg.ankle), self.normal)
 
     def pitch(self, positions: Array, up: Array) -> Array:
         """(...), the elevation of the bone from ankle to toe at positions (..., joints, 3) [degrees]; nan without a
@@ -60,12 +59,8 @@ class FlatFoot:
         return np.asarray(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
 
     def lowest(self, positions: Array, up: Array) -> Array:
-        """(...), the height of the lowest of the points [file units]; as in `pitch`."""
-        return np.asarray((positions[..., self.points, :] @ up).min(axis=-1))
-
-    def ankle_height(self, positions: Array, up: Array) -> Array:
-        """(...), the height of the ankle over the lowest of the points [file units]; as in `pitch`."""
-        return np.asarray(positions[..., self.leg.ankle, :] @ up - self.lowest(positions, up))
+        """(frames,), the height of the lowest of the points [file units]; as in `pitch`."""
+        return lowest_heights(positions, up, self.points)
 
 
 def find_flat_foot(body: Body, leg: Leg, sole: Sole) -> FlatFoot:

@@ -139,18 +139,18 @@ class Figure:
     def of_clip(self, tracks: Tracks) -> float | None:
         """The figure of the whole clip; None where nothing was to be measured."""
         track = tracks[self.track or self.key]
-        weights = track.weights
-        measured = weights > 0
-        values = track.values[measured]
+        counted = track.values.size if track.counts is None else track.counts.sum()
+        values = track.values if track.counts is None else track.values[track.counts > 0]
         if not values.size:
             return None
         if self.reduction == "frames":
-            return float(np.nansum(self.over_time(tracks, len(track.values))))
+            positive = (track.values > 0.0) & (True if track.counts is None else track.counts > 0)
+            return float(np.count_nonzero(positive.reshape(len(positive), -1).any(axis=1)))
         if self.reduction == "largest":
             return float(values.max(initial=0.0))
         if self.reduction == "percentile 99":
             return float(np.percentile(values, 99))
-        return float(values.sum() / weights[measured].sum())
+        return float(values.sum() / counted)
 
     def over_time(self, tracks: Tracks, frames: int) -> Array:
         """(frames,), the figure of each frame; nan where nothing was to be measured, as in rows that are missing."""
@@ -262,6 +262,7 @@ def as_data(source: str, result: str) -> list[dict[str, Any]]:
             "explanation": figure.explanation(source, result),
             "missing": figure.missing.format(source=source),
             "judged": figure.judged,
+            "instead": figure.instead,
             "comparison": figure.comparison(source, result),
             "whole": figure.reduction == "frames",
             "factor": figure.factor,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import steps_along
+from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.time_series import Shots
 
 Array = NDArray[np.float64]
@@ -25,8 +25,7 @@ def find_snaps(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
     Joints outside the body, such as a root on the floor, do not snap, and no joint snaps at a cut of the source between
     `shots`, (frames,).
     """
-    steps = _steps(result.positions, result, body)
-    return _counted(steps, (steps > FAR) & (_steps(copy.positions, result, body) < CALM), body, shots)
+    return _jumps(copy, result, body, shots, False)
 
 
 def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
@@ -35,27 +34,48 @@ def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
 
     A jump is `SUDDEN` times the median of the two steps before and the two after it. Otherwise as `find_snaps`.
     """
-    steps = _steps(result.positions - copy.positions, result, body)
-    sudden = steps > FAR
-    frames, joints = np.nonzero(sudden)
-    if len(frames):
-        padded = np.pad(steps, ((2, 2), (0, 0)), "reflect")
-        around = np.sort([padded[frames + k, joints] for k in (0, 1, 3, 4)], axis=0)[1:3].mean(axis=0)
-        sudden[frames, joints] = steps[frames, joints] > SUDDEN * around
-    return _counted(steps, sudden, body, shots)
+    return _jumps(copy, result, body, shots, True)
 
 
-def _counted(steps: Array, jumps: NDArray[np.bool_], body: Body, shots: Shots) -> Array:
-    """The steps, (frames - 1, joints), that are jumps of joints of the body, and not at a cut; 0 for all others."""
-    jumps &= (body.regions.of_joint >= 0) & (np.diff(shots) == 0)[:, None]
-    steps[~jumps] = 0.0
-    return steps
+def _jumps(copy: Motion, result: Motion, body: Body, shots: Shots, pops: bool) -> Array:
+    """(frames - 1, joints), the jumps of `find_pops` or `find_snaps`."""
+    before, after = (read_only(np.ascontiguousarray(motion.positions)) for motion in (copy, result))
+    scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
+    jumps = np.zeros((max(len(result) - 1, 0), len(result.skeleton)))
+    joints = np.flatnonzero(body.regions.of_joint >= 0)
+    _write_jumps(before, after, joints, np.diff(shots) == 0, scale, pops, jumps)
+    return jumps
 
 
-def _steps(paths: Array, motion: Motion, body: Body) -> Array:
-    """(frames - 1, joints), how far each of some paths, (frames, joints, 3), goes to the next frame of a motion
-    [% of leg length in `INSTANT`].
-    """
-    steps = steps_along(paths)
-    steps *= 100 * INSTANT / (0.5 * body.unit * motion.frame_time)
-    return steps
+@compiled()
+def _write_jumps(copy, result, joints, going_on, scale, pops, jumps):  # type: ignore[no-untyped-def]
+    """Write the steps that are jumps, in % of leg length in `INSTANT`."""
+    last = len(jumps) - 1
+    for frame in range(len(jumps)):
+        for joint in joints:
+            step = _step(copy, result, frame, joint, pops) * scale
+            if step > FAR and going_on[frame]:
+                if pops:
+                    total, least, most = 0.0, np.inf, 0.0
+                    for lag in (-2, -1, 1, 2):  # beyond the ends as in a mirror
+                        near = max(last - abs(last - abs(frame + lag)), 0)
+                        other = _step(copy, result, near, joint, pops) * scale
+                        total, least, most = total + other, min(least, other), max(most, other)
+                    sudden = step > SUDDEN * 0.5 * (total - least - most)
+                else:
+                    sudden = _step(copy, copy, frame, joint, pops) * scale < CALM
+                if sudden:
+                    jumps[frame, joint] = step
+
+
+@inlined()
+def _step(copy: Array, result: Array, frame: int, joint: int, against: bool) -> float:
+    """How far a joint goes to the next frame, or its deviation from the copy."""
+    square = 0.0
+    for i in range(3):
+        start, end = result[frame, joint, i], result[frame + 1, joint, i]
+        if against:
+            start, end = start - copy[frame, joint, i], end - copy[frame + 1, joint, i]
+        step = end - start
+        square += step * step
+    return float(np.sqrt(square))

@@ -21,8 +21,7 @@ from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import SupportsMeasured, find_supports
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import in_blocks
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.kinematics import stretch_of, thirds_along, turns_along
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -140,8 +139,9 @@ class Reference:
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
-        further = np.degrees(_turns(result, self._turned) - self._turns)
-        further *= INSTANT / result.frame_time
+        further = _turns(result, self._turned)
+        further -= self._turns
+        further *= np.degrees(INSTANT / result.frame_time)
         further[self._cuts] = 0.0
         return Comparison(
             contacts=contacts,
@@ -194,35 +194,15 @@ def _bone_error(result: Motion, body: Body) -> Array:
     """(frames,), the largest relative error of the length of a bone of the body."""
     skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
     lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
-
-    def error(block: slice) -> Array:
-        positions = result.positions[block]
-        bones = lengths(positions[:, lower] - positions[:, skeleton.parents[lower]])
-        return np.asarray(np.abs(bones / skeleton.lengths[lower] - 1).max(axis=1, initial=0.0))
-
-    return in_blocks(error, len(result))
+    return stretch_of(result.positions, skeleton.parents[lower], lower, skeleton.lengths[lower])
 
 
 def _jerk(motion: Motion, body: Body) -> Array:
     """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
     size = body.skeleton.path_lengths.max() * motion.frame_time**3
-
-    def jerk(block: slice) -> Array:
-        positions = motion.positions[block.start : block.stop + 3, body.regions.of_joint >= 0]
-        return np.asarray(lengths(np.diff(positions, 3, axis=0) / size).mean(axis=1))
-
-    return in_blocks(jerk, max(len(motion) - 3, 0))
+    return np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size)
 
 
 def _turns(motion: Motion, joints: Joints) -> Array:
-    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad].
-
-    The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
-    """
-
-    def turns(block: slice) -> Array:
-        rotations = motion.world_rotations_in(slice(block.start, block.stop + 1))[:, joints]
-        apart = np.minimum(lengths(rotations[1:] - rotations[:-1]), lengths(rotations[1:] + rotations[:-1]))
-        return np.asarray(4.0 * np.arcsin(np.minimum(apart / 2.0, 1.0)))
-
-    return in_blocks(turns, max(len(motion) - 1, 0))
+    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad]."""
+    return turns_along(motion.skeleton.parents, motion.rotations, joints)

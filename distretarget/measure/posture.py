@@ -22,6 +22,7 @@ from distretarget.body.legs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.vectors import angles_between, cross, level, normalised
 
 Array = NDArray[np.float64]
@@ -147,7 +148,7 @@ def _hands(matching: Matching) -> list[tuple[tuple[int, int, int], tuple[int, in
 
 def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Array:
     """(frames, 3), an axis of a joint, (3,), in the world; its level part if the vector up, `along`, (3,), is given."""
-    axes = Rotation.from_quat(motion.world_rotations_of(joint)).apply(axis)
+    axes = turned_by(motion.world_rotations_of(joint), axis)
     return axes if along is None else level(axes, along)
 
 

@@ -6,6 +6,7 @@ Found from positions alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,12 +115,18 @@ def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: fl
     names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
     holds = np.zeros((len(source), len(joints)), bool)
+
+    @cache
+    def way_of(joint: int) -> Array:
+        return _extent(source.positions[:, drivers[joint]] / leg, reach)
+
     for column, joint in enumerate(joints.tolist()):
         if names[of_joint[joint]] in ENDS:
             above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
             base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
-            way, base_way = (_extent(source.positions[:, drivers[each]] / leg, reach) for each in (joint, base))
-            holds[:, column] = (way < PLACE) & (base_way > SWAY * way + FARTHER)
+            way = way_of(joint)
+            stays = way < PLACE
+            holds[:, column] = stays & (way_of(base) > SWAY * way + FARTHER) if stays.any() else stays
     return holds
 
 

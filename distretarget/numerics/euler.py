@@ -10,11 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled
+from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.parallel import blocks_of
 
 Array = NDArray[np.float64]
 
 DEGREE = np.pi / 180.0  # [rad]
+TURN = 2.0 * np.pi
 
 LOCKED = 1e-13  # below this the sine that separates the first angle from the last is rounding noise
 NEARLY_LOCKED = 1e-4  # below this the noise would reach the first two angles where the last is dropped
@@ -40,10 +42,97 @@ def euler_angles(rotations: Array, axes: str) -> Array:
     i, j, k = (rotations[:, column] for column in order)
     if len(axes) == 1:
         return _continued(2 * np.arctan2(i, rotations[:, 3])[:, None])
-    halves = _half_sums(rotations[:, 3], i, j, parity * k)
     if len(axes) == 2:
-        return _continued(_two_angles(halves))
-    return _continued(_nearer_twin(_three_angles(halves) * [1, 1, parity]))
+        return _continued(_two_angles(_half_sums(rotations[:, 3], i, j, parity * k)))
+    angles = np.empty((len(rotations), 3))
+    _write_blocks(rotations[:, None], np.zeros(1, np.intp), axes, np.arange(3)[None], 1.0, angles)
+    return angles
+
+
+def write_channel_angles(
+    rotations: Array, joints: NDArray[np.intp], axes: str, columns: NDArray[np.intp], values: Array
+) -> None:
+    """Write the angles of joints with channels of the same order to `values`, (frames, channels) [degrees]; the inverse
+    of `write_channel_rotations`, see `euler_angles`.
+
+    The `rotations` are (frames, all joints, 4); the angles of the `joints`, (joints,), go to the `columns`, (joints,
+    len(axes)).
+    """
+    if len(axes) == 3:
+        _write_blocks(rotations, joints, axes, columns, 180.0 / np.pi, values)
+        return
+    for joint, own in zip(joints, columns, strict=True):
+        values[:, own] = np.degrees(euler_angles(rotations[:, joint], axes))
+
+
+def _write_blocks(
+    rotations: Array, joints: NDArray[np.intp], axes: str, columns: NDArray[np.intp], unit: float, values: Array
+) -> None:
+    """Write the angles of joints with three channels as in `write_channel_angles`, times a `unit`."""
+    order, parity = _order(axes)
+    state = np.zeros((len(joints), 11))
+    for block in blocks_of(len(rotations)):
+        halves = np.empty((6, block.stop - block.start, len(joints)))
+        _write_half_sums(read_only(np.ascontiguousarray(rotations[block])), joints, order, parity, halves)
+        halves[4:] = np.hypot(halves[:4:2], halves[1:4:2])
+        halves[:3] = np.arctan2(halves[::2], halves[1::2])
+        _write_angles(halves, parity, state, unit, columns, values[block])
+
+
+@compiled()
+def _write_half_sums(rotations, joints, order, parity, halves):  # type: ignore[no-untyped-def]
+    """Write i + k, w + j, i - k and w - j (`_HalfSums`)."""
+    for frame in range(len(rotations)):
+        for n in range(len(joints)):
+            q = rotations[frame, joints[n]]
+            i, j, k, w = q[order[0]], q[order[1]], parity * q[order[2]], q[3]
+            half = halves[:, frame, n]
+            half[0], half[1], half[2], half[3] = i + k, w + j, i - k, w - j
+
+
+@compiled()
+def _write_angles(halves, parity, state, unit, columns, values):  # type: ignore[no-untyped-def]
+    """Write the angles of a block of frames, continued from frame to frame.
+
+    `halves`, (6, frames, joints), are the total and the difference of the half angles, half of the middle angle, and
+    from row 4 on the sine and the cosine of `_HalfSums`. `state`, (joints, 11), is that of the last frame: its angles,
+    those of the chosen twin before and after whole turns are added, the first angle, and whether the twin is chosen.
+
+    At gimbal lock the first angle is held. Of each triple and its twin (a + pi, pi - b, c + pi), whichever is nearer to
+    the previous choice is taken. Two neighbours either change sides or not, so the choice is a running parity.
+    """
+    for frame in range(halves.shape[1]):
+        for n in range(len(columns)):
+            last, total, difference = state[n], halves[0, frame, n], halves[1, frame, n]
+            if halves[4, frame, n] < LOCKED or halves[5, frame, n] < LOCKED:
+                if halves[4, frame, n] < LOCKED:
+                    total = last[9] - difference
+                if halves[5, frame, n] < LOCKED:
+                    difference = last[9] - total
+            else:
+                last[9] = total + difference
+            a, b, c = total + difference, 2.0 * halves[2, frame, n] - np.pi / 2, parity * (total - difference)
+            kept = _turn(a - last[0]) ** 2 + _turn(b - last[1]) ** 2 + _turn(c - last[2]) ** 2
+            changed = _turn(a + np.pi - last[0]) ** 2 + _turn(np.pi - b - last[1]) ** 2
+            if changed + _turn(c + np.pi - last[2]) ** 2 < kept:
+                last[10] = 1.0 - last[10]
+            last[0], last[1], last[2] = a, b, c
+            if last[10] > 0.0:
+                a, b, c = a + np.pi, np.pi - b, c + np.pi
+            for i in range(3):
+                angle = a if i == 0 else b if i == 1 else c
+                step = angle - last[3 + i]
+                if abs(step) >= np.pi:
+                    short = np.remainder(step + np.pi, TURN) - np.pi
+                    last[6 + i] += (np.pi if short == -np.pi and step > 0.0 else short) - step
+                last[3 + i] = angle
+                values[frame, columns[n, i]] = unit * (angle + last[6 + i])
+
+
+@inlined()
+def _turn(step: float) -> float:
+    """A step between angles, the short way round."""
+    return step - TURN * np.rint(step / TURN)  # type: ignore[no-any-return]
 
 
 def from_euler_angles(angles: Array, axes: str) -> Array:
@@ -132,15 +221,6 @@ def _angles(halves: _HalfSums) -> Array:
     return np.stack([total + difference, 2 * np.arctan2(sine, cosine) - np.pi / 2, total - difference], axis=1)
 
 
-def _three_angles(halves: _HalfSums) -> Array:
-    """`_angles`, with the first angle held at gimbal lock."""
-    total, difference, sine, cosine = halves
-    first = _held(total + difference, (sine < LOCKED) | (cosine < LOCKED))
-    total = np.where(sine < LOCKED, first - difference, total)
-    difference = np.where(cosine < LOCKED, first - total, difference)
-    return _angles(halves._replace(total=total, difference=difference))
-
-
 def _two_angles(halves: _HalfSums) -> Array:
     """(frames, 2), the first two of `_angles` or of their twins, whichever have the last below a right angle. Near the
     lock the last counts as 0, or as half a turn where the twins are taken.
@@ -153,34 +233,9 @@ def _two_angles(halves: _HalfSums) -> Array:
     return np.where(turned_over[:, None], _twins(angles), angles)[:, :2]
 
 
-def _held(angles: Array, locked: NDArray[np.bool_]) -> Array:
-    """The angles, (frames,), holding the last unlocked value where locked; 0 before the first one."""
-    frames = np.arange(1, len(angles) + 1)
-    last = np.maximum.accumulate(np.where(locked, 0, frames))
-    return np.concatenate([[0.0], angles])[last]
-
-
-def _nearer_twin(angles: Array) -> Array:
-    """(frames, 3), each triple or its twin (a + pi, pi - b, c + pi), whichever is nearer to the previous choice, which
-    is (0, 0, 0) before the first frame. Two neighbours either change sides or not, so the choice is a running parity.
-    """
-    start = np.zeros((1, 3))
-    twins = _twins(angles)
-    kept = _turns(angles - np.concatenate([start, angles[:-1]]))
-    changed = _turns(twins - np.concatenate([start, angles[:-1]]))
-    is_twin = np.cumsum(changed < kept) % 2 == 1
-    return np.where(is_twin[:, None], twins, angles)
-
-
 def _twins(angles: Array) -> Array:
     """(frames, 3), the other triples of the same rotations."""
     return angles * [1, -1, 1] + np.pi
-
-
-def _turns(steps: Array) -> Array:
-    """(frames,), the size of steps between angles, (frames, 3), each taken the short way round."""
-    sizes: Array = np.linalg.norm(np.remainder(steps + np.pi, 2 * np.pi) - np.pi, axis=1)
-    return sizes
 
 
 def _continued(angles: Array) -> Array:

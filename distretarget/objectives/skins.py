@@ -75,8 +75,9 @@ class BodySkin:
 def _limbs_of(body: Body) -> tuple[Limb, ...]:
     """The limbs whose three joints are known, arms before legs."""
     roles = body.anatomy.roles if body.anatomy else {}
-    named = [tuple(side + part for part in parts) for parts in LIMBS for side in SIDES]
-    return tuple(Limb(*(roles[name] for name in names)) for names in named if roles.keys() >= {*names})
+    named = [[side + part for part in parts] for parts in LIMBS for side in SIDES]
+    known = [names for names in named if roles.keys() >= {*names}]
+    return tuple(Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known)
 
 
 def _mutual(balls: Balls) -> NDArray[np.bool_]:

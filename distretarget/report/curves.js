@@ -1,61 +1,30 @@
-// The figures of each frame as curves over time, marked at the frame of the player.
+// The figures of each frame as curves over time.
 
-const FLAT = 1e-9; // values of a figure below this are rounding errors, and are shown as 0
+import {$, clamp, colourOf, element, onTheme, shown, term} from './dom.js';
+import {clock, dragFrames, onFrame} from './playback.js';
+import {nameOf} from './registry.js';
+import {unpacked} from './motion.js';
 
-/** A figure of the clip or of a frame, times the factor of the page; null where nothing was to be measured. */
-function valueOf(row, field, factor) {
-  const value = row[field];
-  return value === null ? null : Math.abs(value * factor) < FLAT ? 0 : value * factor;
-}
+const FLAT_CURVE = 1e-9; // values below this are rounding errors, and are shown as 0
 
-function column(field, factor) {
-  return report.frames.map(row => valueOf(row, field, factor));
-}
-
-function xOf(frame, width) {
-  return 1 + (frameCount > 1 ? frame / (frameCount - 1) : 0.5) * (width - 2);
-}
-
-/** Draws the curves of one figure; a single value between gaps becomes a dot. */
-function drawLines(context, width, height, columns, top) {
+/** Draws one curve, x over all frames, the largest of those in half a pixel; a value between gaps becomes a dot. */
+function drawCurve(context, width, height, values, top, dotted) {
   const y = value => height - 2 - Math.min(value / top, 1) * (height - 8);
-  columns.forEach(({values, name}) => {
-    context.strokeStyle = colour[name];
-    context.lineWidth = name === 'a' ? 1.25 : 1.6;
-    context.lineJoin = context.lineCap = 'round';
-    context.setLineDash(name === 'a' ? [1, 3] : []);
-    context.beginPath();
-    let inside = false;
-    values.forEach((value, frame) => {
-      if (value === null) inside = false;
-      else if (inside) context.lineTo(xOf(frame, width), y(value));
-      else {
-        context.moveTo(xOf(frame, width) - 0.4, y(value));
-        context.lineTo(xOf(frame, width) + 0.4, y(value));
-        inside = true;
-      }
-    });
-    context.stroke();
-  });
-  context.setLineDash([]);
-}
-
-/** A function that draws a picture, and repeats the work only when its size or the colours change. */
-function kept(draw) {
-  const store = document.createElement('canvas');
-  let key = '';
-  return (context, width, height) => {
-    const ratio = window.devicePixelRatio || 1, wanted = `${width} ${height} ${ratio} ${colour.version}`;
-    if (width < 1 || height < 1) return;
-    if (wanted !== key) {
-      key = wanted;
-      Object.assign(store, {width: Math.round(width * ratio), height: Math.round(height * ratio)});
-      const own = store.getContext('2d');
-      own.scale(ratio, ratio);
-      draw(own, width, height);
+  const x = frame => 1 + (clock.count > 1 ? frame / (clock.count - 1) : 0.5) * (width - 2);
+  context.setLineDash(dotted ? [1, 3] : []);
+  context.beginPath();
+  let inside = false;
+  const step = Math.max(Math.floor(values.length / (2 * width)), 1);
+  for (let frame = 0; frame < values.length; frame += step) {
+    const value = Math.max(...values.subarray(frame, frame + step));
+    if (Number.isNaN(value)) inside = false;
+    else {
+      if (!inside) context.moveTo(x(frame) - 0.4, y(value));
+      context.lineTo(x(frame) + 0.4, y(value));
+      inside = true;
     }
-    context.drawImage(store, 0, 0, width, height);
-  };
+  }
+  context.stroke();
 }
 
 /** Where an axis ends: at the largest value, or lower if a few values far above all others would flatten the curve. */
@@ -64,57 +33,41 @@ function axisTop(values, most, least) {
   return usual > least && most > 5 * usual ? 1.5 * usual : most;
 }
 
-function buildCurve(figure) {
-  const {key, factor, judged} = figure, least = figure.least * factor;
-  const lines = [...judged === 'value' ? [] : [[`${key}_source`, 'a']], [key, 'b']];
-  const columns = lines.map(([field, name]) => ({values: column(field, factor), name}));
-  const known = columns.flatMap(({values}) => values).filter(value => value !== null);
-  const most = known.reduce((p, q) => Math.max(p, q), least);
-  const top = axisTop(known, most, least);
+/** Shows the curve of a figure; `columns` are its packed values in the frames, of A and of B. */
+export async function showCurve(figure, columns) {
+  const {key, factor, judged, missing} = figure, least = figure.least * factor;
+  const lines = await Promise.all([...judged === 'value' ? [] : [[`${key}_source`, 'a']], [key, 'b']].map(
+    async ([field, name]) => ({name, values: (await unpacked(columns[field], Float32Array)).map(x => x * factor)})));
+  const known = lines.flatMap(({values}) => [...values]).filter(value => !Number.isNaN(value));
+  const most = known.reduce((p, q) => Math.max(p, q), least), top = axisTop(known, most, least);
   const end = top < most ? `${shown(top)}+` : shown(top);
   const canvas = element('canvas', {role: 'img', 'aria-label': `${nameOf(figure)} over time, axis to ${end}`});
-  const readout = element('output', {class: 'readout'});
-  const two = columns.length > 1;
-  const background = kept((context, width, height) => {
-    context.fillStyle = colour.line;
+  const readout = element('output', {class: 'readout'}), line = element('i', {class: 'line'});
+  const draw = () => {
+    const {clientWidth: width, clientHeight: height} = canvas, context = canvas.getContext('2d');
+    Object.assign(canvas, {width: width * devicePixelRatio, height: height * devicePixelRatio});
+    context.scale(devicePixelRatio, devicePixelRatio);
+    context.fillStyle = colourOf('line');
     context.fillRect(0, height - 1, width, 1);
-    if (known.length) drawLines(context, width, height, columns, top);
-  });
-  painted(canvas, () => {
-    const {context, width, height} = fitted(canvas);
-    background(context, width, height);
-    const x = xOf(state.frame, width);
-    context.fillStyle = colour.mark;
-    context.fillRect(x - 0.75, 0, 1.5, height);
-    readout.replaceChildren(...columns.flatMap(({values, name}) => {
-      const value = values[state.frame];
-      if (value !== null) {
-        context.beginPath();
-        context.arc(x, height - 2 - Math.min(value / top, 1) * (height - 8), 3, 0, 7);
-        context.fill();
-      }
-      const letter = two ? element('small', {class: `of-${name}`}, name.toUpperCase()) : '';
-      return [letter, element('b', {}, shown(value))];
-    }));
-  });
-  dragFrames(canvas);
-  const none = known.length ? '' : element('span', {class: 'none'}, figure.missing || 'nothing to measure');
+    Object.assign(context, {lineJoin: 'round', lineCap: 'round'});
+    for (const {values, name} of lines) {
+      Object.assign(context, {strokeStyle: colourOf(name), lineWidth: name === 'a' ? 1.25 : 1.6});
+      drawCurve(context, width, height, values, top, name === 'a');
+    }
+  };
+  const none = known.length ? '' : element('span', {class: 'none'}, missing || 'nothing to measure');
   $('curves').append(element('figure', {class: 'curve'},
     element('figcaption', {}, term(nameOf(figure), figure.explanation), readout),
-    element('div', {class: 'plot'}, canvas, none),
+    element('div', {class: 'plot'}, canvas, line, none),
     element('div', {class: 'axis', 'aria-hidden': 'true'},
       ...(known.length ? [end, '0'] : []).map(text => element('span', {}, text)))));
-}
-
-/** Pressing or dragging on an element, whose width stands for the whole clip, goes to the frame at that place. */
-function dragFrames(target) {
-  const go = event => {
-    const box = target.getBoundingClientRect();
-    goTo((event.clientX - box.left) / box.width * (frameCount - 1));
-  };
-  target.addEventListener('pointerdown', event => {
-    target.setPointerCapture(event.pointerId);
-    go(event);
+  dragFrames(canvas);
+  new ResizeObserver(draw).observe(canvas);
+  onTheme(draw);
+  onFrame(frame => {
+    line.style.left = `${clamp(frame / Math.max(clock.count - 1, 1), 0, 1) * 100}%`;
+    readout.replaceChildren(...lines.flatMap(({values, name}) => [
+      lines.length > 1 ? element('small', {class: `of-${name}`}, name.toUpperCase()) : '',
+      element('b', {}, shown(values[frame] < FLAT_CURVE ? 0 : values[frame]))]));
   });
-  target.addEventListener('pointermove', event => { if (event.buttons) go(event); });
 }

@@ -1,13 +1,14 @@
 // The page over all clips: head, figures over the clips, failures, and the table with its filters.
 
-const batch = JSON.parse($('batch').textContent);
+import {$, counted, element, embedded, followTheme, showFacts, shown, term, terms} from './dom.js';
+import {figuresAt, nameOf} from './registry.js';
+
+const batch = embedded('batch');
 const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
 const done = clips.filter(clip => clip.done), failures = clips.filter(clip => !clip.done);
 const PAGE = 500; // rows of the table that are added at a time
 const FAILURES = 20; // most failures that are listed above the table
 const LONG = 240; // characters of a reason from which only its beginning shows until it is opened
-const BARS = 24; // bars of a distribution
-const HIGH = 0.98; // share of the clips below which the last bar begins
 
 const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
   + '“source”.';
@@ -15,12 +16,12 @@ const COPY = 'rotation copy';
 const SHOWN = figuresAt('page over clips').map(columnOf);
 const COLUMNS = [
   {name: 'Clip', of: clip => clip.clip, text: true},
-  ...batch.targets.length > 1 ? [{name: 'Target', of: targetOf, text: true}] : [],
-  {name: 'Status', of: clip => statusOf(clip), text: true},
-  {name: 'Frames', of: clip => clip.frames},
-  {name: 'Seconds', of: clip => clip.seconds},
+  ...batch.targets.length > 1 ? [{name: 'Target', of: targetOf, text: true, cell: clip => [targetOf(clip)]}] : [],
+  {name: 'Status', of: clip => statusOf(clip), text: true, cell: statusCell},
+  {name: 'Frames', of: clip => clip.frames, cell: clip => [clip.frames?.toLocaleString('en') ?? '–']},
+  {name: 'Seconds', of: clip => clip.seconds, cell: clip => [clip.seconds?.toFixed(clip.seconds < 10 ? 2 : 0) ?? '–']},
   ...SHOWN,
-  {name: 'Warnings', of: clip => clip.warnings.length},
+  {name: 'Warnings', of: clip => clip.warnings.length, cell: warningsCell},
 ];
 const STATUSES = [
   ['all', 'All clips', () => true],
@@ -38,12 +39,13 @@ const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
  */
 function columnOf({key, label, symbol, explanation, judged, factor}) {
   const scaled = suffix => clip => (clip[key + suffix] === null ? null : factor * clip[key + suffix]);
-  return {
+  const column = {
     name: nameOf({label, symbol}),
     explanation,
     of: scaled(''),
     beside: [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]],
   };
+  return {...column, cell: clip => figureCell(column, clip)};
 }
 
 function targetOf(clip) {
@@ -52,10 +54,6 @@ function targetOf(clip) {
 
 function statusOf(clip) {
   return clip.done ? 'converted' : 'failed';
-}
-
-function counted(number, what) {
-  return `${number.toLocaleString('en')} ${what}${number === 1 ? '' : 's'}`;
 }
 
 function total(values) {
@@ -94,23 +92,8 @@ function buildHead() {
     ...batch.folder ? [['Folder', batch.folder]] : [],
     ['Made by', `distretarget version ${batch.version}`],
   ];
-  $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
+  showFacts(facts);
   $('terms').append(...terms([...SHOWN.map(({name, explanation}) => [name, explanation]), ['Medians', MEDIANS]]));
-}
-
-/** A histogram over the clips; its last bar also counts the few values far above, and then its end has a plus. */
-function distribution(numbers) {
-  const low = numbers[0], high = quantile(numbers, HIGH), most = numbers[numbers.length - 1];
-  if (!(high > low)) return [];
-  const counts = new Array(BARS).fill(0);
-  for (const number of numbers) counts[Math.min(BARS - 1, Math.floor((number - low) / (high - low) * BARS))]++;
-  const tallest = Math.max(...counts);
-  const bars = counts.map(count => element('i', {style: `height: ${100 * count / tallest}%`}));
-  const end = `${shown(high)}${most > high ? '+' : ''}`;
-  const label = `Distribution over the clips, from ${shown(low)} to ${shown(most)}`;
-  return [element('div', {class: 'strip', role: 'img', 'aria-label': label}, ...bars),
-    element('div', {class: 'scale ends', 'aria-hidden': 'true'}, element('span', {}, shown(low)),
-      element('span', {}, end))];
 }
 
 function buildFigure({name, explanation, of, beside}) {
@@ -124,8 +107,7 @@ function buildFigure({name, explanation, of, beside}) {
   return element('div', {class: 'figure'},
     element('h3', {}, term(name, explanation)),
     element('p', {class: 'big'}, shown(quantile(numbers, 0.5)), element('small', {}, ' median')),
-    element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))),
-    ...distribution(numbers));
+    element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))));
 }
 
 function buildFigures() {
@@ -167,17 +149,18 @@ function nameCell(clip) {
 
 function statusCell(clip) {
   const mark = element('span', {'aria-hidden': 'true'}, clip.done ? '✓ ' : '✗ ');
-  return element('td', {class: clip.done ? 'words within' : 'words over'}, mark, statusOf(clip));
+  return [element('span', {class: clip.done ? 'within' : 'over'}, mark, statusOf(clip))];
 }
 
+/** The value of a figure, and beside it the first that it is compared with. */
 function figureCell({of, beside}, clip) {
   const other = beside.slice(0, 1).map(([, its]) => element('small', {}, shown(its(clip))));
-  return element('td', {}, shown(of(clip)), ...other);
+  return [shown(of(clip)), ...other];
 }
 
 /** The number of warnings, on a button that shows them in a row below. */
 function warningsCell(clip) {
-  if (!clip.warnings.length) return element('td', {}, '–');
+  if (!clip.warnings.length) return ['–'];
   const texts = clip.warnings.map(k => element('li', {}, batch.warnings[k]));
   const told = element('tr', {class: 'told'}, element('td', {colspan: COLUMNS.length}, element('ul', {}, ...texts)));
   const label = `${counted(texts.length, 'warning')} of ${clip.clip}`;
@@ -187,18 +170,16 @@ function warningsCell(clip) {
     if (open) button.closest('tr').after(told);
     else told.remove();
   }}}, texts.length);
-  return element('td', {}, button);
+  return [button];
 }
 
+/** The cells of a clip; of one that failed the reason is in place of the figures. */
 function buildRow(clip) {
-  const figures = clip.done ? SHOWN.map(figure => figureCell(figure, clip))
-    : [element('td', {class: 'words', colspan: SHOWN.length}, reasonOf(clip))];
-  return element('tr', {}, nameCell(clip),
-    ...batch.targets.length > 1 ? [element('td', {class: 'words name'}, targetOf(clip))] : [],
-    statusCell(clip),
-    element('td', {}, clip.frames === null ? '–' : clip.frames.toLocaleString('en')),
-    element('td', {}, clip.seconds === null ? '–' : clip.seconds.toFixed(clip.seconds < 10 ? 2 : 0)),
-    ...figures, warningsCell(clip));
+  const first = COLUMNS.findIndex(({beside}) => beside);
+  const cells = COLUMNS.slice(1).filter(({beside}) => clip.done || !beside).map(({name, text, cell}) => (
+    element('td', {'data-name': name, class: text ? 'words' : ''}, ...cell(clip))));
+  if (!clip.done) cells.splice(first - 1, 0, element('td', {class: 'words', colspan: SHOWN.length}, reasonOf(clip)));
+  return element('tr', {}, nameCell(clip), ...cells);
 }
 
 /** Adds the next rows to the table. */
@@ -287,11 +268,6 @@ function buildFilters() {
 }
 
 // ---- all of it
-
-/** What the painting loop of base.js calls; this page paints nothing. */
-function tick() {
-  waiting = false;
-}
 
 function start() {
   buildHead();

@@ -12,6 +12,7 @@ from urllib.parse import quote
 from distretarget.measure.figures import SUFFIXES, Variant, as_data, figures_at
 from distretarget.report.page import html_page
 
+ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
 # The columns of figures: of source, where it has one, rotation copy and result.
 FIGURE_COLUMNS: dict[str, tuple[Variant, str]] = {
     figure.key + suffix: (side, figure.key)
@@ -46,8 +47,8 @@ def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: s
 
 
 def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str, object]:
-    """The records in few bytes: the `folder` of all clips, which their names omit; `targets` and `warnings` once each;
-    and for each clip a row of the values of `FIELDS`, with target and warnings as indices.
+    """The records in few bytes: the name of the `folder` of all clips, which their names omit; `targets` and `warnings`
+    once each; and for each clip a row of the values of `FIELDS`, with target and warnings as indices.
     """
     targets = list(dict.fromkeys(record["target"] for record in records))
     folder, target_folder = _folder(record["input"] for record in records), _folder(targets)
@@ -66,7 +67,8 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
         for record in records
     ]
     names = [target[len(target_folder) :] for target in targets]
-    return {"folder": folder, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
+    told = ABSOLUTE.sub(r"\1", folder)
+    return {"folder": told, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
 
 
 def _number(value: object) -> float | None:

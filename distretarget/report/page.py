@@ -1,6 +1,6 @@
-"""HTML pages as single files: a template, its styles and scripts, JSON data, and motions packed to be small.
+"""HTML pages as single files: a template, its styles, the modules of its scripts in one scope, and JSON data.
 
-Packed arrays are base64 of little-endian numbers.
+A page runs no script but its own, by their hashes, and asks for nothing.
 """
 
 from __future__ import annotations
@@ -10,45 +10,53 @@ import json
 import re
 from base64 import b64encode
 from collections.abc import Mapping
+from hashlib import sha256
 from importlib.resources import files
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-
-from distretarget.numerics.rotations import least_rotation
-from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
-
-# The styles and scripts of each kind of page; its body is the file KIND.html.
-STYLES = {"clip": ["style.css"], "index": ["style.css", "index.css"], "scene": ["style.css", "scene.css"]}
-SCRIPTS = {
-    "clip": [
-        *("base.js", "figures.js", "data.js", "camera.js", "playback.js", "skeletons.js", "player.js", "curves.js"),
-        *("heatmap.js", "tables.js"),
-    ],
-    "index": ["base.js", "figures.js", "index.js"],
-    "scene": ["base.js", "camera.js", "playback.js", "scene.js"],
+LIBRARY = "three.min.js"
+PLAYER = (
+    "dom.js",
+    "motion.js",
+    "bodies.js",
+    "ground.js",
+    "stage.js",
+    "playback.js",
+    "timeline.js",
+    "marks.js",
+    "player.js",
+)
+# The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
+STYLES = {
+    "clip": ("style.css", "player.css", "clip.css"),
+    "index": ("style.css", "index.css"),
+    "scene": ("style.css", "player.css"),
 }
+SCRIPTS = {
+    "clip": (*PLAYER, "tables.js", "registry.js", "cards.js", "curves.js", "clip.js"),
+    "index": ("dom.js", "registry.js", "index.js"),
+    "scene": (*PLAYER, "tables.js", "scene.js"),
+}
+IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)
 HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
-BUDGET = 5_000_000  # most bytes for the packed positions of all motions of a page; longer clips are drawn in part
-STEPS = 65_535  # steps of a quantised coordinate across the bounding box
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
 def html_page(kind: str, title: str, data: Mapping[str, object]) -> str:
     """The HTML of a "clip", "index" or "scene" page. Its scripts read `data` by name."""
+    scripts = [_asset(LIBRARY)] if "stage.js" in SCRIPTS[kind] else []
+    scripts.append("'use strict';\n" + "\n".join(IMPORT.sub("", _asset(name)) for name in SCRIPTS[kind]))
     parts = {
         "title": html.escape(HALVES.sub("\ufffd", title)),
         "style": "\n".join(map(_asset, STYLES[kind])),
-        "script": "\n".join(map(_asset, SCRIPTS[kind])),
+        "hashes": " ".join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts),
+        "scripts": "\n".join(f"<script>{script}</script>" for script in scripts),
         "data": "\n".join(
             f'<script type="application/json" id="{name}">{script_json(value)}</script>' for name, value in data.items()
         ),
     }
-    template = _asset("page.html").replace("{{body}}", _asset(f"{kind}.html"))
+    template = (
+        _asset("page.html").replace("{{body}}", _asset(f"{kind}.html")).replace("{{player}}", _asset("player.html"))
+    )
     return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], template)
 
 
@@ -60,40 +68,3 @@ def script_json(value: object) -> str:
 
 def _asset(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
-
-
-def drawn_step(frames: int, joints: int) -> int:
-    """Return n so that every n-th frame of this number of joints fits in `BUDGET`."""
-    return max(1, -(-frames * joints * 3 * 2 // BUDGET))
-
-
-def quantised(positions: Array) -> tuple[NDArray[np.int16], Array, Array]:
-    """Quantise positions (frames, joints, 3) in their bounding box: 16-bit numbers, offset (3,) and scale (3,).
-
-    A position is offset + scale * number, with an error of at most half a step; the box has `STEPS` of them.
-    """
-    low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
-    scale = (high - low) / STEPS
-    numbers = np.rint((positions - low) / np.where(scale > 0, scale, 1.0)) - (STEPS + 1) // 2
-    return numbers.astype(np.int16), low + scale * ((STEPS + 1) // 2), scale
-
-
-def packed(skeleton: Skeleton, positions: Array) -> dict[str, Any]:
-    """Pack positions (frames, joints, 3) in few bytes, as offset + scale * number, with the parents of the joints."""
-    numbers, offset, scale = quantised(positions)
-    return {
-        "parents": skeleton.parents.tolist(),
-        "offset": offset.tolist(),
-        "scale": scale.tolist(),
-        "positions": in_base64(numbers, "<i2"),
-    }
-
-
-def upright(up: Array) -> Rotation:
-    """The rotation that turns `up`, (3,), to y."""
-    return Rotation.from_quat(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
-
-
-def in_base64(array: NDArray[Any], dtype: str) -> str:
-    """An array as text for the players, with numbers of the given type."""
-    return b64encode(np.ascontiguousarray(array, dtype).tobytes()).decode("ascii")

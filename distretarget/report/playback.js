@@ -1,66 +1,119 @@
-// The time of a player: its buttons and keys, and the loop that draws it.
+// The time of a player: frames, speed, loop, jumps, and the links to frames.
 
-let clock = 0, before = 0;
+import {$, clamp} from './dom.js';
 
-function goTo(frame) {
-  state.frame = clamp(Math.round(frame), 0, frameCount - 1);
-  clock = state.frame * frameTime;
+export const clock = {frame: 0, count: 1, frameTime: 1 / 30, playing: false, speed: 1, loop: null, jumps: []};
+const watchers = [];
+let seconds = 0, before = 0, waiting = false;
+
+/** Calls `watch` with the frame for each picture, and in an order such that those watching first are called first. */
+export function onFrame(watch) {
+  watchers.push(watch);
   repaint();
 }
 
-function setPlaying(playing) {
-  state.playing = playing && frameCount > 1;
+export function repaint() {
+  if (!waiting) requestAnimationFrame(tick);
+  waiting = true;
+}
+
+export function goTo(frame) {
+  clock.frame = clamp(Math.round(frame), 0, clock.count - 1);
+  seconds = clock.frame * clock.frameTime;
+  if (!clock.playing) history.replaceState(null, '', `#frame=${clock.frame}`);
+  repaint();
+}
+
+export function setPlaying(playing) {
+  clock.playing = playing && clock.count > 1;
   before = performance.now();
-  $('play').setAttribute('aria-label', state.playing ? 'Stop' : 'Play');
-  $('play').classList.toggle('playing', state.playing);
+  $('play').setAttribute('aria-label', clock.playing ? 'Stop' : 'Play');
+  $('play').classList.toggle('playing', clock.playing);
+  if (!clock.playing) goTo(clock.frame);
   repaint();
 }
 
-function tick(now) {
+/** The frame after `passed` seconds from the one that is shown, in the loop or the whole clip. */
+function advanced(passed) {
+  const [first, last] = clock.loop?.length === 2 ? clock.loop : [0, clock.count - 1];
+  const span = (last - first + 1) * clock.frameTime, start = first * clock.frameTime;
+  seconds += passed * clock.speed;
+  if (seconds < start || seconds >= start + span) seconds = start + ((seconds - start) % span + span) % span;
+  return clamp(Math.floor(seconds / clock.frameTime + 1e-6), first, last);
+}
+
+export function tick(now) {
   waiting = false;
-  if (state.playing) {
-    clock = (clock + Math.max(0, now - before) / 1000 * state.speed) % (frameCount * frameTime);
-    state.frame = Math.min(Math.floor(clock / frameTime + 1e-6), frameCount - 1);
-    before = now;
-  }
-  painters.filter(painter => painter.visible).forEach(painter => painter.paint());
-  state.draws += 1;
-  if (state.playing) repaint();
+  if (clock.playing) clock.frame = advanced(Math.max(0, now - before) / 1000);
+  before = now;
+  showFrame();
+  watchers.forEach(watch => watch(clock.frame));
+  if (clock.playing) repaint();
 }
 
-const KEYS = {
-  ' ': () => setPlaying(!state.playing),
-  ArrowLeft: event => goTo(state.frame - (event.shiftKey ? 10 : 1)),
-  ArrowRight: event => goTo(state.frame + (event.shiftKey ? 10 : 1)),
-  Home: () => goTo(0),
-  End: () => goTo(frameCount - 1),
-  '+': () => zoomed(camera, 1.2),
-  '-': () => zoomed(camera, 1 / 1.2),
-};
+function showFrame() {
+  const text = `${(clock.frame * clock.frameTime).toFixed(2)} s`, last = clock.count - 1;
+  $('slider').value = clock.frame;
+  $('slider').setAttribute('aria-valuetext', `frame ${clock.frame} of ${last}, ${text}`);
+  $('now').textContent = `${clock.frame} / ${last} · ${text}`;
+}
 
-function onKey(event) {
-  const tag = event.target.tagName;
-  const taken = tag === 'SELECT' || event.key === ' ' && ['BUTTON', 'SUMMARY'].includes(tag);
-  if (!KEYS[event.key] || taken || event.ctrlKey || event.metaKey || event.altKey) return;
-  event.preventDefault();
-  KEYS[event.key](event);
+/** The first press marks where the loop begins, the second where it ends, the third ends it. */
+export function markLoop() {
+  const {loop, frame} = clock;
+  clock.loop = !loop ? [frame] : loop.length === 1 ? [...loop, frame].sort((p, q) => p - q) : null;
+  const [first, last] = clock.loop || [];
+  $('loop').textContent = !clock.loop ? 'Loop' : last === undefined ? `Loop ${first} –` : `Loop ${first} – ${last}`;
+  $('loop').setAttribute('aria-pressed', Boolean(clock.loop));
   repaint();
 }
 
-/** Connects the slider, the buttons and the keys. */
-function buildTransport() {
-  $('slider').max = frameCount - 1;
-  $('slider').disabled = $('play').disabled = frameCount < 2;
-  $('slider').addEventListener('input', event => goTo(Number(event.target.value)));
-  $('play').addEventListener('click', () => setPlaying(!state.playing));
-  $('speed').addEventListener('change', event => { state.speed = Number(event.target.value); });
-  addEventListener('keydown', onKey);
+/** Goes to the next jump in a direction, +1 or -1. */
+export function jump(direction) {
+  const beyond = clock.jumps.map(({frame}) => frame).filter(frame => direction * (frame - clock.frame) > 0);
+  if (beyond.length) goTo(direction > 0 ? Math.min(...beyond) : Math.max(...beyond));
 }
 
-/** Shows the frame and its time beside the slider. */
-function showFrame() {
-  const seconds = (state.frame * frameTime).toFixed(2);
-  $('slider').value = state.frame;
-  $('slider').setAttribute('aria-valuetext', `frame ${state.frame} of ${frameCount - 1}, ${seconds} s`);
-  $('now').textContent = `${state.frame} / ${frameCount - 1} · ${seconds} s`;
+function followLink() {
+  const [, frame] = /^#frame=(\d+)$/.exec(location.hash) || [];
+  if (frame !== undefined) goTo(Number(frame));
+}
+
+/** Connects slider, buttons and links; `jumps` are frames with a kind and a text. */
+export function buildTransport(count, frameTime, jumps) {
+  Object.assign(clock, {count, frameTime, jumps});
+  $('slider').max = count - 1;
+  for (const id of ['slider', 'play', 'loop', 'speed']) $(id).disabled = count < 2;
+  $('slider').addEventListener('input', event => goTo(Number(event.target.value)));
+  $('play').addEventListener('click', () => setPlaying(!clock.playing));
+  $('back').addEventListener('click', () => goTo(clock.frame - 1));
+  $('next').addEventListener('click', () => goTo(clock.frame + 1));
+  $('loop').addEventListener('click', markLoop);
+  $('speed').addEventListener('change', event => { clock.speed = Number(event.target.value); });
+  for (const kind of new Set(jumps.map(one => one.kind))) {
+    const group = document.createElement('optgroup');
+    group.label = kind;
+    group.append(...jumps.filter(one => one.kind === kind).map(({frame, text}) => new Option(text, frame)));
+    $('jump').append(group);
+  }
+  $('jump').hidden = !jumps.length;
+  $('jump').addEventListener('change', event => {
+    goTo(Number(event.target.value));
+    event.target.selectedIndex = 0;
+  });
+  addEventListener('hashchange', followLink);
+  followLink();
+}
+
+/** Pressing or dragging on an element, whose width stands for the whole clip, goes to the frame at that place. */
+export function dragFrames(target) {
+  const go = event => {
+    const box = target.getBoundingClientRect();
+    goTo((event.clientX - box.left) / box.width * (clock.count - 1));
+  };
+  target.addEventListener('pointerdown', event => {
+    target.setPointerCapture(event.pointerId);
+    go(event);
+  });
+  target.addEventListener('pointermove', event => { if (event.buttons) go(event); });
 }

@@ -1,11 +1,12 @@
 """The report on a scene, or on the diff of two: a player of both sides, and tables of gaps and figures.
 
-Lines in the player join what touches.
+Rows of its timeline say what touches between performers and props.
 """
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -14,47 +15,77 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.thickness import capsules_of
 from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
-from distretarget.matching.matching import Matching
 from distretarget.measure.diff import Diff
+from distretarget.measure.figures import BY_KEY
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import spans_of
+from distretarget.numerics.vectors import lengths
 from distretarget.pipeline.result import RetargetResult
+from distretarget.report.actors import Actor, lowest_skin, thinned, upright
+from distretarget.report.clip_page import contact_jumps, run_diff
 from distretarget.report.diff_document import About, document
-from distretarget.report.page import drawn_step, html_page, packed, upright
+from distretarget.report.page import html_page
 from distretarget.report.scene_diff_document import SceneDiffDocument, Table, figure_table, gap_table, scene_document
+from distretarget.report.timeline_rows import Row, rows_of
 from distretarget.scene.retargeting import SceneResult
+from distretarget.skin.capsules import Capsules
+from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
-Line = tuple[tuple[int, int], list[int], list[int], int, int]
-"""Joints that touch: their two bodies, the joints on the left, those on the right, the first drawn frame, the end."""
 NO_GAP = "\u2013"  # where two never touch
+OFF = 50.0 * TOUCH_DISTANCE  # a gap that is farther off than this is not kept well [% of leg length]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShownBody:
-    """A performer or a prop, with its motions on the two sides of the page."""
+    """A performer or a prop.
+
+    Attributes:
+        name: its name.
+        motions: on each side of the page, first in A or the source.
+        joints: those that may touch others, on the first side and on the others.
+        measured: a performer's last motion against its first; None for a prop.
+        skins: the surface on the first side and on the others.
+        mesh: on the others.
+    """
 
     name: str
-    left: Motion
-    right: Motion
-    joints: tuple[NDArray[np.intp], NDArray[np.intp]]  # that may touch others, on the left and on the right
-    prop: bool = False
+    motions: tuple[Motion, ...]
+    joints: tuple[NDArray[np.intp], NDArray[np.intp]]
+    measured: Diff | None = None
+    skins: tuple[Capsules | None, Capsules | None] = (None, None)
+    mesh: SkinnedMesh | None = None
 
     @classmethod
-    def of_performer(cls, name: str, left: Motion, right: Motion, matching: Matching) -> ShownBody:
-        """A performer, whose driven joints may touch others."""
-        joints = matching.body_joints
-        return cls(name=name, left=left, right=right, joints=(matching.drivers[joints], joints))
+    def of_performer(cls, name: str, measured: Diff, result: RetargetResult | None = None) -> ShownBody:
+        """A performer, whose driven joints may touch others; as its result shows it, if it was made here."""
+        matching, frames = measured.matching, len(measured)
+        skins = (capsules_of(matching.source), capsules_of(matching.target))
+        if result and result.skins:
+            skins = (result.skins.source.capsules, result.skins.target.capsules)
+        return cls(
+            name=name,
+            motions=(measured.a[:frames], *([result.rotation_copy] if result else []), measured.b[:frames]),
+            joints=(matching.drivers[matching.body_joints], matching.body_joints),
+            measured=measured,
+            skins=skins,
+            mesh=result.mesh if result else None,
+        )
 
     @classmethod
-    def of_prop(cls, name: str, left: Motion, right: Motion) -> ShownBody:
+    def of_prop(cls, name: str, *motions: Motion) -> ShownBody:
         """A prop, all of whose joints may touch others."""
-        joints = np.arange(len(left.skeleton))
-        return cls(name=name, left=left, right=right, joints=(joints, joints), prop=True)
+        joints = np.arange(len(motions[0].skeleton))
+        return cls(name=name, motions=motions, joints=(joints, joints))
+
+    def region(self, joint: int) -> str:
+        """The name of a body's region that one of the joints of B is in; empty for a prop."""
+        regions = self.measured.matching.regions if self.measured else None
+        return f"'s {regions.names[regions.of_joint[joint]]}" if regions else ""
 
 
 def write_scene_report(
@@ -92,22 +123,19 @@ def write_scene_report(
 
 def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     """The HTML of the report on a scene: its source and its result; `names` are as in `write_scene_report`."""
-    bodies = [
-        ShownBody.of_performer(name, one.source, one.motion, one.matching)
-        for name, one in zip(names, result.results, strict=False)
-    ]
+    pairs = zip(names, result.results, strict=False)
+    bodies = [ShownBody.of_performer(name, run_diff(one), one) for name, one in pairs]
     props = zip(names[len(bodies) :], result.props, strict=True)
-    bodies += [ShownBody.of_prop(name, prop.source, prop.motion) for name, prop in props]
+    bodies += [ShownBody.of_prop(name, prop.source, prop.copy, prop.motion) for name, prop in props]
     title, tables = " and ".join(names), [_gaps_of_result(result, names)]
-    return _player_page(title, ("Source", "Result"), bodies, result.results[0], result.world_scale, tables)
+    sides = ("Source", "Copied rotations", "Result")
+    return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables)
 
 
 def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
     """The HTML of the report on the diff of two scenes, A and B."""
-    frames = slice(len(diff))
     bodies = [
-        ShownBody.of_performer(name, one.a[frames], one.b[frames], one.matching)
-        for name, one in zip(document["performers"], diff.performers, strict=True)
+        ShownBody.of_performer(name, one) for name, one in zip(document["performers"], diff.performers, strict=True)
     ]
     bodies += [ShownBody.of_prop(name, a, b) for name, (a, b) in zip(document["props"], diff.props, strict=True)]
     title, sides = f"{document['b']} against {document['a']}", (f"A: {document['a']}", f"B: {document['b']}")
@@ -131,7 +159,7 @@ def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
 
 def _player_page(
     title: str,
-    sides: tuple[str, str],
+    sides: tuple[str, ...],
     bodies: Sequence[ShownBody],
     first: RetargetResult | Diff,
     scale: float,
@@ -139,60 +167,93 @@ def _player_page(
 ) -> str:
     """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props.
 
-    Both sides are drawn in units of twice the leg length that the `first` performer has on the left; `scale` is in
-    units of the right side per unit of the left, along the floor. Lines join what touches on the left.
+    All sides are shown in units of twice the leg length that the `first` performer has on the first; `scale` is in
+    units of the other sides per unit of the first, along the floor.
     """
     leg, up = first.matching.leg_lengths[0] or first.matching.source.unit / 2.0, first.world.up_vector
-    frames, joints = len(bodies[0].left), sum(len(b.left.skeleton) + len(b.right.skeleton) for b in bodies)
-    step = drawn_step(frames, joints)
-    pairs = [(i, j) for i, j in combinations(range(len(bodies)), 2) if not bodies[i].prop]
-    scene = {
-        "frame_count": frames,
-        "frame_time": bodies[0].right.frame_time,
-        "step": step,
-        "drawn": -(-frames // step),
-        "facing": _facing(bodies, up),
-        "near": TOUCH_DISTANCE / 2.0,
+    rows = [
+        row
+        for pair in combinations(range(len(bodies)), 2)
+        if bodies[pair[0]].measured
+        for row in _touching(pair, bodies, leg, scale)
+    ]
+    for number, body in enumerate(bodies):
+        if body.measured:
+            actors = range(number, len(sides) * len(bodies), len(bodies))
+            rows += rows_of(body.measured, body.skins[1], actors, f"{body.name}: ")
+    stage = {
         "sides": sides,
-        "bodies": [
-            {
-                "name": body.name,
-                "prop": body.prop,
-                "sides": [_drawing(body.left, up, 2.0 * leg, step), _drawing(body.right, up, 2.0 * leg * scale, step)],
-            }
-            for body in bodies
-        ],
-        "lines": [line for pair in pairs for line in _lines(pair, bodies, TOUCH_DISTANCE * leg, step)],
-        "tables": tables,
+        "frames": len(bodies[0].motions[0]),
+        "frame_time": bodies[0].motions[-1].frame_time,
+        "facing": _facing(bodies, up),
+        "rows": [row.data for row in rows],
+        "jumps": [*contact_jumps(rows)],
+        **thinned([*_actors(bodies, up, 2.0 * leg, 2.0 * leg * scale)]),
     }
-    return html_page("scene", title, {"scene": scene})
+    return html_page("scene", title, {"stage": stage, "numbers": tables})
 
 
-def _drawing(motion: Motion, up: Array, unit: float, step: int) -> dict[str, object]:
-    positions = motion.positions[::step] / unit
-    return packed(motion.skeleton, upright(up).apply(positions.reshape(-1, 3)).reshape(positions.shape))
+def _actors(bodies: Sequence[ShownBody], up: Array, first_unit: float, unit: float) -> Iterator[Actor]:
+    """The performers and props on all sides; all that stand in one world have one floor, that of its last side."""
+    lowest = [
+        min(
+            lowest_skin(one.motions[-other], one.skins[other], one.mesh if other else None, up)
+            for one in bodies
+            if one.measured
+        )
+        for other in (0, 1)
+    ]
+    for side in range(len(bodies[0].motions)):
+        other = min(side, 1)
+        for body in bodies:
+            matching = body.measured.matching if body.measured else None
+            yield Actor(
+                name=body.name,
+                side=side,
+                role="other" if matching else "prop",
+                motion=body.motions[side],
+                body=(matching.source, matching.target)[other] if matching else None,
+                capsules=body.skins[other],
+                mesh=body.mesh if other else None,
+                turn=upright(up),
+                unit=unit if other else first_unit,
+                floor=lowest[other],
+            )
 
 
 def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
     """The angle about y that shows the first two performers side by side [rad]."""
-    if len(bodies) < 2 or bodies[1].prop:
-        return 0.6
-    middles = [body.left.positions.mean(axis=(0, 1)) for body in bodies[:2]]
+    if len(bodies) < 2 or not bodies[1].measured:
+        return 0.0
+    middles = [body.motions[0].positions.mean(axis=(0, 1)) for body in bodies[:2]]
     x, _, z = upright(up).apply(middles[1] - middles[0])
-    return math.atan2(-z, x)
+    return math.atan2(-z, x) - 0.55
 
 
-def _lines(pair: tuple[int, int], bodies: Sequence[ShownBody], near: float, step: int) -> Iterator[Line]:
-    """What touches between two bodies: each joint of the first within `near` of the second, with the nearest joint."""
+def _touching(pair: tuple[int, int], bodies: Sequence[ShownBody], leg: float, scale: float) -> Iterator[Row]:
+    """A row for each two regions of two bodies of which joints touch on the first side: how far the gap is off."""
     one, other = (bodies[number] for number in pair)
-    a = one.left.positions[::step][:, one.joints[0]]
-    b = other.left.positions[::step][:, other.joints[0]]
-    nearest, touch = np.zeros(a.shape[:2], np.intp), np.zeros(a.shape[:2], bool)
+    a, b = (body.motions[0].positions[:, body.joints[0]] for body in (one, other))
+    last = [body.motions[-1].positions for body in (one, other)]
+    off: dict[str, Array] = defaultdict(lambda: np.full(len(a), np.inf))
+    joints: dict[str, tuple[int, int]] = {}
     for frame, (x, y) in enumerate(zip(a, b, strict=True)):
-        gaps = np.linalg.norm(x[:, None] - y, axis=-1)
-        nearest[frame], touch[frame] = gaps.argmin(axis=1), gaps.min(axis=1) < near
-    for k in range(a.shape[1]):
-        for point in np.unique(nearest[touch[:, k], k]).tolist():
-            before, after = ([int(p[k]), int(q[point])] for p, q in zip(one.joints, other.joints, strict=True))
-            for first, end in spans_of(touch[:, k] & (nearest[:, k] == point)).tolist():
-                yield pair, before, after, first, end
+        gaps = lengths(x[:, None] - y)
+        for k in np.flatnonzero(gaps.min(axis=1) < TOUCH_DISTANCE * leg).tolist():
+            n = int(gaps[k].argmin())
+            u, v = int(one.joints[1][k]), int(other.joints[1][n])
+            gap = float(np.linalg.norm(last[0][frame, u] - last[1][frame, v])) / scale
+            name = f"{one.name}{one.region(u)} - {other.name}{other.region(v)}"
+            off[name][frame] = min(off[name][frame], 100.0 * abs(gap - gaps[k, n]) / leg)
+            joints.setdefault(name, (k, n))
+    for name, values in off.items():
+        points = [
+            [
+                (side * len(bodies) + at, int(bodies[at].joints[min(side, 1)][k]))
+                for at, k in zip(pair, joints[name], strict=True)
+            ]
+            for side in range(len(one.motions))
+        ]
+        yield Row(
+            name, "contact", np.where(np.isfinite(values), values, np.nan), OFF, BY_KEY["contact_gap"].symbol, points
+        )

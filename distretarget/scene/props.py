@@ -140,12 +140,14 @@ class PropResult:
         motion: its motion in the target's world, scaled.
         source: its motion in the source, in the target's axes.
         scale: target units per source unit of its size.
+        copy: its motion among the rotation copies of the performers.
     """
 
     name: str
     motion: Motion
     source: Motion
     scale: float
+    copy: Motion
 
 
 @dataclass(frozen=True, eq=False)

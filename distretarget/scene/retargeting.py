@@ -159,8 +159,10 @@ def retarget_scene(
     return SceneResult(
         results=results,
         props=tuple(
-            PropResult(prop.name, place.moved(each.motion), each.motion, place.scale)
-            for prop, each, place in zip(props, placed, contacts.placements(motions), strict=True)
+            PropResult(prop.name, place.moved(each.motion), each.motion, place.scale, copied.moved(each.motion))
+            for prop, each, place, copied in zip(
+                props, placed, contacts.placements(motions), contacts.placements(copies), strict=True
+            )
         ),
         world_scale=level,
         longest_strides=tuple(longest),

@@ -6,15 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled
 from distretarget.numerics.kinematics import multiply
 from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
+
+WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
+LEAST = 1e-9  # smaller angles are none [rad]
+UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -24,6 +30,7 @@ class Limb:
     top: int  # the joint that it turns about, such as the shoulder
     middle: int  # elbow or knee
     end: int  # wrist or ankle
+    is_arm: bool
 
     @property
     def joints(self) -> tuple[int, int, int]:
@@ -59,8 +66,8 @@ def _along(a: Array, b: Array, points: Array) -> Array:
 def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motion:
     """Return the motion with the middle and the end of each limb displaced, (frames, limbs, 2, 3) [file units].
 
-    The upper and the lower part of a limb turn by the least rotations; what is beyond its end keeps its rotation in the
-    world.
+    The upper and the lower part of a limb turn by the least rotations. What is beyond its end keeps its rotation in the
+    world; but a hand turns with its forearm by what that turns beyond about `WRIST`.
     """
     frames = np.flatnonzero(displacements.any(axis=(1, 2, 3)))
     if not len(frames):
@@ -68,13 +75,14 @@ def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motio
     skeleton, some = motion.skeleton, motion[frames]
     world, x, moved = some.world_rotations, some.positions, displacements[frames]
     local = some.rotations.copy()
-    turns = np.zeros((3, len(frames), 4))  # of the upper part, the lower part, and what is beyond
-    turns[2, :, 3] = 1.0
+    turns = np.empty((4, len(frames), 4))  # of the upper part, the lower part, what is beyond, and the rest of the body
+    turns[3] = UNTURNED
     for number, limb in enumerate(limbs):
         upper, lower = x[:, limb.middle] - x[:, limb.top], x[:, limb.end] - x[:, limb.middle]
         turns[0] = least_rotation(upper, upper + moved[:, number, 0])
         turns[1] = least_rotation(lower, lower + moved[:, number, 1] - moved[:, number, 0])
-        of_joint = np.full(len(skeleton), 2)
+        turns[2] = _excess(turns[1]) if limb.is_arm else UNTURNED
+        of_joint = np.full(len(skeleton), 3)
         for part, joint in enumerate(limb.joints):
             of_joint[skeleton.subtree(joint)] = part
         edges = np.flatnonzero((of_joint != of_joint[skeleton.parents]) & ~skeleton.end_sites)
@@ -82,6 +90,15 @@ def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motio
     rotations = motion.rotations.copy()
     rotations[frames] = local
     return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)
+
+
+def _excess(turns: Array) -> Array:
+    """(frames, 4), turns without the part of their angles that a wrist takes: nearly all of small angles, and at most
+    `WRIST`.
+    """
+    vectors = Rotation.from_quat(turns).as_rotvec()
+    angles = lengths(vectors)[:, None]
+    return Rotation.from_rotvec(vectors * (1.0 - np.tanh(angles / WRIST) * WRIST / np.maximum(angles, LEAST))).as_quat()
 
 
 @compiled()

@@ -13,6 +13,39 @@ from distretarget.motion import Motion
 
 Array = NDArray[np.float64]
 
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Material:
+    """How a part of a mesh looks.
+
+    Attributes:
+        colour: red, green, blue and opacity, linear [0 to 1].
+        image: the content of the picture that is laid on it; empty for none.
+        kind: the media type of the image.
+        mode: how its opacity is used, "OPAQUE", "MASK" or "BLEND", as in glTF.
+        cutoff: with "MASK", what is less opaque than this is not seen.
+        two_sided: whether it is seen from behind.
+    """
+
+    colour: tuple[float, ...] = (0.8, 0.8, 0.8, 1.0)
+    image: bytes = b""
+    kind: str = ""
+    mode: str = "OPAQUE"
+    cutoff: float = 0.5
+    two_sided: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """How a mesh looks: its materials, that of each triangle, (triangles,), -1 for none, and the places of its vertices
+    on the images, (vertices, 2).
+    """
+
+    materials: tuple[Material, ...]
+    of_triangle: NDArray[np.intp]
+    uv: Array
+
+
 MeshReader = Callable[[], "SkinnedMesh | None"]
 """Returns the mesh of a character, or None where it has none."""
 
@@ -26,12 +59,16 @@ class SkinnedMesh:
         joints: (vertices, influences), the joints of the skeleton that move each vertex.
         weights: (vertices, influences), their shares, which sum to 1.
         triangles: (triangles, 3), the vertices of each.
+        looks: how it looks, if its file says so.
+        whole: the same with all its triangles, if it has only some of them.
     """
 
     vertices: Array
     joints: NDArray[np.intp]
     weights: Array
     triangles: NDArray[np.intp]
+    looks: Looks | None = None
+    whole: SkinnedMesh | None = None
 
     def posed(self, motion: Motion, vertices: NDArray[np.intp] | slice = slice(None)) -> Array:
         """Return the vertices, or some of them, in each frame of a motion by linear blend skinning, (frames, vertices,

@@ -1,0 +1,200 @@
+"""Plant faults into clean clips, and see whether `distretarget audit` finds each by its name.
+
+    python benchmarks/planted_faults.py FOLDER ...
+
+Clips of people that have 200 frames or more and no fault as they are get each of the faults in turn. Prints a table:
+the fault, the kind that names it, and in how many clips that is found.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from distretarget import Body, DistretargetError, read_bvh
+from distretarget.measure.clip_faults import KINDS, Finding, find_faults
+from distretarget.motion import MovingBones
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from tables import table
+
+LEAST = 200  # frames
+
+
+def faults_of(motion):
+    """The faults of a motion, by kind."""
+    found = find_faults(motion, Body.of_motion(motion))
+    return {kind: each for kind, each in found.items() if each.value > KINDS[kind].limit}
+
+
+def joint_of(motion, role):
+    """The joint with a role."""
+    return Body.of_motion(motion).anatomy.roles[role]
+
+
+def leg_of(motion):
+    """The length of a leg [file units]."""
+    return 0.5 * Body.of_motion(motion).unit
+
+
+def moved(motion, by):
+    """The motion with its root moved by (frames, 3) [leg lengths]."""
+    return replace(motion, root_positions=motion.root_positions + leg_of(motion) * by)
+
+
+def turned(motion, joint, degrees, frames):
+    rotations = np.array(motion.rotations)
+    turn = Rotation.from_euler("XYZ", degrees, degrees=True)
+    rotations[frames, joint] = (Rotation.from_quat(rotations[frames, joint]) * turn).as_quat()
+    return replace(motion, rotations=rotations)
+
+
+def first_frames_in_rest_pose(motion, count=1):
+    rotations = np.array(motion.rotations)
+    rotations[:count] = [0.0, 0.0, 0.0, 1.0]
+    path = np.array(motion.root_positions)
+    path[:count] = [50.0 * leg_of(motion), path[0, 1], 0.0]
+    return replace(motion, rotations=rotations, root_positions=path)
+
+
+def at(motion, share):
+    return int(share * len(motion))
+
+
+def from_(motion, share):
+    return slice(at(motion, share), None)
+
+
+def step_at(motion, share, vector):
+    return np.where(np.arange(len(motion))[:, None] >= at(motion, share), vector, 0.0)
+
+
+def dip(motion, seconds):
+    """(frames, 1), 0, for some time up to 1 and back."""
+    frames = round(seconds / motion.frame_time)
+    path = np.zeros((len(motion), 1))
+    path[60 : 60 + frames, 0] = np.hanning(frames)
+    return path
+
+
+def frames_of(motion, numbers):
+    return motion[np.asarray(numbers, np.intp)]
+
+
+def busiest(motion):
+    """The frame before the largest steps."""
+    steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=-1).mean(axis=1)
+    return int(steps[10:-10].argmax()) + 10
+
+
+def held_at(motion, seconds):
+    here = busiest(motion)
+    again = np.full(round(seconds / motion.frame_time), here)
+    return frames_of(motion, [*range(here), *again, *range(here, len(motion))])
+
+
+def repeating(motion):
+    return frames_of(motion, np.arange(len(motion)) // 2 * 2)
+
+
+def stretched(motion):
+    joint = joint_of(motion, "leftHand")
+    bones = np.tile(motion.skeleton.offsets[joint], (len(motion), 1, 1))
+    bones *= np.linspace(1.0, 1.3, len(motion))[:, None, None]
+    return replace(motion, moving=MovingBones(np.array([joint]), bones))
+
+
+def lying(motion):
+    """The motion of a file whose data have Z up, and whose skeleton has Y up."""
+    world = Rotation.from_euler("x", 90, degrees=True)
+    rotations = np.array(motion.rotations)
+    rotations[:, 0] = (world * Rotation.from_quat(rotations[:, 0])).as_quat()
+    return replace(motion, rotations=rotations, root_positions=world.apply(np.array(motion.root_positions)))
+
+
+def mirrored_names(motion):
+    swap = {"Left": "Right", "Right": "Left", "l": "r", "r": "l"}
+    names = tuple(
+        next((other + name[len(side) :] for side, other in swap.items() if name.startswith(side)), name)
+        for name in motion.skeleton.names
+    )
+    return replace(motion, skeleton=replace(motion.skeleton, names=names))
+
+
+PLANTED = {
+    "T-pose in the first frame": ("first_pose", first_frames_in_rest_pose),
+    "T-pose in the first five frames": ("first_pose", lambda m: first_frames_in_rest_pose(m, 5)),
+    "a cut": ("cuts", lambda m: moved(m, step_at(m, 0.5, [0.8, 0.0, 0.3]))),
+    "another place for a second": (
+        "cuts",
+        lambda m: moved(m, step_at(m, 0.5, [0.5, 0.0, 0.0]) - step_at(m, 0.8, [0.5, 0.0, 0.0])),
+    ),
+    "frames missing": (
+        "cuts",
+        lambda m: frames_of(
+            moved(m, np.linspace([0.0] * 3, [2.0, 0.0, 0.0], len(m))), [*range(40), *range(150, len(m))]
+        ),
+    ),
+    "an arm that leaps for a frame": (
+        "jumps",
+        lambda m: turned(m, joint_of(m, "leftUpperArm"), [0, 0, 50], at(m, 0.5)),
+    ),
+    "an arm that jumps and stays": (
+        "jumps",
+        lambda m: turned(m, joint_of(m, "rightUpperArm"), [0, 40, 0], from_(m, 0.6)),
+    ),
+    "a leg that leaps for a frame": ("jumps", lambda m: turned(m, joint_of(m, "leftUpperLeg"), [30, 0, 0], at(m, 0.4))),
+    "a wrist that turns over": ("flips", lambda m: turned(m, joint_of(m, "leftHand"), [180, 0, 0], from_(m, 0.5))),
+    "a head that turns round for a frame": ("flips", lambda m: turned(m, joint_of(m, "head"), [0, 180, 0], at(m, 0.3))),
+    "half a second frozen": ("frozen", lambda m: held_at(m, 0.5)),
+    "the last frame repeated to the end": (
+        "frozen",
+        lambda m: frames_of(m, [*range(busiest(m)), *[busiest(m)] * 60]),
+    ),
+    "every other frame repeated": ("repeated", repeating),
+    "a drift along the floor": (
+        "skating",
+        lambda m: moved(m, np.arange(len(m))[:, None] * m.frame_time * (np.ones(3) - Body.of_motion(m).up_vector)),
+    ),
+    "sunk into the floor for a while": (
+        "below_floor",
+        lambda m: moved(m, -dip(m, 0.6) * 0.25 * Body.of_motion(m).up_vector),
+    ),
+    "a path in another unit": ("off_floor", lambda m: replace(m, root_positions=100.0 * m.root_positions)),
+    "a bone that stretches": ("stretching", stretched),
+    "data with another axis up": ("up_axis", lying),
+    "left and right exchanged": ("sides", mirrored_names),
+    "a single frame": ("unreadable", lambda m: m[:1]),
+}
+
+
+def clean_clips(folders):
+    """The motions of people in some folders that have no faults, without a pose before they begin."""
+    for path in sorted(path for folder in folders for path in Path(folder).rglob("*.bvh")):
+        try:
+            motion = read_bvh(path)
+        except DistretargetError:
+            continue
+        if len(motion) < LEAST or Body.of_motion(motion).anatomy is None:
+            continue
+        begins = 2 * int(faults_of(motion).get("first_pose", Finding(0)).value)
+        if not faults_of(motion[begins:]):
+            yield motion[begins:]
+
+
+def main():
+    """Print the table."""
+    clips = list(clean_clips(sys.argv[1:]))
+    rows = []
+    for fault, (kind, plant) in PLANTED.items():
+        count = sum(kind in faults_of(plant(clip)) for clip in clips)
+        rows.append((fault, f"`{kind}`", f"{count} of {len(clips)}"))
+    print(table(("planted", "found as", "clips"), rows), end="")
+
+
+if __name__ == "__main__":
+    main()

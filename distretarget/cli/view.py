@@ -1,0 +1,112 @@
+"""`distretarget view`: look at motions and characters in the browser."""
+
+from __future__ import annotations
+
+import tempfile
+import webbrowser
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+import click
+
+from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, quiet
+from distretarget.cli.outputs import STANDARD, check_outputs, read_input, say, write_output
+from distretarget.errors import DistretargetError, FileError, counted
+from distretarget.io.files import is_folder
+from distretarget.io.input_file import KINDS, InputFile
+from distretarget.io.motion_file import parse_motion, read_scene
+from distretarget.io.target_file import parse_full_target
+from distretarget.motion import Motion
+from distretarget.report.actors import Actor
+from distretarget.report.view_page import shown_actor, view_page
+
+SUFFIXES = (".bvh", *KINDS)  # of files that are looked for in a folder
+MOST = 24  # files on a page
+
+
+@click.command("view")
+@click.argument("files", nargs=-1, required=True, type=FileOrStandard())
+@click.option("-o", "--output", type=FileOrStandard(), help="Write the page to this file, and open no browser.")
+@click.option("--clip", metavar="NAME", help="The animation of files that have several; '#2' is the second.")
+@OVERWRITE_OPTION
+@quiet
+def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None, overwrite: bool) -> None:
+    """Look at FILES in a page that opens in the browser: motions and characters, BVH, glTF, VRM, VRMA, FBX and
+    skeleton files, or folders of them.
+
+    A character is shown with its mesh, any other body as thick as an average adult. Of several animations in a file the
+    first is shown. The page is one file that asks for nothing from the network. - stands for standard input or output.
+
+    \b
+    distretarget view walk.bvh
+    distretarget view hero.glb walk.bvh
+    distretarget view clips -o clips.html
+    """  # noqa: D301
+    chosen = [*_chosen(files)]
+    check_outputs([output], chosen, overwrite)
+    actors = [*_actors(chosen[:MOST], {*files}, clip)]
+    if len(chosen) > MOST:
+        say(f"the first {MOST} of {counted(len(chosen), 'file')} are shown; name fewer to see the others", err=True)
+    page = view_page(actors, actors[0].name if len(actors) == 1 else counted(len(actors), "file"))
+    if output:
+        write_output(output, page, overwrite)
+        return
+    with tempfile.NamedTemporaryFile("wb", prefix="distretarget_", suffix=".html", delete=False) as file:
+        file.write(page.encode("utf-8"))
+    if not webbrowser.open(Path(file.name).as_uri()):
+        raise FileError(file.name, "no browser could be opened; open this page in one yourself")
+    say(file.name)
+
+
+def _chosen(files: Sequence[Path]) -> list[Path]:
+    """The files, and those in folders.
+
+    Raises:
+        FileError: there is nothing to see in a folder.
+    """
+    found: list[Path] = []
+    for path in files:
+        inside = [path]
+        if path != STANDARD and is_folder(path):
+            inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in SUFFIXES and file.is_file())
+            if not inside:
+                raise FileError(path, f"has no motion or character in it, a file that ends in {', '.join(SUFFIXES)}")
+        found += inside
+    return found
+
+
+def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -> Iterator[Actor]:
+    """What files show; of those that are not `named`, but stand in a folder, only those that can be read.
+
+    Raises:
+        DistretargetError: one that is named cannot be read, or none can.
+    """
+    side, fault = 0, None
+    for path in chosen:
+        try:
+            yield _actor(read_input(path), side, clip)
+        except DistretargetError as error:
+            if path in named:
+                raise
+            fault = error
+            say(f"warning: {error}", err=True)
+        else:
+            side += 1
+    if fault and not side:
+        raise fault
+
+
+def _actor(file: InputFile, side: int, clip: str | None) -> Actor:
+    """What a file shows: its motion, or the rest pose where it has none."""
+    return shown_actor(Path(file.path).name, side, parse_full_target(file), _motion(file, clip))
+
+
+def _motion(file: InputFile, clip: str | None) -> Motion | None:
+    if file.kind == "skeleton":
+        return None
+    if file.kind == "BVH":
+        return parse_motion(file)[0]
+    names = read_scene(file, animated=False).animations
+    if not names:
+        return None
+    return parse_motion(file, (clip or "#1") if len(names) > 1 else None)[0]

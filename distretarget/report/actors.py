@@ -1,0 +1,254 @@
+"""What moves in a player: motions and bodies as JSON values with packed arrays.
+
+In a page y is up, the floor is at height 0, and lengths are in units that the page chooses. World rotations are 16-bit
+numbers and bones are exact, so that no error adds up along a chain of joints: joints are off by less than 0.1 mm on a
+body of 1.7 m. Rows of numbers that change little from frame to frame are stored as differences and compressed.
+"""
+
+from __future__ import annotations
+
+import zlib
+from base64 import b64encode
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.body import Body
+from distretarget.motion import Motion
+from distretarget.numerics.rotations import least_rotation
+from distretarget.skin.capsules import Capsules
+from distretarget.skin.mesh import Looks, Material, SkinnedMesh
+
+Array = NDArray[np.float64]
+Role = Literal["source", "copy", "result", "other", "prop"]
+
+BUDGET = 8_000_000  # most characters for the rotations of all actors; longer clips are shown in part
+IMAGES = 6_000_000  # most bytes for the images of a character
+SAMPLES = 48  # frames from which the height of the floor is found
+ON_FLOOR = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
+STICK = 0.009  # radius of bones without skin [body units]
+STILL = 1e-7  # joints whose rotations relative to their parents change by less do not turn [quaternions]
+INFLUENCES = 4  # joints that move a vertex, at most
+ENDS = ("leftHand", "rightHand", "leftFoot", "rightFoot")  # whose paths can be shown
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Actor:
+    """A body, or a prop, in motion.
+
+    Attributes:
+        name: of the file or the performer.
+        side: the number of the view that it is in.
+        role: what it is, which chooses its colour.
+        motion: how it moves.
+        body: whose motion it is; None for a prop.
+        capsules, mesh: its surface; without either its bones are drawn.
+        turn: from the axes of the file to those of the page.
+        unit: the length that the page counts in [file units].
+        floor: the height of the floor, along the axis that points up [file units].
+    """
+
+    name: str
+    side: int
+    role: Role
+    motion: Motion
+    body: Body | None
+    capsules: Capsules | None
+    mesh: SkinnedMesh | None
+    turn: Rotation
+    unit: float
+    floor: float = 0.0
+
+
+def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | None, up: Array) -> float:
+    """Return the height of the floor under a motion: that of its skin where that is lowest [file units]."""
+    some = motion[np.unique(np.linspace(0, len(motion) - 1, SAMPLES).astype(np.intp))]
+    if mesh is not None:
+        heights = mesh.posed(some) @ up
+    elif capsules is not None and len(capsules):
+        heights = (capsules.posed(some) @ up - capsules.radii).reshape(len(some), -1)
+    else:
+        heights = some.positions @ up
+    return float(np.percentile(heights.min(axis=1), ON_FLOOR))
+
+
+def thinned(actors: Sequence[Actor]) -> dict[str, Any]:
+    """Return the actors of a page as `actors_data`, with as many frames as fit in `BUDGET`."""
+    data, step = actors_data(actors, 1), 1
+    while (size := sum(len(actor["rotations"]) for actor in data["actors"])) > BUDGET:
+        step *= -(-size // BUDGET)
+        data = actors_data(actors, step)
+    return data
+
+
+def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
+    """Return the actors of a page, and their bodies, each once; one frame in `step` is in it."""
+    bodies: list[dict[str, Any]] = []
+    known: dict[tuple[int, int], int] = {}
+    data = []
+    for actor in actors:
+        key = id(actor.mesh or actor.capsules or actor.motion.skeleton), id(actor.motion.skeleton)
+        if key not in known:
+            known[key] = len(bodies)
+            bodies.append(_body_data(actor))
+        data.append({**_actor_data(actor, step), "body": known[key]})
+    return {"actors": data, "bodies": bodies}
+
+
+def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
+    motion, skeleton, body, turn = actor.motion[::step], actor.motion.skeleton, actor.body, actor.turn
+    path = (_turned(turn, motion.root_positions) - [0.0, actor.floor, 0.0]) / actor.unit
+    turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
+    turning = np.union1d(turning, [0])
+    still = np.setdiff1d(np.arange(len(skeleton)), turning)
+    world = turn * Rotation.from_quat(motion.world_rotations[:, turning].reshape(-1, 4)) * turn.inv()
+    numbers = np.rint(32767 * _continuous(world.as_quat().reshape(len(motion), -1, 4)))
+    fixed = turn * Rotation.from_quat(motion.rotations[0, still].reshape(-1, 4)) * turn.inv()
+    moving = motion.moving
+    roles = body.anatomy.roles if body and body.anatomy else {}
+    return {
+        "name": actor.name,
+        "side": actor.side,
+        "role": actor.role,
+        "frameTime": motion.frame_time,
+        "step": step,
+        "names": list(skeleton.keys),
+        "parents": skeleton.parents.tolist(),
+        "offsets": packed(_turned(turn, skeleton.offsets) / actor.unit, "<f4"),
+        "path": packed(path, "<f4"),  # (frames, 3), of the root
+        "turning": turning.tolist(),
+        "rotations": packed(_differences(numbers), "<i2"),  # (joints x 4, frames), of `turning`, in the world
+        "still": still.tolist(),
+        "fixed": packed(fixed.as_quat(), "<f4"),  # (joints, 4), of `still`, relative to their parents
+        "moving": moving.joints.tolist() if moving else [],
+        "translations": packed(_turned(turn, moving.translations) / actor.unit if moving else [], "<f4"),
+        "centre": roles.get("hips", 0) if body is None or body.pelvis_joint is None else body.pelvis_joint,
+        "ends": [roles[role] for role in ENDS if role in roles],
+    }
+
+
+def _continuous(rotations: Array) -> Array:
+    """Quaternions, (frames, joints, 4), each with the sign that is nearer to the frame before."""
+    flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
+    signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
+    return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])
+
+
+def _differences(numbers: Array) -> NDArray[np.int16]:
+    """Numbers (frames, joints, 4) as rows over the frames, (joints x 4, frames), each the difference to the one before;
+    sums wrap round at 16 bits.
+    """
+    rows = numbers.reshape(len(numbers), -1).T
+    return np.diff(rows, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)
+
+
+def _body_data(actor: Actor) -> dict[str, Any]:
+    """The surface of an actor in its rest pose: its mesh, or tapered capsules for body and bones."""
+    rest, unit, turn = actor.motion.skeleton.rest_positions, actor.unit, actor.turn
+    bind = packed(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
+    if actor.mesh is not None:
+        return {"bind": bind, "mesh": _mesh_data(actor.mesh.whole or actor.mesh, turn, unit)}
+    carried = actor.capsules.joints if actor.capsules is not None else np.zeros(0, np.intp)
+    joints, ends, radii = _bones(actor, carried)
+    if actor.capsules is not None and len(actor.capsules):
+        own = actor.capsules
+        joints = np.concatenate([own.joints, joints])
+        ends = np.concatenate([own.ends, ends])
+        radii = np.concatenate([own.radii, radii])
+    places = _turned(turn, rest[joints][:, None] + ends) / unit
+    return {
+        "bind": bind,
+        "carriers": joints.tolist(),
+        "ends": packed(places, "<f4"),  # (capsules, 2, 3), in the rest pose
+        "radii": packed(radii / unit, "<f4"),  # (capsules, 2)
+    }
+
+
+def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array, Array]:
+    """The bones as thin capsules: joints, ends and radii as in `Capsules`; none above the hips, and none of joints that
+    are `covered`.
+    """
+    skeleton, body = actor.motion.rigid_skeleton, actor.body
+    others = [*body.above_hips, *body.handles] if body else []
+    lower = np.flatnonzero((skeleton.lengths > 0) & (skeleton.parents >= 0) & ~np.isin(skeleton.parents, covered))
+    lower = lower[~(np.isin(lower, others) | np.isin(skeleton.parents[lower], others))]
+    ends = np.stack([np.zeros((len(lower), 3)), skeleton.offsets[lower]], axis=1)
+    return skeleton.parents[lower], ends, np.full((len(lower), 2), STICK * actor.unit)
+
+
+def _mesh_data(mesh: SkinnedMesh, turn: Rotation, unit: float) -> dict[str, Any]:
+    """The mesh with 16-bit places, 8-bit normals, and the joints that move each vertex most; its triangles in the order
+    of its materials.
+    """
+    vertices = _turned(turn, mesh.vertices) / unit
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    scale = float((high - low).max() / 65535) or 1.0
+    order = np.argsort(-mesh.weights, axis=1, kind="stable")[:, :INFLUENCES]
+    spare = ((0, 0), (0, INFLUENCES - order.shape[1]))
+    weights = np.pad(np.take_along_axis(mesh.weights, order, axis=1), spare)
+    joints = np.pad(np.take_along_axis(mesh.joints, order, axis=1), spare)
+    looks = mesh.looks if mesh.looks and mesh.looks.materials else None
+    materials = [*_materials(looks)] if looks else []
+    triangles = [mesh.triangles[looks.of_triangle == one["number"]] for one in materials] if looks else [mesh.triangles]
+    return {
+        "offset": low.tolist(),
+        "scale": scale,
+        "vertices": packed(np.rint((vertices - low) / scale), "<u2"),
+        "normals": packed(np.rint(127 * _normals(vertices, mesh.triangles)), "<i1"),
+        "joints": packed(joints, "<u2"),
+        "weights": packed(np.rint(65535 * weights / weights.sum(axis=1, keepdims=True)), "<u2"),
+        "triangles": packed(np.concatenate(triangles), "<u4"),
+        "materials": materials,
+        "uv": packed(looks.uv, "<f4") if looks and any(one["image"] for one in materials) else "",
+    }
+
+
+def _materials(looks: Looks) -> Iterator[dict[str, Any]]:
+    """The materials that triangles have, first those of most, with their images as long as these fit in `IMAGES`."""
+    counts, room = np.bincount(looks.of_triangle + 1, minlength=len(looks.materials) + 1), IMAGES
+    for number in np.argsort(-counts, kind="stable").tolist():
+        material = looks.materials[number - 1] if number else Material()
+        image = material.image if material.kind and len(material.image) <= room else b""
+        room -= len(image)
+        if counts[number]:
+            yield {
+                "number": number - 1,
+                "triangles": int(counts[number]),
+                "colour": material.colour,
+                "image": f"data:{material.kind};base64,{b64encode(image).decode('ascii')}" if image else "",
+                "mode": material.mode,
+                "cutoff": material.cutoff,
+                "two_sided": material.two_sided,
+            }
+
+
+def _normals(vertices: Array, triangles: NDArray[np.intp]) -> Array:
+    """(vertices, 3), smooth unit normals; vertices in one place have the same."""
+    _, place = np.unique(np.round(vertices, 6), axis=0, return_inverse=True)
+    corners = place.reshape(-1)[triangles]
+    first, second, third = np.moveaxis(vertices[triangles], 1, 0)
+    faces = np.cross(second - first, third - first)
+    sums = np.stack([np.bincount(corners.ravel(), np.repeat(faces[:, k], 3), len(vertices)) for k in range(3)], axis=1)
+    normals = sums[place.reshape(-1)]
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
+
+
+def upright(up: Array) -> Rotation:
+    """The rotation that turns `up`, (3,), to y."""
+    return Rotation.from_quat(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
+
+
+def _turned(turn: Rotation, places: Array) -> Array:
+    """Places, (..., 3), turned."""
+    return np.asarray(places @ turn.as_matrix().T)
+
+
+def packed(array: Any, dtype: str) -> str:
+    """An array for the page: little-endian numbers of a type, their first bytes first, compressed, in base64."""
+    numbers = np.ascontiguousarray(array, dtype)
+    planes = numbers.view(np.uint8).reshape(-1, numbers.itemsize).T
+    return b64encode(zlib.compress(planes.tobytes(), 6)).decode("ascii")

@@ -1,0 +1,218 @@
+// The stage: actors on a floor, in a view for each side or in one, through one camera.
+/* global THREE */
+
+import {clamp, colourOf, onTheme} from './dom.js';
+import {Ground} from './ground.js';
+import {bend, bodyOf, materialsOf, skinnedBody, SOFTWARE} from './bodies.js';
+import {Motion} from './motion.js';
+
+const SAMPLES = 24; // frames from which the size of the view is found
+const PERFORMERS = ['result', 'amber', 'violet', 'green'];
+const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
+const RESTS = 200; // a picture that has been the same for so long rests [ms]
+const NARROW = 560; // a stage with less pixels shows two of three sides at first
+export const MOST_VIEWS = 4; // of more sides one is shown at a time
+const VEILED = 0.4; // opacity of what another body is laid over
+
+export class Stage {
+  /** A stage with the actors of a page; `repaint` is called when the camera moves. */
+  static async of(canvas, data, repaint) {
+    const {facing, frames} = data;
+    const stage = Object.assign(new Stage(), {canvas, facing, frames, overlaid: false, follow: true, framed: ''});
+    const bodies = await Promise.all(data.bodies.map(bodyOf));
+    stage.sides = data.sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
+    stage.actors = await Promise.all(data.actors.map(async (actor, number) => {
+      const side = stage.sides[actor.side];
+      const tone = actor.role === 'other' ? PERFORMERS[side.actors.length % 4] : COLOURS[actor.role];
+      const body = bodies[actor.body], plain = actor.role === 'copy' || !body.materials.length;
+      const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
+      materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
+      const mesh = skinnedBody(body, materials), {crown} = body;
+      const made = {...actor, number, tone, mesh, materials, plain, crown};
+      side.actors.push(made);
+      side.group.add(mesh);
+      made.motion = await Motion.of(actor, data.frame_time);
+      return made;
+    }));
+    if (canvas.clientWidth < NARROW && stage.sides.length === 3) stage.sides[1].shown = false;
+    if (stage.sides.length > MOST_VIEWS) stage.sides.forEach((side, k) => { side.shown = !k; });
+    stage.build(repaint);
+    return stage;
+  }
+
+  build(repaint) {
+    Object.assign(this, {repaint, drawn: -Infinity});
+    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE});
+    this.renderer.setScissorTest(true);
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = SOFTWARE ? THREE.BasicShadowMap : THREE.PCFShadowMap;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(26, 1, 0.05, 100);
+    this.controls = new THREE.OrbitControls(this.camera, this.canvas);
+    Object.assign(this.controls, {minDistance: 0.15, maxDistance: 40, maxPolarAngle: 1.75});
+    this.controls.addEventListener('change', repaint);
+    for (const side of this.sides) side.room = this.measured(side);
+    const reach = Math.max(...this.sides.map(({room}) => room.across));
+    this.ground = new Ground(this.scene, reach, this.facing);
+    this.scene.add(...this.sides.map(({group}) => group));
+    this.look(this.facing + 0.5, 0.2);
+    onTheme(() => {
+      this.paint();
+      repaint();
+    });
+  }
+
+  /** Takes the colours of the page. */
+  paint() {
+    this.renderer.setClearColor(this.ground.paint(this.scene));
+    for (const {materials, plain, tone} of this.actors) if (plain) materials[0].color.set(colourOf(tone));
+  }
+
+  /** Where the performers of a side are at a frame, on the floor: [x, z]. */
+  centre(side, frame) {
+    const leads = side.actors.filter(({role}) => role !== 'prop'), sum = [0, 0];
+    const seen = leads.length ? leads : side.actors;
+    for (const {motion, centre} of seen) {
+      motion.place(frame);
+      sum[0] += motion.positions[3 * centre] / seen.length;
+      sum[1] += motion.positions[3 * centre + 2] / seen.length;
+    }
+    return sum;
+  }
+
+  /** How wide and high the view of a side has to be [body units], and its middle over the clip, [x, z]. */
+  measured(side) {
+    const wide = [], high = [], middle = [0, 0];
+    for (let k = 0; k < SAMPLES; k++) {
+      const frame = Math.round(k * (this.frames - 1) / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
+      let across = 0, top = 0;
+      for (const {motion, crown} of side.actors) {
+        motion.place(frame);
+        for (let joint = 0; joint < motion.positions.length; joint += 3) {
+          across = Math.max(across, Math.hypot(motion.positions[joint] - x, motion.positions[joint + 2] - z));
+          top = Math.max(top, motion.positions[joint + 1] + crown);
+        }
+      }
+      wide.push(across);
+      high.push(top);
+      middle[0] += x / SAMPLES;
+      middle[1] += z / SAMPLES;
+    }
+    const most = values => values.sort((p, q) => p - q)[Math.floor(0.9 * (values.length - 1))];
+    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.06, 0.5, 20), middle};
+  }
+
+  /** The largest room of the sides that are shown. */
+  get room() {
+    const rooms = this.views.flat().map(({room}) => room);
+    return {across: Math.max(...rooms.map(room => room.across)), high: Math.max(...rooms.map(room => room.high))};
+  }
+
+  get views() {
+    const seen = this.sides.filter(({shown}) => shown);
+    return this.overlaid ? [seen] : seen.map(side => [side]);
+  }
+
+  /** Looks from a direction, angles from z about y and upwards [rad], at the whole room; pans and zooms are undone. */
+  look(azimuth, elevation) {
+    this.controls.target.set(0, 0.48 * this.room.high, 0);
+    this.camera.position.setFromSphericalCoords(1, Math.PI / 2 - elevation, azimuth).add(this.controls.target);
+    this.framed = '';
+  }
+
+  /** Goes so far away that the whole room is in view, where the views have changed since the last time. */
+  frame(aspect) {
+    const key = `${aspect.toFixed(2)}`;
+    if (key === this.framed) return;
+    this.framed = key;
+    const slope = 2 * Math.tan(this.camera.fov * Math.PI / 360), {high, across} = this.room;
+    const away = Math.max(1.1 * high, across / aspect) / slope + 0.3 * across;
+    this.camera.position.sub(this.controls.target).setLength(away).add(this.controls.target);
+    this.controls.update();
+  }
+
+  /** Pixels per pixel of the page. Without a graphics card a picture that moves has few; when it rests it gets more. */
+  sharpness(playing) {
+    if (!SOFTWARE) return Math.min(devicePixelRatio, 2);
+    const now = performance.now(), moving = playing || now - this.drawn < RESTS;
+    clearTimeout(this.waiting);
+    if (moving && !playing) this.waiting = setTimeout(this.repaint, 1.5 * RESTS);
+    this.drawn = now;
+    return moving ? 1 : 2;
+  }
+
+  draw(frame, playing = false) {
+    const {clientWidth: width, clientHeight: height} = this.canvas, views = this.views;
+    if (width < 1 || height < 1 || !views.length) return;
+    const ratio = this.sharpness(playing), size = this.renderer.getSize(new THREE.Vector2());
+    if (size.x !== width || size.y !== height || this.renderer.getPixelRatio() !== ratio) {
+      this.renderer.setPixelRatio(ratio);
+      this.renderer.setSize(width, height, false);
+    }
+    const share = width / views.length;
+    this.camera.aspect = share / height;
+    this.camera.updateProjectionMatrix();
+    this.frame(this.camera.aspect);
+    const away = this.camera.position.distanceTo(this.controls.target);
+    Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
+    for (const side of this.sides.filter(({shown}) => shown)) this.place(side, frame, views[0]);
+    views.forEach((sides, k) => {
+      for (const side of this.sides) side.group.visible = sides.includes(side);
+      const [x, , z] = sides[sides.length - 1].group.position.toArray();
+      this.ground.moveTo(x, z);
+      this.renderer.setViewport(k * share, 0, share, height);
+      this.renderer.setScissor(k * share, 0, share, height);
+      this.renderer.render(this.scene, this.camera);
+    });
+  }
+
+  /** Draws a frame of the last side alone, from in front, on a 2D canvas. */
+  snapshot(frame, picture) {
+    const side = this.sides[this.sides.length - 1], {high, across} = side.room, {width, height} = picture;
+    const camera = new THREE.PerspectiveCamera(this.camera.fov, width / height, 0.05, 100);
+    const middle = new THREE.Vector3(0, 0.48 * high, 0), ratio = this.renderer.getPixelRatio();
+    const away = 1.02 * high / (2 * Math.tan(camera.fov * Math.PI / 360)) + 0.2 * across;
+    camera.position.setFromSphericalCoords(away, 1.4, this.facing + 0.5).add(middle);
+    camera.lookAt(middle);
+    Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
+    this.place(side, frame, [side]);
+    for (const one of this.sides) one.group.visible = one === side;
+    for (const set of ['setViewport', 'setScissor']) this.renderer[set](0, 0, width / ratio, height / ratio);
+    this.renderer.render(this.scene, camera);
+    picture.getContext('2d').drawImage(this.canvas, 0, this.canvas.height - height, width, height, 0, 0, width, height);
+  }
+
+  /** Bends the actors of a side, and moves the side so that the view follows it. */
+  place(side, frame, together) {
+    const centred = this.follow ? side : this.overlaid ? together[together.length - 1] : side;
+    const [x, z] = this.follow ? this.centre(centred, frame) : centred.room.middle;
+    side.group.position.set(-x, 0, -z);
+    const veiled = this.overlaid && side !== together[together.length - 1];
+    for (const {motion, mesh, materials} of side.actors) {
+      motion.place(frame);
+      bend(mesh, motion);
+      if (side.veiled === veiled) continue;
+      for (const one of materials) {
+        Object.assign(one, veiled ? {transparent: true, opacity: VEILED} : one.userData, {needsUpdate: true});
+      }
+    }
+    side.veiled = veiled;
+  }
+
+  /** Turns the camera by angles [rad], moves it by pixels, or zooms it by a factor. */
+  orbit(azimuth, elevation) {
+    this.controls.rotateLeft(azimuth);
+    this.controls.rotateUp(elevation);
+    this.controls.update();
+  }
+
+  pan(x, y) {
+    this.controls.pan(x, y);
+    this.controls.update();
+  }
+
+  zoom(factor) {
+    this.camera.position.sub(this.controls.target).divideScalar(factor).add(this.controls.target);
+    this.controls.update();
+  }
+}

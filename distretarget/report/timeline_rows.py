@@ -1,0 +1,162 @@
+"""The rows of a player's timeline: contacts, supports, and skin that sinks in, with how far each is off in a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.segments import find_segments
+from distretarget.measure.contacts import CONTACT_DISTANCE
+from distretarget.measure.diff import Diff
+from distretarget.measure.figures import BY_KEY
+from distretarget.measure.skin import TOUCHABLE
+from distretarget.measure.skin_points import LIMBS
+from distretarget.numerics.time_series import spans_of
+from distretarget.report.actors import packed
+from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.fit import distances
+
+Array = NDArray[np.float64]
+Kind = Literal["contact", "support", "skin"]
+Point = tuple[int, int]
+"""An actor of the page, and one of its joints."""
+
+FAR = CONTACT_DISTANCE / 3  # a contact whose D is farther off than this is not kept well
+SEEN = 0.3  # skin that is less deep inside than this is not shown [limits]
+TOUCHING = " touching"
+CODES = 254  # steps of how far something is off
+LIMB_ROLES = {"hand": "Hand", "forearm": "LowerArm"}
+# The kinds of the tracks that have a row for each part, and what is said of a part.
+TRACKS: dict[str, tuple[Kind, str]] = {
+    "skin_depth": ("skin", "{} inside"),
+    "skin_gap": ("contact", "{}" + TOUCHING),
+    "foot_height": ("support", "{} on floor"),
+    "support_height": ("support", "{} on floor"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """Something that holds in some frames.
+
+    Attributes:
+        name: what it is, such as "left hand - right hip".
+        kind: chooses its mark.
+        values: (frames,), how far it is off, nan where it does not hold.
+        limit: the value up to which nobody minds.
+        unit: of these values.
+        points: the joints between which its mark is, for each side of the page.
+        spots: (frames,), the joint at which its mark is instead, if that changes.
+    """
+
+    name: str
+    kind: Kind
+    values: Array
+    limit: float
+    unit: str
+    points: Sequence[Sequence[Point]]
+    spots: NDArray[np.intp] | None = None
+
+    @property
+    def spans(self) -> list[list[int]]:
+        """The first frame and the end of each time in which it holds."""
+        return [[int(first), int(end)] for first, end in spans_of(np.isfinite(self.values))]
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The row for the page: each frame is 0, or 1 and how far off it is, in `CODES` steps up to `top`."""
+        most = float(np.nanmax(self.values))
+        top = max(3.0 * self.limit, most)
+        codes = np.where(np.isfinite(self.values), 1 + np.rint(CODES * self.values / top), 0)
+        frames = int(np.isfinite(self.values).sum())
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "unit": self.unit,
+            "limit": self.limit,
+            "top": top,
+            "account": f"{frames} frames" + (f", at most {most:.3g} {self.unit} off" if self.unit else ""),
+            "codes": packed(codes, "<u1"),
+            "points": self.points,
+            "spots": "" if self.spots is None else packed(self.spots, "<u2"),
+        }
+
+
+def rows_of(diff: Diff, solid: Capsules | None, actors: Sequence[int], prefix: str = "") -> list[Row]:
+    """Return the rows of a diff, their names after a prefix; `solid` is the surface of B, `actors` are the numbers of A
+    and of all others, which have the joints of B.
+    """
+    contacts = [*_contacts(diff, actors)]
+    told = {name for row in contacts for name in row.name.split(" - ")}
+    rows = [*contacts, *(row for row in _tracks(diff, solid, actors) if row.name.removesuffix(TOUCHING) not in told)]
+    return [replace(row, name=prefix + row.name) for row in rows]
+
+
+def _points(diff: Diff, joints: Sequence[int], actors: Sequence[int]) -> list[list[Point]]:
+    first, *others = actors
+    drivers = [int(diff.matching.drivers[joint]) for joint in joints]
+    of_a = [(first, driver) for driver in drivers] if min(drivers) >= 0 else []
+    return [of_a, *([(actor, joint) for joint in joints] for actor in others)]
+
+
+def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
+    """A row for each two regions that touch in A; where their skin is known, its gap judges, not the joints' D."""
+    contacts, skin = diff.comparison.contacts, diff.comparison.tracks["skin_gap"]
+    for touch in contacts.touches:
+        on = contacts.regions == contacts.candidates.names.index(touch.name)
+        values, points = np.full(len(diff), np.nan), _points(diff, (touch.u, touch.v), actors)
+        limbs = [limb for limb, name in enumerate(skin.parts) if name in touch.name.split(" - ")]
+        if limbs and skin.weights.any():
+            gaps = np.where(skin.weights > 0, skin.values, 0.0)[:, limbs].max(axis=1)
+            values[contacts.frame[on]] = gaps[contacts.frame[on]]
+            yield Row(touch.name, "contact", values, _limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
+        else:
+            values[contacts.frame[on]] = contacts.error[on]
+            yield Row(touch.name, "contact", values, FAR, "D", points)
+
+
+def _limit_of(key: str) -> float:
+    """The value up to which nobody minds a figure."""
+    limit = BY_KEY[key].limit
+    assert limit is not None
+    return limit.margin
+
+
+def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterator[Row]:
+    """A row for each part of what is measured of feet, other supports and skin."""
+    anatomy, keys = diff.matching.target.anatomy, diff.b.skeleton.keys
+    for key, (kind, text) in TRACKS.items():
+        track, limit = diff.comparison.tracks[key], _limit_of(key)
+        for column, part in enumerate(track.parts):
+            values = np.full(len(diff), np.nan)
+            if track.values.ndim == 2 and len(track.values):
+                on = track.weights[:, column] > 0
+                if kind == "skin":
+                    on &= track.values[:, column] > SEEN * limit
+                values[: len(on)][on] = track.values[on, column]
+            side, _, limb = part.partition(" ")
+            joint = keys.index(part) if part in keys else None
+            if joint is None and anatomy and limb in LIMB_ROLES:
+                joint = anatomy.roles.get(side + LIMB_ROLES[limb])
+            if joint is not None and np.isfinite(values).any():
+                points = _points(diff, (joint,), actors)
+                regions = diff.matching.regions
+                name = part if limb in LIMB_ROLES else regions.names[regions.of_joint[joint]]
+                row = Row(text.format(name), kind, values, limit, BY_KEY[key].symbol, points)
+                yield replace(row, spots=_spots(diff, solid, part, values)) if kind == "skin" and solid else row
+
+
+def _spots(diff: Diff, solid: Capsules, limb: str, values: Array) -> NDArray[np.intp]:
+    """(frames,), the joint of a limb that is deepest in other parts of the body, where values are known; else 0."""
+    joints = np.flatnonzero(find_segments(diff.matching.target).of_joint == SEGMENTS.index(limb))
+    others = TOUCHABLE[LIMBS.index(limb), solid.segments]
+    spots, frames = np.zeros(len(values), np.intp), np.flatnonzero(np.isfinite(values))
+    if len(joints) and others.any():
+        some = diff.b[frames]
+        for frame, x, ends in zip(frames.tolist(), some.positions, solid.posed(some), strict=True):
+            spots[frame] = joints[distances(x[joints], ends[others], solid.radii[others])[0].argmin()]
+    return spots

@@ -1,0 +1,71 @@
+"""A page that shows motions and characters as they are, before anything is retargeted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.body import Body
+from distretarget.body.thickness import capsules_of
+from distretarget.errors import DistretargetError
+from distretarget.measure.diff import diff
+from distretarget.motion import Motion
+from distretarget.report.actors import Actor, lowest_skin, thinned, upright
+from distretarget.report.clip_page import contact_jumps, facing
+from distretarget.report.page import html_page
+from distretarget.report.timeline_rows import Row, rows_of
+from distretarget.target import Target
+
+STILL = "0.0333333"  # the time that a character without a motion is shown [s]
+
+
+def shown_actor(name: str, side: int, target: Target, motion: Motion | None) -> Actor:
+    """Return the actor for a target as its motion shows it, or in its rest pose, looking to the camera at first."""
+    skeleton = target.skeleton if motion is None else motion.skeleton
+    if motion is None or not len(motion):
+        motion = Motion(skeleton, skeleton.offsets[None, 0], skeleton.unturned[None], STILL)
+    body = Body.of_motion(motion)
+    mesh = target.mesh()
+    capsules = None if mesh else capsules_of(body, None, target.radii)
+    return Actor(
+        name=name,
+        side=side,
+        role="result",
+        motion=motion,
+        body=body,
+        capsules=capsules,
+        mesh=mesh,
+        turn=Rotation.from_euler("y", -facing(body, motion, body.up_vector)) * upright(body.up_vector),
+        unit=body.height or body.unit or 1.0,
+        floor=lowest_skin(motion, capsules, mesh, body.up_vector),
+    )
+
+
+def view_page(actors: Sequence[Actor], title: str) -> str:
+    """The HTML of a page that shows actors, each on a side of its own; alone it has a timeline."""
+    frame_time = min(actor.motion.frame_time for actor in actors)
+    seconds = max(len(actor.motion) * actor.motion.frame_time for actor in actors)
+    rows = _rows(actors[0]) if len(actors) == 1 else []
+    stage = {
+        "sides": [actor.name for actor in actors],
+        "frames": max(round(seconds / frame_time), 1),
+        "frame_time": frame_time,
+        "facing": 0.0,
+        "rows": [row.data for row in rows],
+        "jumps": [*contact_jumps(rows)],
+        **thinned(actors),
+    }
+    return html_page("scene", title, {"stage": stage, "numbers": []})
+
+
+def _rows(actor: Actor) -> list[Row]:
+    """What touches and rests in a motion; none where its body is not recognised."""
+    try:
+        with np.errstate(all="ignore"):
+            rows = rows_of(diff(actor.motion, actor.motion), actor.capsules, [0])
+            return [row if row.kind == "skin" else replace(row, unit="") for row in rows if row.points[0]]
+    except DistretargetError:
+        return []

@@ -1,0 +1,112 @@
+"""`distretarget audit`: clips of a folder compared with each other, the table, and the exit status."""
+
+import csv
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import SAMPLES
+from program import run
+
+from distretarget import read_bvh, write_bvh
+from distretarget.batch.audit import audit, usual_limits
+from distretarget.skeleton import Skeleton
+
+CLEAN = ("clap", "squat", "turn", "walk")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("clips/deep").mkdir(parents=True)
+    for name in CLEAN:
+        shutil.copy(SAMPLES / f"{name}.bvh", "clips/deep" if name == "walk" else "clips")
+    return tmp_path
+
+
+def faults(folder):
+    clips = audit(sorted(folder.glob("clips/**/*.bvh")))
+    found = {clip.path.stem: set(clip.faults(usual_limits())) for clip in clips}
+    return {name: kinds for name, kinds in found.items() if kinds}
+
+
+def planted(name, change):
+    text = Path("clips/clap.bvh").read_text()
+    Path(f"clips/{name}.bvh").write_text(change(text))
+
+
+def scaled(motion, factor):
+    skeleton: Skeleton = motion.skeleton.with_offsets(factor * motion.skeleton.offsets)
+    return type(motion)(skeleton, factor * motion.root_positions, motion.rotations, motion.frame_time_text)
+
+
+def test_clean_clips_of_one_rig_have_no_faults(folder):
+    assert faults(folder) == {}
+
+
+def test_a_clip_in_another_unit_is_found(folder):
+    write_bvh("clips/metres.bvh", scaled(read_bvh(SAMPLES / "wave.bvh"), 0.01))
+    assert faults(folder) == {"metres": {"unit"}}
+
+
+def test_another_frame_time_is_found(folder):
+    text = (SAMPLES / "wave.bvh").read_text()
+    Path("clips/slow.bvh").write_text(text.replace("Frame Time: 0.016667", "Frame Time: 0.033333"))
+    assert faults(folder) == {"slow": {"frame_time"}}
+
+
+@pytest.mark.parametrize("change", [lambda motion: motion, lambda motion: scaled(motion, 1.2)])
+def test_a_clip_that_is_there_twice_is_found_at_any_place_and_size(folder, change):
+    motion = change(read_bvh(SAMPLES / "clap.bvh"))
+    path = motion.root_positions + np.array([30.0, 0.0, -20.0])
+    write_bvh("clips/copy.bvh", type(motion)(motion.skeleton, path, motion.rotations, motion.frame_time_text))
+    assert faults(folder) == {"copy": {"duplicate"}}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda text: text[: len(text) // 2], lambda text: text[:0], lambda text: text.replace("Frames: 277", "Frames: 0")],
+)
+def test_what_cannot_be_read_is_a_fault_and_stops_nothing(folder, change):
+    planted("broken", change)
+    assert faults(folder) == {"broken": {"unreadable"}}
+
+
+@pytest.mark.usefixtures("folder")
+def test_faults_are_listed_and_the_exit_status_says_so():
+    clean = run("audit", "clips")
+    assert (clean.returncode, clean.stdout) == (0, "4 clips: 4 without faults\n")
+    motion = read_bvh("clips/turn.bvh")
+    path = np.array(motion.root_positions)
+    path[50:] += [100.0, 0.0, 0.0]
+    write_bvh(
+        "clips/turn.bvh", type(motion)(motion.skeleton, path, motion.rotations, motion.frame_time_text), overwrite=True
+    )
+    done = run("audit", "clips", "--table", "audit.csv")
+    assert done.returncode == 1
+    assert "cuts 1 (frame 50)" in done.stdout
+    assert "4 clips: 3 without faults\n1 cuts: " in done.stdout
+    rows = {row["clip"]: row for row in csv.DictReader(Path("audit.csv").read_text().splitlines())}
+    assert len(rows) == 4
+    assert rows["clips/turn.bvh"]["faults"] == "cuts"
+    assert rows["clips/turn.bvh"]["cuts"] == "1"
+    assert run("audit", "clips", "--limit", "cuts=1").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (["none"], 2, "none: there is no such file or folder"),
+        (["empty"], 1, "there are no clips"),
+        (["clips", "--limit", "skate=1"], 2, "did you mean 'skating'"),
+        (["clips", "--limit", "cuts=x"], 2, "found 'x'"),
+        (["clips", "--table", "audit.txt"], 1, ".csv"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_wrong_usage_is_one_line(arguments, status, says):
+    Path("empty").mkdir()
+    done = run("audit", *arguments)
+    assert (done.returncode, done.stderr.count("\n")) == (status, 1)
+    assert says in done.stderr

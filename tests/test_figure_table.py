@@ -1,0 +1,126 @@
+"""The table of a batch: a row for each clip, in CSV and Parquet, the same in every run."""
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from bodies import other_lengths, person, swaying
+from program import run
+
+from distretarget import write_bvh
+from distretarget.batch import figure_table
+from distretarget.errors import MissingPackageError
+from distretarget.io.target_file import skeleton_to_json
+
+
+def batch(*arguments):
+    return run("batch", *arguments, "--jobs", 1)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for seed, name in enumerate(("b", "a")):
+        (tmp_path / "in").mkdir(exist_ok=True)
+        write_bvh(tmp_path / f"in/{name}.bvh", swaying(person(), seed=seed))
+    (tmp_path / "in/broken.bvh").write_text("HIERARCHY\n")
+    (tmp_path / "body.json").write_text(skeleton_to_json(other_lengths(person()), "body"))
+    return tmp_path
+
+
+def manifest(folder):
+    records = map(json.loads, (folder / "manifest.jsonl").read_text().splitlines())
+    return {record["output"]: record for record in records}
+
+
+def test_a_row_has_what_the_manifest_says(folder):
+    done = batch("in", "body.json", "-o", "out", "--table", "figures.csv")
+    assert done.returncode == 1
+    rows = pd.read_csv("figures.csv").set_index("output")
+    assert rows.index.tolist() == ["a.bvh", "b.bvh", "broken.bvh"]
+    assert rows["status"].tolist() == ["done", "done", "failed"]
+    for name, record in manifest(folder / "out").items():
+        row = rows.loc[name]
+        assert row["frames"] == record["frames"]
+        assert row["input_hash"] == record["input_hash"]
+        if record["status"] == "done":
+            assert row["direction_error"] == record["figures"]["result"]["direction_error"]
+            assert row["direction_error_copy"] == record["figures"]["rotation_copy"]["direction_error"]
+            assert row["jerk_source"] == record["figures"]["source"]["jerk"]
+            assert row["verdict"].endswith(".")
+    assert "in/broken.bvh" in rows.loc["broken.bvh", "error"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_two_runs_and_a_second_look_write_the_same_table():
+    batch("in", "body.json", "-o", "out", "--table", "one.csv")
+    batch("in", "body.json", "-o", "more", "--table", "other.csv")
+    assert Path("one.csv").read_bytes() == Path("other.csv").read_bytes()
+    batch("in", "body.json", "-o", "out", "--table", "one.csv")
+    assert Path("one.csv").read_bytes() == Path("other.csv").read_bytes()
+
+
+def test_a_table_of_other_origin_is_left_alone(folder):
+    Path("mine.csv").write_text("name,age\n")
+    done = batch("in", "body.json", "-o", "out", "--table", "mine.csv")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "mine.csv: exists already" in done.stderr
+    done = batch("in", "body.json", "-o", "out", "--table", "mine.txt")
+    assert "expected one of .csv, .parquet" in done.stderr
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.skipif(find_spec("pyarrow") is None, reason="pyarrow is not installed")
+@pytest.mark.usefixtures("folder")
+def test_parquet_has_the_same_rows_as_csv():
+    for name in ("figures.csv", "figures.parquet", "figures.parquet"):
+        batch("in", "body.json", "-o", "out", "--table", name)
+    both = pd.read_csv("figures.csv"), pd.read_parquet("figures.parquet")
+    assert both[1]["direction_error"].dtype == "float64"
+    pd.testing.assert_frame_equal(*both, check_dtype=False)
+
+
+def test_without_pyarrow_a_line_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(figure_table, "find_spec", lambda _: None)
+    with pytest.raises(MissingPackageError, match="pip install pyarrow"):
+        figure_table.check_table(Path("figures.parquet"))
+
+
+def test_clips_that_fail_a_condition_are_left_out_with_their_figures(folder):
+    (folder / "in/broken.bvh").unlink()
+    batch("in", "body.json", "-o", "all", "--npz")
+    errors = {name: one["figures"]["result"]["direction_error"] for name, one in manifest(folder / "all").items()}
+    best, worst = sorted(errors, key=errors.get)
+    condition = f"direction_error < {(errors[best] + errors[worst]) / 2}"
+    done = batch("in", "body.json", "-o", "out", "--npz", "--keep", condition, "--table", "figures.csv")
+    assert done.returncode == 0
+    assert "2 clips: 1 converted, 0 done before, 0 failed, 1 left out" in done.stdout
+    assert f"left out:\n  in/{worst}: direction_error is " in done.stdout
+    assert sorted(path.name for path in (folder / "out").glob("*.[bn]*")) == [best, best.replace("bvh", "npz")]
+    rows = pd.read_csv("figures.csv").set_index("output")
+    assert rows["status"].to_dict() == {best: "done", worst: "left out"}
+    assert rows.loc[worst, "direction_error"] == errors[worst]
+    again = batch("in", "body.json", "-o", "out", "--npz", "--keep", condition)
+    assert "2 clips: 0 converted, 1 done before, 0 failed, 1 left out" in again.stdout
+    without = batch("in", "body.json", "-o", "out", "--npz")
+    assert "2 clips: 1 converted, 1 done before, 0 failed\n" in without.stdout
+
+
+def test_results_of_an_earlier_run_that_fail_a_condition_go_unless_edited(folder):
+    (folder / "in/broken.bvh").unlink()
+    batch("in", "body.json", "-o", "out")
+    edited = (folder / "out/a.bvh").read_text() + "\n"
+    (folder / "out/a.bvh").write_text(edited)
+    done = batch("in", "body.json", "-o", "out", "--keep", "frames > 1000")
+    assert "2 left out" in done.stdout
+    assert [path.name for path in (folder / "out").glob("*.bvh")] == ["a.bvh"]
+    assert (folder / "out/a.bvh").read_text() == edited
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_wrong_condition_is_one_line():
+    done = batch("in", "body.json", "-o", "out", "--keep", "contact_eror < 1")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "did you mean 'contact_error'" in done.stderr

