@@ -283,6 +283,7 @@ class Batch:
         record = result.record
         if record["status"] == "done" and self.keep and (fault := self.keep.fault(record)):
             others = dict.fromkeys(result.others, "")
+            self.manifest.release(record["output"])
             show(self._leave_out({**record, "others": others}, fault))
             return
         try:
