@@ -5,12 +5,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.kinematics import (
+    angles_to_bones,
     forward_kinematics,
+    line_rotations,
     make_local,
     rotation_products,
+    stretch_of,
+    thirds_along,
     turn_parts,
+    turned_by,
+    turns_along,
     world_rotations,
 )
+from distretarget.numerics.vectors import angles_between
 
 FRAMES = 5
 TREES = {
@@ -107,3 +114,31 @@ def test_arguments_stay_as_they_are():
     world_rotations(parents, local)
     rotation_products(local, np.arange(7), local[0])
     np.testing.assert_array_equal(local, before)
+
+
+@trees
+def test_what_is_measured_of_joints_is_what_plain_arrays_give(parents):
+    local, joints = rotations(len(parents)), np.arange(len(parents))[::-1].copy()
+    world = world_rotations(parents, local)
+    turns = [Rotation.from_quat(world[:-1, joint]).inv() * Rotation.from_quat(world[1:, joint]) for joint in joints]
+    found = turns_along(parents, local, joints)
+    np.testing.assert_allclose(found, np.transpose([turn.magnitude() for turn in turns]), atol=1e-7)
+    line = [len(parents) - 1]
+    while parents[line[0]] >= 0:
+        line.insert(0, parents[line[0]])
+    last = line_rotations(np.array(line), local)
+    np.testing.assert_allclose(last, world[:, -1], atol=1e-15)
+    np.testing.assert_allclose(turned_by(last, np.arange(3.0)), Rotation.from_quat(last).apply([0, 1, 2]), atol=1e-14)
+
+
+def test_what_is_measured_of_paths_is_what_plain_arrays_give():
+    paths = np.random.default_rng(2).normal(size=(7, 4, 3))
+    upper, lower, vectors = np.array([0, 1]), np.array([3, 2]), paths[:, :2] + 1.0
+    bones = paths[:, lower] - paths[:, upper]
+    sizes = np.linalg.norm(bones, axis=2)
+    thirds = np.linalg.norm(np.diff(paths[:, lower], 3, axis=0), axis=2).mean(axis=1)
+    np.testing.assert_allclose(thirds_along(paths, lower), thirds)
+    np.testing.assert_allclose(stretch_of(paths, upper, lower, np.array([1.0, 2.0])), abs(sizes / [1, 2] - 1).max(1))
+    np.testing.assert_allclose(angles_to_bones(vectors, paths, upper, lower), angles_between(vectors, bones))
+    assert (angles_to_bones(0.0 * vectors, paths, upper, lower) == 0.0).all()
+    assert thirds_along(paths[:2], lower).size == 0

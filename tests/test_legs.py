@@ -1,6 +1,7 @@
 """Legs, found by the tree of joints alone or by the parts of a body."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.body import Body
-from distretarget.body.legs import find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
+from distretarget.body.legs import _longest_pair, are_alike, find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
 from distretarget.io.target_file import load_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
@@ -150,3 +151,14 @@ def test_the_parts_and_the_tree_of_real_files_show_the_same_legs(path):
     if name == ANKLE_IN_FOOT:
         ankles = {body.skeleton.names[leg.ankle] for leg in tree}
         assert "RightForeFoot" in ankles
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_longest_pair_is_that_of_a_comparison_of_all(seed):
+    body = person()
+    body = body.with_lengths(body.lengths * np.random.default_rng(seed).uniform(0.5, 1.0, len(body)))
+    chains = [body.line(joint)[-2::-1] for joint in np.flatnonzero(body.end_sites | (np.arange(len(body)) > 2))]
+    pairs = [(-body.lengths[a].sum(), a, b) for a, b in combinations(chains, 2) if are_alike(body, a, b)]
+    expected = min(pairs, key=lambda pair: pair[0], default=None)
+    found = _longest_pair(body, chains)
+    assert [(-size, a, b) for size, a, b in found] == ([expected] if expected else [])
