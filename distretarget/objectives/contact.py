@@ -81,8 +81,8 @@ def solve_contact(
 
 
 def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
-    """(frames, parts), 1 while a joint below a part rests on something or touches another performer, blended to 0."""
-    held, holds = np.zeros((len(clip), clip.parts.max() + 1)), [*supports.touches]
+    """(frames, parts), 1 while a joint below a part rests, or touches others or what is asked for, blended to 0."""
+    held, holds = np.zeros((len(clip), clip.parts.max() + 1)), [*supports.touches, *supports.asked]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()
     for joint, weight in holds:
         for part in np.unique(clip.parts[[*clip.skeleton.line(joint)[1:]]]):
