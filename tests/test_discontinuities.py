@@ -9,6 +9,7 @@ from distretarget.ik.poses import Poses
 from distretarget.objectives import contact
 from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
 from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.supports import no_supports
 
 FRAME_TIME = 1 / 60  # [s]
 
@@ -117,7 +118,7 @@ def test_the_solver_smooths_its_flips_and_its_landings(monkeypatch):
     clip = SimpleNamespace(frame_time=FRAME_TIME, shots=shots, loose_parts=np.array([2]))
     monkeypatch.setattr(contact, "_held_parts", lambda *_: np.zeros(solved.shape[:2]))
     monkeypatch.setattr(contact, "solve_in_chunks", lambda *_: Poses(np.array(solved), np.zeros((4, 120))))
-    v = contact.solve_contact(clip, None, ContactSettings()).v
+    v = contact.solve_contact(clip, no_supports(120), ContactSettings()).v
     expected = np.array(solved)
     smooth_flips(expected, np.zeros(expected.shape[:2]), shots, FRAME_TIME)
     smooth_landings(expected, clip.loose_parts, shots, FRAME_TIME)
