@@ -156,12 +156,12 @@ def differences_of_distances(
     scratch, sums = np.empty((2, 3, len(weights))), np.empty(len(y[0]))
     (of_x, points_x, tau_x), (of_y, points_y, tau_y) = x, y
     of_x, of_y = (read_only(np.ascontiguousarray(positions)) for positions in (of_x, of_y))
-    _write_differences(of_x, points_x, 1.0 / tau_x, of_y, points_y, 1.0 / tau_y, weights, power == 1, scratch, sums)
+    _write_differences(of_x, points_x, tau_x, of_y, points_y, tau_y, weights, power == 1, scratch, sums)
     return sums
 
 
 @compiled(fastmath=True)
-def _write_differences(x, of_x, per_x, y, of_y, per_y, weights, linear, scratch, sums):  # type: ignore[no-untyped-def]
+def _write_differences(x, of_x, tau_x, y, of_y, tau_y, weights, linear, scratch, sums):  # type: ignore[no-untyped-def]
     points, p, q = len(of_x), scratch[0], scratch[1]
     for frame in range(len(sums)):
         for point in range(points):
@@ -172,7 +172,7 @@ def _write_differences(x, of_x, per_x, y, of_y, per_y, weights, linear, scratch,
             for v in range(u):
                 one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
                 other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
-                difference = abs(one * per_x[u, v] - other * per_y[u, v])
+                difference = abs(one / tau_x[u, v] - other / tau_y[u, v])
                 total += weights[u, v] * (difference if linear else difference * difference)
         sums[frame] = total
 

@@ -13,6 +13,7 @@ from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
 from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import median_of_three
 from distretarget.objectives.skins import BodySkin
 from distretarget.pipeline.options import Objective, Options
@@ -74,3 +75,4 @@ def _run_for_legs(source: Motion) -> None:
     joints, shots = np.arange(JOINTS), np.zeros(len(source), np.intp)
     above_lowest(source, joints, joints, axis_vector("Y"))
     still_joints(source, joints, joints, joint_speeds(source, joints, shots), 1.0, shots)
+    turned_by(source.world_rotations_of(0), axis_vector("Y"))

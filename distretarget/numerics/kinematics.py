@@ -80,7 +80,7 @@ def _write_line(line: Parts, local: Array, world: Array) -> None:
 def turned_by(rotations: Array, vector: Array) -> Array:
     """(frames, 3), a vector, (3,), turned by rotations, (frames, 4)."""
     vectors = np.empty((len(rotations), 3))
-    _write_turned(_whole(rotations), read_only(vector), vectors)
+    _write_turned(_whole(rotations), _whole(vector), vectors)
     return vectors
 
 
