@@ -21,7 +21,22 @@ from make_samples import CHARACTERS
 from sample_scenes import SCENES, facing
 from zoo import MEMBERS, member
 
-from distretarget import Motion, RetargetResult, Skeleton, load_target, read_bvh, retarget, retarget_scene
+from distretarget import (
+    Contact,
+    ContactList,
+    Distance,
+    Look,
+    Motion,
+    Options,
+    RetargetResult,
+    Skeleton,
+    load_target,
+    read_bvh,
+    retarget,
+    retarget_scene,
+)
+from distretarget.contact_entries import Entry
+from distretarget.pipeline.options import SkinMode
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
@@ -109,6 +124,18 @@ def draw_duet(path: Path) -> None:
     write_loop(path, METHODS, columns, seconds, "side", LOOP_DPI, still=len(DUET_FRAMES) // 2)
 
 
+def draw_repair(
+    path: Path, clip: str, entries: tuple[Entry, ...], frames: tuple[int, ...], skin: SkinMode = "auto"
+) -> None:
+    """Draw frames of a clip on the child's body, before and after entries of a contact file."""
+    source, child = read_bvh(SAMPLES / f"{clip}.bvh"), load_target(SAMPLES / "child.json")
+    options = Options(skin=skin)
+    both = [retarget(source, child, options, contacts=ContactList(asked)).motion for asked in ((), entries)]
+    scene = [cell for motion in both for cell in cells(motion, frames, tallest(both))]
+    labels = [text for text in ("before", "after") for _ in frames]
+    write_picture(path, [scene], [""], [labels], VIEWS["three-quarter"], SHEET_DPI)
+
+
 def _together(pair: Sequence[Motion], frames: range) -> list[list[Cell]]:
     """Frames of two motions in one place, at the scale of the taller one."""
     size = tallest(pair)
@@ -158,6 +185,23 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str) -> No
     write_picture(path, [scene], [""], [list(columns)], VIEWS[view])
 
 
+def _repair(clip: str, entries: tuple[Entry, ...], frames: tuple[int, ...], skin: SkinMode) -> Callable[[Path], None]:
+    return partial(draw_repair, clip=clip, entries=entries, frames=frames, skin=skin)
+
+
+HAND, OTHER, HELD = "left hand", "right hand", (100, 150)
+REPAIRS: dict[str, tuple[str, tuple[Entry, ...], tuple[int, ...], SkinMode]] = {
+    "hip": ("walk", (Contact(between=(HAND, "hips"), gap=0, frames=HELD),), (125,), "average"),
+    "drop": ("hands_on_hips", (Contact(between=(HAND, "hips"), keep=False),), (150,), "auto"),
+    "meet": ("walk", (Contact(between=(HAND, OTHER), gap=0, frames=HELD),), (125,), "auto"),
+    "look": (
+        "walk",
+        (Contact(between=(HAND, "head"), gap=0, frames=HELD), Look(look="head", like=(1.0, 0.0, 0.0))),
+        (125,),
+        "auto",
+    ),
+    "distance": ("walk", (Distance(distance=("LeftWrist", "Head"), value=12, frames=HELD),), (125,), "auto"),
+}
 PICTURES: dict[str, Callable[[Path], None]] = {
     "clap_long_arms.png": draw_clap,
     "hero.png": draw_hero,
@@ -167,6 +211,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "gallery/floor_work.png": draw_floor_work,
     "gallery/zoo.png": draw_zoo,
     "gallery/duet.gif": draw_duet,
+    **{f"repairs/{name}.png": _repair(*repair) for name, repair in REPAIRS.items()},
 } | {
     f"gallery/{Path(clip).name}.gif": partial(draw_clip, clip=clip, body=body, frames=frames, view=view)
     for clip, body, frames, view in (
