@@ -90,7 +90,7 @@ def test_merged_clips_in_place_keep_their_paths(folder):
             "out.glb: .glb is the target's own file with the motion, but 'child.json' is a skeleton file; write .bvh",
         ),
         ("clips/walk.bvh hero.glb -o out.fbx", "out.fbx: FBX is read, but not written; write .glb, which Blender, "),
-        ("clips/walk.bvh hero.glb -o out", "expected one of .bvh, .glb, .gltf, .vrm, .vrma, such as 'out.glb'"),
+        ("clips/walk.bvh hero.glb -o out", "expected one of .bvh, .glb, .gltf, .vrm, .vrma, .npz, such as 'out.glb'"),
         ("clips/walk.bvh child.json -o out", "such as 'out.bvh'"),
         ("clips/walk.bvh hero.glb -o out.vrm", "out.vrm: 'hero.glb' is no VRM model; write .glb"),
         ("clips/walk.bvh hero.glb -o hero.glb --overwrite", "hero.glb: is an input as well"),

@@ -34,10 +34,11 @@ def contacts_command(
     fps: float | None,
     map_path: Path | None,
 ) -> None:
-    """List the contacts that are found in CLIP: what touches, and what rests on the world.
+    """List the contacts that are found in CLIP.
 
-    Frames count from 0. Gaps are those of an average adult's skin on the performer's bones. TARGET is the body to which
-    CLIP is to be retargeted, if its parts have other names. Edit the file that -o writes, and give it to --contacts.
+    These are parts that touch, and parts that rest on the world. Frames count from 0. Gaps are those of an average
+    adult's skin on the performer's bones. TARGET is the body to which CLIP is to be retargeted, if its parts have other
+    names. Edit the file that -o writes, and give it to --contacts.
 
     \b
     distretarget contacts clap.bvh

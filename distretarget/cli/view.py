@@ -31,11 +31,11 @@ MOST = 24  # files on a page
 @OVERWRITE_OPTION
 @quiet
 def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None, overwrite: bool) -> None:
-    """Look at FILES in a page that opens in the browser: motions and characters, BVH, glTF, VRM, VRMA, FBX and
-    skeleton files, or folders of them.
+    """Look at motions and characters in the browser.
 
-    A character is shown with its mesh, any other body as thick as an average adult. Of several animations in a file the
-    first is shown. The page is one file that asks for nothing from the network. - stands for standard input or output.
+    FILES are BVH, glTF, VRM, VRMA, FBX and skeleton files, or folders of them. A character is shown with its mesh, any
+    other body as thick as an average adult. Of several animations in a file the first is shown. The page is one file
+    that asks for nothing from the network. - stands for standard input or output.
 
     \b
     distretarget view walk.bvh
