@@ -12,11 +12,10 @@ from tqdm import tqdm
 
 from distretarget.batch.audit import AuditedClip, audit, usual_limits
 from distretarget.batch.plan import find_clips
-from distretarget.cli.options import OVERWRITE_OPTION, PATH, quiet
+from distretarget.cli.options import OVERWRITE_OPTION, PATH, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest, counted
 from distretarget.measure.clip_faults import KINDS, Finding
-from distretarget.skeleton import LARGEST
 
 HEAD = ("clip", "frames", "frames/s", "leg", "up", "faults")
 SIDES = "<>>><<"
@@ -27,13 +26,7 @@ def of_kind(text: str) -> tuple[str, float]:
     name, _, number = text.partition("=")
     if name not in KINDS:
         raise click.BadParameter(f"there is no kind of fault {name!r}; {closest(name, tuple(KINDS))}")
-    try:
-        limit = float(number)
-    except ValueError:
-        limit = -1.0
-    if not 0 <= limit <= LARGEST:
-        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {number!r}")
-    return name, limit
+    return name, limit_of(name, number)
 
 
 @click.command("audit")

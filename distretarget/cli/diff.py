@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over
-from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, map_option, positive, quiet
+from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, limit_of, map_option, positive, quiet
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
 from distretarget.io.input_file import InputFile
@@ -19,7 +19,6 @@ from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR
-from distretarget.skeleton import LARGEST
 
 MOST = 5  # frames and contacts that are printed
 RATIOS = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
@@ -36,13 +35,7 @@ def of_figure(text: str) -> tuple[str, float]:
     known = (*BY_KEY, GAP_ERROR)
     if name not in known:
         raise click.BadParameter(f"expected one of {', '.join(known)}, = and a limit, found {text!r}")
-    try:
-        limit = float(number)
-    except ValueError:
-        limit = -1.0
-    if not 0 <= limit <= LARGEST:
-        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {number!r}")
-    return name, limit
+    return name, limit_of(name, number)
 
 
 @click.command("diff")

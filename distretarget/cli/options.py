@@ -74,6 +74,17 @@ def positive(text: str) -> float:
     return number
 
 
+def limit_of(name: str, number: str) -> float:
+    """The limit of what has a name, a number from 0 up."""
+    try:
+        limit = float(number)
+    except ValueError:
+        limit = -1.0
+    if not 0 <= limit <= LARGEST:
+        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {number!r}")
+    return limit
+
+
 def of_rate(text: str) -> float:
     """The frame rate in the text [frames/s]."""
     try:
