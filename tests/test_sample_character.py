@@ -80,7 +80,7 @@ def test_joints_are_where_the_script_has_them():
 
 
 def test_a_clap_needs_no_look_and_the_soles_stay_on_the_floor(tmp_path):
-    result = retarget(read_bvh(SAMPLES / "clap.bvh")[::2], load_target(HERO))
+    result = retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(HERO))
     assert not result.warnings
     write_motion(tmp_path / "clap.glb", result.motion, HERO)
     document, buffer = gltf_player.load(tmp_path / "clap.glb")

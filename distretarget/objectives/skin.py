@@ -38,7 +38,7 @@ FARTHEST = 0.06  # parts that are farther apart than this have nothing to do wit
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
 LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE = (0.2, 0.1, 0.05, 0.03)  # brought out again, displacements are averaged over these times before and after [s]
+SETTLE = (0.2, 0.1, 0.1, 0.07)  # brought out again, displacements are averaged over these times before and after [s]
 RATE = 30.0  # displacements are found about as often, and interpolated [1/s]
 
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
