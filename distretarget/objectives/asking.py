@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Look, Plant
+from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
-from distretarget.numerics.time_series import averaged, by_shot, largest, widened
-from distretarget.objectives.asked import Asked, Drop, Touch
+from distretarget.motion import Motion
+from distretarget.numerics.time_series import by_shot, widened
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.supports import BLEND
+from distretarget.objectives.dropped import Drop, Dropped
+from distretarget.objectives.supports import BLEND as FOOT_BLEND
 from distretarget.objectives.units import centimetres
 
 Array = NDArray[np.float64]
@@ -23,7 +25,19 @@ Flags = NDArray[np.bool_]
 Joints = NDArray[np.intp]
 
 KEYS = {Contact: "between", Plant: "plant", Distance: "distance", Look: "look"}
+NO_OTHERS: Mapping[str, Carrier] = {}
 TURNED = ("head", "hand", "foot")  # parts whose direction can be kept
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Carrier:
+    """A joint that a part rests on and moves with: of the body itself, of another performer or of a prop."""
+
+    motion: Motion | None = None  # in the target's world; None for the body itself
+    joint: int = 0
+    radius: float = 0.0  # of the skin about it [target file units]
+    # the place on its surface nearest to a place, both relative to the joint, as it is turned [target file units]
+    nearest: Callable[[Array], Array] = np.zeros_like
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +47,18 @@ class Wish:
     entry: Entry
     joints: tuple[Joints, ...]  # the target's joints of each part
     frames: Flags  # (frames,)
-    weight: Array  # (frames,), 1 in these frames, blended to 0
-    apart: Array | None = None  # (frames, 3), between the joints of a contact, if it is known better [body units]
+    weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
+    carrier: Carrier | None = None  # what a part is planted on
 
     @property
     def named(self) -> tuple[str, ...]:
         """The names of its parts, in the order of the file."""
         return tuple(_named(self.entry))
+
+    @property
+    def drops(self) -> bool:
+        """Whether it only drops a contact."""
+        return isinstance(self.entry, Contact) and not self.entry.keep
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,65 +66,90 @@ class Wishes:
     """The entries of a contact list that change something, on a clip."""
 
     clip: Clip
-    blend: float  # frames; a wish sets in and lets go over twice this
     wishes: tuple[Wish, ...]
 
     @classmethod
-    def of(cls, contacts: ContactList, clip: Clip, blend: float) -> Wishes:
-        """Return the entries on a clip; a contact blends in over twice `blend` [s], and out over as much.
+    def of(cls, contacts: ContactList, clip: Clip, blend: float, others: Mapping[str, Carrier] = NO_OTHERS) -> Wishes:
+        """Return the entries on a clip; they set in over twice `blend` [s], and let go over as much. `others` are the
+        performers and props that parts may rest on, by their names.
 
         Raises:
             ContactsError: an entry names what is not there, goes beyond the clip, contradicts another, or asks for a
                 distance that the body cannot have.
         """
-        frames, found = blend / clip.frame_time, []
+        found = []
         for entry in contacts:
             joints = tuple(_joints_of(contacts, clip, entry, n, name) for n, name in enumerate(_named(entry)))
             on = _frames_of(contacts, clip, entry)
             _check_parts(contacts, clip, entry, joints)
+            carrier = _carrier_of(contacts, clip, entry, joints[0], others)
             if entry.acts:
-                lead = BLEND / clip.frame_time if isinstance(entry, Plant) else frames
-                weight = by_shot(partial(widened, frames=lead), clip.shots, on[:, None].astype(float))[:, 0]
-                found.append(Wish(entry, joints, on, weight))
+                is_foot = isinstance(entry, Plant) and clip.regions.inside("foot")[joints[0]].any()
+                time = 2.0 * (FOOT_BLEND if is_foot else blend)
+                weight = entry.firmness if isinstance(entry, Contact) else 1.0
+                weight *= by_shot(partial(_eased, frames=int(time / clip.frame_time)), clip.shots, on)
+                found.append(Wish(entry, joints, on, weight, carrier))
         for one, other in combinations(found, 2):
             _check_agree(contacts, one, other)
-        return cls(clip, frames, tuple(found))
+        return cls(clip, tuple(found))
 
     @property
-    def asked(self) -> Asked:
-        """What the terms of the objective and the skin need to know."""
-        drops, touches = [], []
-        for wish in self.wishes:
-            if isinstance(wish.entry, Contact):
-                one, other = (self._among(joints) for joints in wish.joints)
-                drops.append(Drop(one, other, wish.frames))
-                if wish.entry.gap is not None:
-                    gap = None if wish.entry.gap == "source" else self.length(float(wish.entry.gap))
-                    touches.append(Touch(one, other, wish.entry.firmness * wish.weight, gap))
-        return Asked(tuple(drops), tuple(touches))
+    def drops(self) -> Wishes:
+        """Those that only drop a contact."""
+        return replace(self, wishes=tuple(wish for wish in self.wishes if wish.drops))
+
+    @property
+    def made(self) -> Wishes:
+        """All others."""
+        return replace(self, wishes=tuple(wish for wish in self.wishes if not wish.drops))
+
+    @property
+    def dropped(self) -> Dropped:
+        """The contacts that are only dropped; of made ones, what was found between the parts is dropped as well."""
+        among = [wish for wish in self.wishes if isinstance(wish.entry, Contact)]
+        spans = (wish.frames if wish.drops else wish.weight > 0.0 for wish in among)
+        return Dropped(tuple(Drop(*wish.joints, on) for wish, on in zip(among, spans, strict=True)))
+
+    @property
+    def share(self) -> Array:
+        """(frames,), how far each frame is as asked, 0 to 1: what is asked is solved as if it held from where it sets
+        in to where it lets go, and the result is between that and the clip without it.
+        """
+        return np.max([wish.weight for wish in self.wishes], axis=0, initial=0.0)
+
+    def firmness(self, wish: Wish) -> Array:
+        """(frames,), how far a wish is met where all is as asked: less than 1 only where others hold more."""
+        return np.divide(wish.weight, self.share, out=np.zeros(len(self.clip)), where=wish.weight > 0.0)
 
     def length(self, cm: float) -> float:
         """Return a length [cm] in body units."""
         return cm / centimetres(self.clip.unit) / self.clip.unit
 
-    @property
-    def reach(self) -> Array:
-        """(frames,), how far each frame may change, 0 to 1: 1 within three quarters of the time in which a contact sets
-        in or lets go, 0 beyond that time.
-        """
-        on = np.any([wish.frames for wish in self.wishes], axis=0)[:, None].astype(float)
-        fade = round(0.25 * self.blend)
-        full = int(2.0 * self.blend) - fade
 
-        def around(values: Array) -> Array:
-            return averaged(largest(values, full), fade) if fade else largest(values, full)
+def _eased(on: Flags, frames: int) -> Array:
+    """(frames,), 1 in some frames and 0 farther than `frames` from them, smooth in between."""
+    weight = widened(on[:, None].astype(float), (frames - 1) // 2)[:, 0]
+    return np.where(on, 1.0, np.minimum(weight, 1.0))
 
-        return np.asarray(np.clip(by_shot(around, self.clip.shots, on)[:, 0], 0.0, 1.0))
 
-    def _among(self, joints: Joints) -> Flags:
-        among = np.zeros(len(self.clip.skeleton), bool)
-        among[joints] = True
-        return among
+def _carrier_of(
+    contacts: ContactList, clip: Clip, entry: Entry, part: Joints, others: Mapping[str, Carrier]
+) -> Carrier | None:
+    """What a part is planted on, if it is a joint or a prop."""
+    if not isinstance(entry, Plant) or not isinstance(entry.on, str) or entry.on in get_args(Ground):
+        return None
+    name, _, joint = (each.strip() for each in entry.on.partition(":"))
+    if name in others and not joint:
+        return others[name]
+    if name in others and (motion := others[name].motion) and joint in motion.skeleton.keys:
+        return replace(others[name], joint=motion.skeleton.keys.index(joint))
+    own = _find_joints(clip, entry.on, regions=True)
+    if own is None:
+        names = (*get_args(Ground), *others, *clip.regions.names, *clip.skeleton.keys)
+        raise contacts.fault(entry, "on", f"no joint or prop {entry.on!r}; {closest(entry.on, names)}")
+    if clip.regions.of_joint[own[0]] == clip.regions.of_joint[part[0]]:
+        raise contacts.fault(entry, "on", f"{quoted((*entry.parts, entry.on))} are the same part of the body")
+    return Carrier(joint=int(own[0]))
 
 
 def _named(entry: Entry) -> Sequence[str]:
@@ -115,21 +159,26 @@ def _named(entry: Entry) -> Sequence[str]:
 
 
 def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, name: str) -> Joints:
-    """The target's joints of a region; or the target's joint of this name, or that which the source's drives."""
-    regions, keys, sources = clip.regions.names, clip.skeleton.keys, clip.source.skeleton.keys
-    if name in regions and not isinstance(entry, Distance):
-        return np.flatnonzero(clip.regions.of_joint == regions.index(name))
-    if name in keys:
-        return np.array([keys.index(name)])
-    if name in sources:
-        driven = np.flatnonzero(clip.drivers == sources.index(name))
-        if len(driven):
-            return driven[:1]
-    what, available = ("part or joint", (*regions, *keys))
-    if isinstance(entry, Distance):
-        what, available = "joint", tuple(keys)
-    key = KEYS[type(entry)] + (f"[{number}]" if len(_named(entry)) > 1 else "")
-    raise contacts.fault(entry, key, f"no {what} {name!r}; {closest(name, available)}")
+    """The target's joints of a part that an entry names."""
+    regions = not isinstance(entry, Distance)
+    joints = _find_joints(clip, name, regions=regions)
+    if joints is None:
+        what, available = ("part or joint", clip.regions.names) if regions else ("joint", ())
+        key = KEYS[type(entry)] + (f"[{number}]" if len(_named(entry)) > 1 else "")
+        near = closest(name, (*available, *clip.skeleton.keys))
+        raise contacts.fault(entry, key, f"no {what} {name!r}; {near}")
+    return joints
+
+
+def _find_joints(clip: Clip, name: str, *, regions: bool) -> Joints | None:
+    """The target's joints of a region; or its joint of this name, or that which the source's drives; None for none."""
+    if regions and name in clip.regions.names:
+        return np.flatnonzero(clip.regions.of_joint == clip.regions.names.index(name))
+    if name in clip.skeleton.keys:
+        return np.array([clip.skeleton.keys.index(name)])
+    sources = clip.source.skeleton.keys
+    driven = np.flatnonzero(clip.drivers == sources.index(name)) if name in sources else ()
+    return driven[:1] if len(driven) else None
 
 
 def _frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:

@@ -2,53 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.contact_entries import Plant
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
-from distretarget.objectives.asked_springs import how_far_off, nearer, with_wishes
+from distretarget.numerics.vectors import lengths
+from distretarget.objectives.asked_reach import brought_out, reached
+from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
 from distretarget.objectives.asking import Wishes
 from distretarget.objectives.contact import solve_contact
+from distretarget.objectives.looks import with_looks
+from distretarget.objectives.skins import limbs_of
+from distretarget.objectives.supports import Supports
+from distretarget.objectives.units import centimetres
 from distretarget.pipeline.performer import Performer
+from distretarget.pipeline.result import RetargetResult
 
 Array = NDArray[np.float64]
+Ways = Sequence[Array | None]
+
+NOTICED = 0.003  # what is farther off than this is told [heights]
+ROUNDS = 2  # in which what is between parts is found
+STEADY = (0.1, 0.05, 0.03, 0.0)  # in the end limbs close what is left, averaged over these times before and after [s]
 
 
-NOTICED = 1.5  # what is farther off than this is worth a warning [cm]
-ROUNDS = 4  # in which gaps of skins that are asked for come nearer
+def dropping(performer: Performer, wishes: Wishes) -> Performer:
+    """Return a performer without the contacts that wishes drop."""
+    return replace(performer, clip=replace(performer.clip, dropped=wishes.dropped)) if wishes.wishes else performer
 
 
-def as_asked(performer: Performer, wishes: Wishes) -> Performer:
-    """Return a performer with its clip and supports as a user asks."""
-    skins, undersides = performer.match.skins, performer.match.undersides
-    supports = with_wishes(performer.supports, wishes, skins, undersides)
-    return replace(performer, clip=replace(performer.clip, asked=wishes.asked), supports=supports, wishes=wishes)
+def as_asked(performer: Performer, wishes: Wishes, ways: Ways = ()) -> Performer:
+    """Return a performer as a user asks, in all frames in which what is asked sets in, holds or lets go."""
+    made, match = wishes.made, performer.match
+    ways = ways or [None] * len(made.wishes)
+    supports = with_wishes(performer.supports, made, ways, match.skins, match.undersides)
+    return replace(dropping(performer, wishes), supports=supports)
 
 
-def solve_as_asked(performer: Performer, wishes: Wishes, mapper: Mapper) -> tuple[Performer, Poses]:
-    """Solve a clip as a user asks: where skins are to touch, again and again from what their gaps were off."""
-    skins = performer.match.skins
-    rounds = ROUNDS if skins and wishes.asked.touches else 1
-    for number in range(rounds):
-        asked = as_asked(performer, wishes)
-        poses = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
-        if skins and number < rounds - 1:
-            solved = asked.posed(poses)
-            wishes = nearer(wishes, solved, asked.with_own_skin(solved), skins)
-    return asked, poses
+def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) -> RetargetResult:
+    """Solve a clip as a user asks, and return its result; `poses` are those of the performer without what is made.
+
+    What limbs have to reach for after a round tells the next one how to bring parts together.
+    """
+    made, ways = wishes.made, list[Array | None]()
+    for _ in range(ROUNDS):
+        asked = as_asked(free, wishes, ways)
+        held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
+        motion = met(asked, asked.posed(held), made)
+        pairs = [pair_of(asked.clip, wish) for wish in made.wishes]
+        ways = [between(motion, pair, asked.clip) if pair else None for pair in pairs]
+    log = np.where(made.share > 0.0, held.log, poses.log)
+    posed = spliced(free.with_own_skin(free.posed(poses)), motion, made.share)
+    asked = replace(asked, supports=_between(free.supports, asked.supports, made.share))
+    return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
+
+
+def _between(free: Supports, asked: Supports, share: Array) -> Supports:
+    """Supports as asked where the share, (frames,), is 1, and as they are `free` where it is 0."""
+    own, share = np.zeros_like(asked.weights), share[:, None]
+    own[:, : len(free.joints)] = free.weights
+    return replace(asked, weights=(1.0 - share) * own + share * asked.weights)
+
+
+def met(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
+    """Return a motion with its limbs and looks as a user asks; skin stays outside."""
+    skins, body = asked.match.skins, asked.match.matching.target
+    given = wishes, asked.supports, limbs_of(body), skins
+    motion = with_looks(motion, wishes, body)
+    if skins:
+        motion = brought_out(motion, *given[:3], skins.target, body)
+        motion = asked.with_own_skin(reached(motion, *given, STEADY[0]))
+    for steady in STEADY:
+        motion = reached(motion, *given, steady)
+    return with_looks(motion, wishes, body)
 
 
 def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
-    """Yield how far off contacts and distances are in a motion, for those that are not met."""
+    """Yield how far off what is asked is in a motion, for what is not met; `performer` is as asked."""
+    clip, supports, least = wishes.clip, performer.supports, NOTICED * performer.match.matching.target.height
     for wish in wishes.wishes:
-        off = how_far_off(wishes, wish, posed, performer.match.skins)
-        if off is not None and off.max() > NOTICED:
+        if pair_of(clip, wish):
+            off = lengths(off_by(wishes, wish, posed, performer.match.skins)) * clip.unit
+        elif isinstance(wish.entry, Plant) and wish.entry.keep:
+            columns = np.isin(supports.joints, wish.joints[0])
+            away = lengths(posed.positions[:, supports.joints[columns]] - supports.places[:, columns])
+            off = away.max(axis=1, initial=0.0)
+        else:
+            continue
+        off = np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
+        if off.max() > least:
             name, worst = " - ".join(wish.named), int(off.argmax())
-            yield f"{name} is up to {off[worst]:.1f} cm off what is asked, at frame {worst}"
+            cm = centimetres(clip.unit) * off[worst]
+            yield f"{name} is up to {cm:.1f} cm off what is asked, at frame {worst}"
 
 
 def spliced(without: Motion, asked: Motion, share: Array) -> Motion:
