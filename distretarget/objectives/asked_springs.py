@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from distretarget.contact_entries import Contact, Distance, Plant
 from distretarget.ik.springs import Springs, joined
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
+from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
@@ -33,6 +35,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Joints = NDArray[np.intp]
 
+STEADY = 0.1  # what is to be between joints is averaged over this time before and after [s]
 LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [body units]
 
 
@@ -50,7 +53,8 @@ def with_wishes(
             if way is None:
                 now = between(clip.copy, pair, clip)
                 way = now + off_by(wishes, wish, clip.copy, skins)
-            springs.append(_spring(clip, pair, way, firmness))
+            average = partial(averaged, reach=round(STEADY / clip.frame_time))
+            springs.append(_spring(clip, pair, by_shot(average, clip.shots, way), firmness))
         elif isinstance(wish.entry, Plant) and not wish.entry.keep:
             supports = let_go(supports, wish.joints[0], firmness)
         elif isinstance(wish.entry, Plant):
@@ -97,7 +101,7 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, skins: Skins | None) -> A
             first = np.isin(skins.target.of_joint[wish.joints[0]], skins.target.balls.pairs[on, 0]).any()
             own, away = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
             return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
-        length: float | Array = gap
+        length, now = np.full(len(clip), gap), _nearest_way(motion, wish.joints) / clip.unit
     elif isinstance(entry, Contact):
         u, v = clip.drivers[[*pair]]
         tau, own_tau = clip.skeleton.path_lengths[pair], clip.source_skeleton.path_lengths[u, v]
@@ -105,10 +109,17 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, skins: Skins | None) -> A
         length = tau / max(own_tau, LEAST_LENGTH) / clip.unit * source
     else:
         assert isinstance(entry, Distance)
-        length = wishes.length(entry.value)
+        length = np.full(len(clip), wishes.length(entry.value))
     far = lengths(now)
     direction = np.where(far[:, None] > LEAST_LENGTH, normalised(now), clip.up)
     return np.asarray((length - far)[:, None] * direction)
+
+
+def _nearest_way(motion: Motion, parts: Sequence[Joints]) -> Array:
+    """(frames, 3), the way from the second of two parts to the first between the joints that are nearest in a frame."""
+    ways = motion.positions[:, parts[0], None] - motion.positions[:, None, parts[1]]
+    ways = ways.reshape(len(motion), -1, 3)
+    return np.asarray(ways[np.arange(len(motion)), lengths(ways).argmin(axis=1)])
 
 
 def resting_way(

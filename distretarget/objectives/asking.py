@@ -48,6 +48,7 @@ class Wish:
     joints: tuple[Joints, ...]  # the target's joints of each part
     frames: Flags  # (frames,)
     weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
+    lead: int  # it sets in and lets go over so many frames
     carrier: Carrier | None = None  # what a part is planted on
 
     @property
@@ -85,10 +86,10 @@ class Wishes:
             carrier = _carrier_of(contacts, clip, entry, joints[0], others)
             if entry.acts:
                 is_foot = isinstance(entry, Plant) and clip.regions.inside("foot")[joints[0]].any()
-                time = 2.0 * (FOOT_BLEND if is_foot else blend)
+                lead = int(2.0 * (FOOT_BLEND if is_foot else blend) / clip.frame_time)
                 weight = entry.firmness if isinstance(entry, Contact) else 1.0
-                weight *= by_shot(partial(_eased, frames=int(time / clip.frame_time)), clip.shots, on)
-                found.append(Wish(entry, joints, on, weight, carrier))
+                weight *= by_shot(partial(_eased, frames=lead), clip.shots, on)
+                found.append(Wish(entry, joints, on, weight, lead, carrier))
         for one, other in combinations(found, 2):
             _check_agree(contacts, one, other)
         return cls(clip, tuple(found))

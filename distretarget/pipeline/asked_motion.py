@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from distretarget.contact_entries import Plant
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
+from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asked_reach import brought_out, reached
 from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
@@ -20,6 +22,7 @@ from distretarget.objectives.looks import with_looks
 from distretarget.objectives.skins import limbs_of
 from distretarget.objectives.supports import Supports
 from distretarget.objectives.units import centimetres
+from distretarget.pipeline.blending import blended
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
 
@@ -27,8 +30,9 @@ Array = NDArray[np.float64]
 Ways = Sequence[Array | None]
 
 NOTICED = 0.003  # what is farther off than this is told [heights]
+SMOOTHING = 0.1  # what is asked changes is averaged over this time before and after [s]
 ROUNDS = 2  # in which what is between parts is found
-STEADY = (0.1, 0.05, 0.03, 0.0)  # in the end limbs close what is left, averaged over these times before and after [s]
+STEADY = (0.1, 0.05, 0.05, 0.03)  # in the end limbs close what is left, averaged over these times before and after [s]
 
 
 def dropping(performer: Performer, wishes: Wishes) -> Performer:
@@ -50,14 +54,16 @@ def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) 
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
     made, ways = wishes.made, list[Array | None]()
+    steadied = partial(averaged, reach=round(SMOOTHING / free.clip.frame_time))
     for _ in range(ROUNDS):
         asked = as_asked(free, wishes, ways)
         held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
+        held = replace(held, v=poses.v + by_shot(steadied, asked.clip.shots, held.v - poses.v))
         motion = met(asked, asked.posed(held), made)
         pairs = [pair_of(asked.clip, wish) for wish in made.wishes]
         ways = [between(motion, pair, asked.clip) if pair else None for pair in pairs]
     log = np.where(made.share > 0.0, held.log, poses.log)
-    posed = spliced(free.with_own_skin(free.posed(poses)), motion, made.share)
+    posed = asked_blend(free.with_own_skin(free.posed(poses)), motion, made)
     asked = replace(asked, supports=_between(free.supports, asked.supports, made.share))
     return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
 
@@ -101,18 +107,8 @@ def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
             yield f"{name} is up to {cm:.1f} cm off what is asked, at frame {worst}"
 
 
-def spliced(without: Motion, asked: Motion, share: Array) -> Motion:
-    """Return the motion `without` what is asked where the share, (frames,), is 0, the other where it is 1, and what
-    lies between them elsewhere.
-    """
-    share = share[:, None]
-    roots = np.where(
-        share > 0.0, (1.0 - share) * without.root_positions + share * asked.root_positions, without.root_positions
-    )
-    roots = np.where(share < 1.0, roots, asked.root_positions)
-    a, b, w = without.rotations, asked.rotations, share[..., None]
-    same = np.where((a * b).sum(axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
-    mixed = (1.0 - w) * a + w * same * b
-    mixed /= np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1e-12)
-    rotations = np.where(w <= 0.0, a, np.where(w >= 1.0, b, mixed))
-    return replace(without, root_positions=roots, rotations=rotations)
+def asked_blend(without: Motion, held: Motion, wishes: Wishes) -> Motion:
+    """Return the motion `held` in the frames of wishes, blended into that `without` them."""
+    on = np.any([wish.frames for wish in wishes.wishes], axis=0)
+    lead = np.max([wish.lead * wish.frames for wish in wishes.wishes], axis=0)
+    return blended(without, held, on, wishes.share, lead, wishes.clip.shots)
