@@ -101,7 +101,8 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, skins: Skins | None) -> A
             first = np.isin(skins.target.of_joint[wish.joints[0]], skins.target.balls.pairs[on, 0]).any()
             own, away = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
             return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
-        length, now = np.full(len(clip), gap), _nearest_way(motion, wish.joints) / clip.unit
+        length = np.full(len(clip), gap)
+        now = _nearest_way(motion, wish.joints) / clip.unit if gap else now
     elif isinstance(entry, Contact):
         u, v = clip.drivers[[*pair]]
         tau, own_tau = clip.skeleton.path_lengths[pair], clip.source_skeleton.path_lengths[u, v]

@@ -11,6 +11,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.body import Body
 from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
@@ -70,9 +71,11 @@ class Wishes:
     wishes: tuple[Wish, ...]
 
     @classmethod
-    def of(cls, contacts: ContactList, clip: Clip, blend: float, others: Mapping[str, Carrier] = NO_OTHERS) -> Wishes:
-        """Return the entries on a clip; they set in over twice `blend` [s], and let go over as much. `others` are the
-        performers and props that parts may rest on, by their names.
+    def of(
+        cls, contacts: ContactList, clip: Clip, body: Body, blend: float, others: Mapping[str, Carrier] = NO_OTHERS
+    ) -> Wishes:
+        """Return the entries on a clip whose target is a `body`; they set in over twice `blend` [s], and let go over as
+        much. `others` are the performers and props that parts may rest on, by their names.
 
         Raises:
             ContactsError: an entry names what is not there, goes beyond the clip, contradicts another, or asks for a
@@ -85,6 +88,8 @@ class Wishes:
             _check_parts(contacts, clip, entry, joints)
             carrier = _carrier_of(contacts, clip, entry, joints[0], others)
             if entry.acts:
+                if isinstance(entry, Contact) and entry.keep:
+                    joints = tuple(_without_neck(body, part) for part in joints)
                 is_foot = isinstance(entry, Plant) and clip.regions.inside("foot")[joints[0]].any()
                 lead = int(2.0 * (FOOT_BLEND if is_foot else blend) / clip.frame_time)
                 weight = entry.firmness if isinstance(entry, Contact) else 1.0
@@ -125,6 +130,12 @@ class Wishes:
     def length(self, cm: float) -> float:
         """Return a length [cm] in body units."""
         return cm / centimetres(self.clip.unit) / self.clip.unit
+
+
+def _without_neck(body: Body, part: Joints) -> Joints:
+    """The joints of a part without the neck's, if it is the head: that is what is to be touched."""
+    head = body.anatomy.roles.get("head") if body.anatomy else None
+    return part if head is None or head not in part else np.intersect1d(part, [*body.skeleton.subtree(head)])
 
 
 def _eased(on: Flags, frames: int) -> Array:

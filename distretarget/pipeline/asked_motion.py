@@ -16,7 +16,7 @@ from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asked_reach import brought_out, reached
 from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
-from distretarget.objectives.asking import Wishes
+from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.looks import with_looks
 from distretarget.objectives.skins import limbs_of
@@ -32,7 +32,8 @@ Ways = Sequence[Array | None]
 NOTICED = 0.003  # what is farther off than this is told [heights]
 SMOOTHING = 0.1  # what is asked changes is averaged over this time before and after [s]
 ROUNDS = 2  # in which what is between parts is found
-STEADY = (0.1, 0.05, 0.05, 0.03)  # in the end limbs close what is left, averaged over these times before and after [s]
+MET = 0.002  # limbs reach no further once all is nearer than this [heights]
+STEADY = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)  # in the end limbs close what is left, averaged over these times before and after [s]
 
 
 def dropping(performer: Performer, wishes: Wishes) -> Performer:
@@ -84,13 +85,24 @@ def met(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
         motion = brought_out(motion, *given[:3], skins.target, body)
         motion = asked.with_own_skin(reached(motion, *given, STEADY[0]))
     for steady in STEADY:
+        if not any(off.max() > MET * body.height for _, off in _off(asked, wishes, motion)):
+            break
         motion = reached(motion, *given, steady)
     return with_looks(motion, wishes, body)
 
 
 def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
     """Yield how far off what is asked is in a motion, for what is not met; `performer` is as asked."""
-    clip, supports, least = wishes.clip, performer.supports, NOTICED * performer.match.matching.target.height
+    for wish, off in _off(performer, wishes, posed):
+        if off.max() > NOTICED * performer.match.matching.target.height:
+            name, worst = " - ".join(wish.named), int(off.argmax())
+            cm = centimetres(performer.clip.unit) * off[worst]
+            yield f"{name} is up to {cm:.1f} cm off what is asked, at frame {worst}"
+
+
+def _off(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[tuple[Wish, Array]]:
+    """Yield wishes, and how far they are off in a motion where they are to be met, (frames,) [file units]."""
+    clip, supports = wishes.clip, performer.supports
     for wish in wishes.wishes:
         if pair_of(clip, wish):
             off = lengths(off_by(wishes, wish, posed, performer.match.skins)) * clip.unit
@@ -100,11 +112,7 @@ def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
             off = away.max(axis=1, initial=0.0)
         else:
             continue
-        off = np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
-        if off.max() > least:
-            name, worst = " - ".join(wish.named), int(off.argmax())
-            cm = centimetres(clip.unit) * off[worst]
-            yield f"{name} is up to {cm:.1f} cm off what is asked, at frame {worst}"
+        yield wish, np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
 
 
 def asked_blend(without: Motion, held: Motion, wishes: Wishes) -> Motion:

@@ -92,7 +92,7 @@ def retarget(
     if options.objective == "paper":
         return _by_paper(performer, contacts, settings, progress)
     performer = performer.with_supports(options, settings)
-    wishes = Wishes.of(contacts, performer.clip, settings.blend)
+    wishes = Wishes.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
     free = dropping(performer, wishes.drops)
     poses = solve_contact(free.clip, free.supports, free.settings, mapper=mapper, progress=progress)
     if not wishes.made.wishes:
@@ -104,7 +104,7 @@ def _by_paper(
     performer: Performer, contacts: ContactList, settings: ContactSettings, progress: Progress
 ) -> RetargetResult:
     """The result of the paper's objective, with the distances that are asked for."""
-    wishes = Wishes.of(contacts, performer.clip, settings.blend)
+    wishes = Wishes.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
     distances = find_distances(contacts, wishes) if wishes.wishes else None
     poses, postures = solve_paper(performer.clip, progress)
     if distances is None:

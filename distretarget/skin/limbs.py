@@ -21,6 +21,7 @@ Numbers = NDArray[np.intp]
 WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
 LEAST = 1e-9  # smaller angles are none [rad]
 STRETCHED = 1e-3  # a limb that reaches for something is shorter than its bones by this share of them
+FOLDED = np.radians(30.0)  # it folds up to this angle between its bones, if it was not folded more [rad]
 UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -100,8 +101,8 @@ def reaching(motion: Motion, limb: Limb, by: Array) -> Array:
     top, middle, end = (motion.positions[:, joint] for joint in limb.joints)
     upper, lower = (motion.skeleton.lengths[joint] for joint in (limb.middle, limb.end))
     now, way = end - top, end + by - top
-    far = lengths(way)
-    most, least = (1.0 - STRETCHED) * (upper + lower), abs(upper - lower) + STRETCHED * (upper + lower)
+    far, most = lengths(way), (1.0 - STRETCHED) * (upper + lower)
+    least = np.minimum(np.sqrt(upper**2 + lower**2 - 2.0 * upper * lower * np.cos(FOLDED)), lengths(now))
     aim = (np.clip(far, least, most) / np.maximum(far, LEAST))[:, None] * way
     far = np.maximum(lengths(aim), LEAST)[:, None]
     turned = Rotation.from_quat(least_rotation(now, aim)).apply(middle - top)
