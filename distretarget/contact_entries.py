@@ -104,9 +104,9 @@ class Plant(Entry):
 
     Attributes:
         plant: the part.
-        on: "floor"; "where it is", at its mean place; a place in the target's file [its units]; or a joint or part of the
-            body, with which it moves; in scenes also a prop by its name, or another performer's joint as "2: Head", by
-            the performer's name or number from 1. None as found.
+        on: "floor"; "where it is", at its mean place; a place in the target's file [its units]; or a joint or part of
+            the body, with which it moves; in scenes also a prop by its name, or another performer's joint by the
+            performer's number from 1, such as "2: Head". None as found.
         keep: False to let it go.
 
     Raises:

@@ -118,6 +118,8 @@ def _way_out(skin: BodySkin, posed: Array, parts: NDArray[np.intp], front: Array
         along = np.einsum("fsbi,fi->fsb", way, axis) / np.maximum((axis**2).sum(axis=1), 1e-12)[:, None, None]
         along = np.clip(along, 0.0, 1.0)
         far = lengths(way - along[..., None] * axis[:, None, None])
-        radius = (1.0 - along) * radii[0] + along * radii[1] + balls.radii[own] + np.minimum(balls.spare[own, each], 0.0)
+        radius = (
+            (1.0 - along) * radii[0] + along * radii[1] + balls.radii[own] + np.minimum(balls.spare[own, each], 0.0)
+        )
         clear &= (far >= radius).all(axis=2)
     return np.where(clear.any(axis=1), STEPS[clear.argmax(axis=1)], 0.0)

@@ -1,5 +1,4 @@
-"""What contacts, distances and planted parts that are asked for need: springs between joints, supports on the world, and
-by how much they are off.
+"""Springs of contacts, distances and planted parts that are asked for, and by how much these are off.
 
 A spring brings its joints the share s of the way from the rotation copy to what is asked, however stiff the body:
 
@@ -27,7 +26,7 @@ from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
 from distretarget.objectives.planting import let_go, planted, turns_of
-from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.objectives.skins import Skins
 from distretarget.objectives.supports import LEAST_WEIGHT, STIFFNESS, Supports
 from distretarget.skin.nearest import nearest_skin
 
@@ -96,7 +95,7 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, skins: Skins | None) -> A
         return resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
     if isinstance(entry, Contact) and entry.gap != "source":
         gap = wishes.length(float(entry.gap or 0.0))
-        on = () if skins is None else skins.target.between(*wish.joints)
+        on = np.zeros(0, np.intp) if skins is None else skins.target.between(*wish.joints)
         if skins is not None and len(on):
             first = np.isin(skins.target.of_joint[wish.joints[0]], skins.target.balls.pairs[on, 0]).any()
             own, away = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
@@ -129,8 +128,8 @@ def resting_way(
     """(frames, 3), the way from a joint of the body to the part that rests on it and moves with it [body units]."""
     own = turns_of(clip.copy, carrier.joint).inv().apply(between(clip.copy, pair, clip))
     thick = 0.0 if skins is None else sum(skins.target.thickness(joint) for joint in pair)
-    offset = thick * normalised(own[wish.frames].mean(axis=0)[None])
-    return np.asarray(turns_of(motion, carrier.joint).apply(np.broadcast_to(offset, own.shape)))
+    offset = thick * normalised(own[wish.frames].mean(axis=0)[None])[0]
+    return np.asarray(turns_of(motion, carrier.joint).apply(offset))
 
 
 def _spring(clip: Clip, pair: tuple[int, int], way: Array, firmness: Array) -> Springs:

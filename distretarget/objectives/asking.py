@@ -16,6 +16,7 @@ from distretarget.contact_entries import Contact, ContactList, Distance, Entry, 
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, widened
+from distretarget.numerics.vectors import normalised
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.dropped import Drop, Dropped
 from distretarget.objectives.supports import BLEND as FOOT_BLEND
@@ -30,15 +31,22 @@ NO_OTHERS: Mapping[str, Carrier] = {}
 TURNED = ("head", "hand", "foot")  # parts whose direction can be kept
 
 
+def _away(place: Array) -> tuple[Array, Array]:
+    """A joint itself, and the direction from it to a place, (3,)."""
+    return np.zeros(3), normalised(place[None])[0]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Carrier:
-    """A joint that a part rests on and moves with: of the body itself, of another performer or of a prop."""
+    """What a part rests on and moves with: a joint of the body itself or of another performer, or a prop."""
 
     motion: Motion | None = None  # in the target's world; None for the body itself
     joint: int = 0
-    radius: float = 0.0  # of the skin about it [target file units]
-    # the place on its surface nearest to a place, both relative to the joint, as it is turned [target file units]
-    nearest: Callable[[Array], Array] = np.zeros_like
+    is_whole: bool = False  # whether it is named as a whole, as a prop is, and not by a joint
+    radii: tuple[float, ...] = (0.0,)  # of the skin about its joints [target file units]
+    # the place on its surface nearest to a place, (3,), both relative to the joint as it is turned, and the direction
+    # out of it there [target file units]
+    nearest: Callable[[Array], tuple[Array, Array]] = _away
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +92,7 @@ class Wishes:
         found = []
         for entry in contacts:
             joints = tuple(_joints_of(contacts, clip, entry, n, name) for n, name in enumerate(_named(entry)))
-            on = _frames_of(contacts, clip, entry)
+            on = frames_of(contacts, clip, entry)
             _check_parts(contacts, clip, entry, joints)
             carrier = _carrier_of(contacts, clip, entry, joints[0], others)
             if entry.acts:
@@ -92,9 +100,9 @@ class Wishes:
                     joints = tuple(_without_neck(body, part) for part in joints)
                 is_foot = isinstance(entry, Plant) and clip.regions.inside("foot")[joints[0]].any()
                 lead = int(2.0 * (FOOT_BLEND if is_foot else blend) / clip.frame_time)
-                weight = entry.firmness if isinstance(entry, Contact) else 1.0
-                weight *= by_shot(partial(_eased, frames=lead), clip.shots, on)
-                found.append(Wish(entry, joints, on, weight, lead, carrier))
+                firmness = entry.firmness if isinstance(entry, Contact) else 1.0
+                weight = by_shot(partial(_eased, frames=lead), clip.shots, on)
+                found.append(Wish(entry, joints, on, firmness * weight, lead, carrier))
         for one, other in combinations(found, 2):
             _check_agree(contacts, one, other)
         return cls(clip, tuple(found))
@@ -114,14 +122,19 @@ class Wishes:
         """The contacts that are only dropped; of made ones, what was found between the parts is dropped as well."""
         among = [wish for wish in self.wishes if isinstance(wish.entry, Contact)]
         spans = (wish.frames if wish.drops else wish.weight > 0.0 for wish in among)
-        return Dropped(tuple(Drop(*wish.joints, on) for wish, on in zip(among, spans, strict=True)))
+        return Dropped(tuple(Drop((*wish.joints,), on) for wish, on in zip(among, spans, strict=True)))
+
+    @property
+    def on(self) -> Flags:
+        """(frames,), the frames of any."""
+        return np.asarray(np.any([np.zeros(len(self.clip), bool), *(wish.frames for wish in self.wishes)], axis=0))
 
     @property
     def share(self) -> Array:
         """(frames,), how far each frame is as asked, 0 to 1: what is asked is solved as if it held from where it sets
         in to where it lets go, and the result is between that and the clip without it.
         """
-        return np.max([wish.weight for wish in self.wishes], axis=0, initial=0.0)
+        return np.asarray(np.max([np.zeros(len(self.clip)), *(wish.weight for wish in self.wishes)], axis=0))
 
     def firmness(self, wish: Wish) -> Array:
         """(frames,), how far a wish is met where all is as asked: less than 1 only where others hold more."""
@@ -151,13 +164,18 @@ def _carrier_of(
     if not isinstance(entry, Plant) or not isinstance(entry.on, str) or entry.on in get_args(Ground):
         return None
     name, _, joint = (each.strip() for each in entry.on.partition(":"))
-    if name in others and not joint:
-        return others[name]
-    if name in others and (motion := others[name].motion) and joint in motion.skeleton.keys:
-        return replace(others[name], joint=motion.skeleton.keys.index(joint))
+    other = others.get(entry.on if entry.on in others else name)
+    if other and other.is_whole:
+        return other
+    if other and other.motion and joint in other.motion.skeleton.keys:
+        return replace(other, joint=other.motion.skeleton.keys.index(joint))
+    if other and other.motion:
+        what = f"performer {name} has no joint {joint!r}; {closest(joint, other.motion.skeleton.keys)}"
+        raise contacts.fault(entry, "on", what)
     own = _find_joints(clip, entry.on, regions=True)
     if own is None:
-        names = (*get_args(Ground), *others, *clip.regions.names, *clip.skeleton.keys)
+        props = (name for name, each in others.items() if each.is_whole)
+        names = (*get_args(Ground), *props, *clip.regions.names, *clip.skeleton.keys)
         raise contacts.fault(entry, "on", f"no joint or prop {entry.on!r}; {closest(entry.on, names)}")
     if clip.regions.of_joint[own[0]] == clip.regions.of_joint[part[0]]:
         raise contacts.fault(entry, "on", f"{quoted((*entry.parts, entry.on))} are the same part of the body")
@@ -189,12 +207,16 @@ def _find_joints(clip: Clip, name: str, *, regions: bool) -> Joints | None:
     if name in clip.skeleton.keys:
         return np.array([clip.skeleton.keys.index(name)])
     sources = clip.source.skeleton.keys
-    driven = np.flatnonzero(clip.drivers == sources.index(name)) if name in sources else ()
+    driven = np.flatnonzero(clip.drivers == sources.index(name)) if name in sources else np.zeros(0, np.intp)
     return driven[:1] if len(driven) else None
 
 
-def _frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
-    """(frames,), those in which an entry holds."""
+def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
+    """Return the frames in which an entry holds, (frames,).
+
+    Raises:
+        ContactsError: they go beyond the clip.
+    """
     on, last = np.ones(len(clip), bool), len(clip) - 1
     span = entry.frames
     if entry.seconds is not None:

@@ -75,13 +75,15 @@ def solve_contact(
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
     poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
-    smooth_flips(poses.v, _held_parts(clip, supports, settings), clip.shots, clip.frame_time)
+    smooth_flips(poses.v, held_parts(clip, supports, settings), clip.shots, clip.frame_time)
     smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses
 
 
-def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
-    """(frames, parts), 1 while a joint below a part rests on something or touches another performer, blended to 0."""
+def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
+    """Return 1 while a joint below a part rests on something or touches another performer, blended to 0, (frames,
+    parts).
+    """
     held = np.zeros((len(clip), clip.parts.max() + 1))
     holds = [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()

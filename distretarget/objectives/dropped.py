@@ -16,14 +16,14 @@ Joints = NDArray[np.intp]
 class Drop:
     """A contact that does not count: between joints of the one part and joints of the other."""
 
-    one: Joints  # of the target
-    other: Joints
+    parts: tuple[Joints, ...]  # the target's joints of both
     frames: Flags  # (frames,)
 
     def of(self, a: Joints, b: Joints) -> Flags:
         """(pairs,), whether joints a and b are one of each part."""
-        ends = [[np.isin(joints, part) for part in (self.one, self.other)] for joints in (a, b)]
-        return np.asarray((ends[0][0] & ends[1][1]) | (ends[0][1] & ends[1][0]))
+        one, other = self.parts
+        ways = ((one, other), (other, one))
+        return np.asarray(np.any([np.isin(a, first) & np.isin(b, second) for first, second in ways], axis=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.contact_entries import Plant
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import lengths, level, normalised
+from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.asking import Carrier, Wish
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.skins import Skins
@@ -85,9 +85,9 @@ def _carried(carrier: Carrier, copy: Array, on: NDArray[np.bool_], thick: float)
     assert carrier.motion is not None
     at, turns = carrier.motion.positions[:, carrier.joint], turns_of(carrier.motion, carrier.joint)
     ways = np.stack([turns.inv().apply(x - at)[on].mean(axis=0) for x in copy.swapaxes(0, 1)])
-    surface = carrier.nearest(ways[0])
-    ways += surface + (thick + carrier.radius) * normalised((ways[0] - surface)[None])[0] - ways[0]
-    return np.stack([at + turns.apply(np.broadcast_to(way, at.shape)) for way in ways], axis=1)
+    surface, out = carrier.nearest(ways[0])
+    ways += surface + (thick + carrier.radii[carrier.joint]) * out - ways[0]
+    return np.stack([at + turns.apply(way) for way in ways], axis=1)
 
 
 def turns_of(motion: Motion, joint: int) -> Rotation:

@@ -17,7 +17,7 @@ from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asked_reach import brought_out, reached
 from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
 from distretarget.objectives.asking import Wish, Wishes
-from distretarget.objectives.contact import solve_contact
+from distretarget.objectives.contact import held_parts, solve_contact
 from distretarget.objectives.looks import with_looks
 from distretarget.objectives.skins import limbs_of
 from distretarget.objectives.supports import Supports
@@ -33,7 +33,16 @@ NOTICED = 0.003  # what is farther off than this is told [heights]
 SMOOTHING = 0.1  # what is asked changes is averaged over this time before and after [s]
 ROUNDS = 2  # in which what is between parts is found
 MET = 0.002  # limbs reach no further once all is nearer than this [heights]
-STEADY = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)  # in the end limbs close what is left, averaged over these times before and after [s]
+STEADY = (
+    0.1,
+    0.05,
+    0.05,
+    0.03,
+    0.03,
+    0.02,
+    0.0,
+    0.0,
+)  # in the end limbs close what is left, averaged over these times before and after [s]
 
 
 def dropping(performer: Performer, wishes: Wishes) -> Performer:
@@ -55,22 +64,29 @@ def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) 
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
     made, ways = wishes.made, list[Array | None]()
-    steadied = partial(averaged, reach=round(SMOOTHING / free.clip.frame_time))
     for _ in range(ROUNDS):
         asked = as_asked(free, wishes, ways)
         held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
-        held = replace(held, v=poses.v + by_shot(steadied, asked.clip.shots, held.v - poses.v))
+        held = replace(held, v=poses.v + _steady(asked, held.v - poses.v))
         motion = met(asked, asked.posed(held), made)
         pairs = [pair_of(asked.clip, wish) for wish in made.wishes]
         ways = [between(motion, pair, asked.clip) if pair else None for pair in pairs]
     log = np.where(made.share > 0.0, held.log, poses.log)
-    posed = asked_blend(free.with_own_skin(free.posed(poses)), motion, made)
-    asked = replace(asked, supports=_between(free.supports, asked.supports, made.share))
+    posed = layered([made], free.with_own_skin(free.posed(poses)), motion)
+    asked = replace(asked, supports=asked_supports(free.supports, asked.supports, made.share))
     return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
 
 
-def _between(free: Supports, asked: Supports, share: Array) -> Supports:
-    """Supports as asked where the share, (frames,), is 1, and as they are `free` where it is 0."""
+def _steady(performer: Performer, change: Array) -> Array:
+    """What is asked changes poses by, (frames, parts + 1, 3), averaged over time where nothing rests below a part."""
+    average = partial(averaged, reach=round(SMOOTHING / performer.clip.frame_time))
+    held = held_parts(performer.clip, performer.supports, performer.settings)
+    held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
+    return held * change + (1.0 - held) * by_shot(average, performer.clip.shots, change)
+
+
+def asked_supports(free: Supports, asked: Supports, share: Array) -> Supports:
+    """Return supports as asked where the share, (frames,), is 1, and as they are `free` where it is 0."""
     own, share = np.zeros_like(asked.weights), share[:, None]
     own[:, : len(free.joints)] = free.weights
     return replace(asked, weights=(1.0 - share) * own + share * asked.weights)
@@ -115,8 +131,10 @@ def _off(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[tuple[
         yield wish, np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
 
 
-def asked_blend(without: Motion, held: Motion, wishes: Wishes) -> Motion:
-    """Return the motion `held` in the frames of wishes, blended into that `without` them."""
-    on = np.any([wish.frames for wish in wishes.wishes], axis=0)
-    lead = np.max([wish.lead * wish.frames for wish in wishes.wishes], axis=0)
-    return blended(without, held, on, wishes.share, lead, wishes.clip.shots)
+def layered(asked: Sequence[Wishes], without: Motion, held: Motion) -> Motion:
+    """Return the motion `held` in the frames of all wishes, blended into that `without` them."""
+    wishes = [wish for each in asked for wish in each.wishes]
+    lead = np.max([wish.lead * wish.frames for wish in wishes], axis=0)
+    share = np.max([each.share * each.on for each in asked], axis=0)
+    shots = np.sum([each.clip.shots for each in asked], axis=0)  # a new shot at the cuts of any performer
+    return blended(without, held, share, lead, shots)

@@ -25,7 +25,7 @@ from distretarget.objectives.asking import Wishes
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import solve_paper
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
-from distretarget.pipeline.asked_motion import asked_blend, asked_result, dropping, unmet
+from distretarget.pipeline.asked_motion import asked_result, dropping, layered, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -110,7 +110,7 @@ def _by_paper(
     if distances is None:
         return performer.result(poses, postures)
     asked, postures = solve_paper(performer.clip, asked=distances)
-    posed = asked_blend(performer.posed(poses), performer.posed(asked), wishes)
+    posed = layered([wishes], performer.posed(poses), performer.posed(asked))
     result = performer.result(asked, postures, posed=posed)
     return replace(result, asked=contacts, unmet=tuple(unmet(performer, wishes, posed)))
 
