@@ -225,6 +225,20 @@ METRICS = tuple(_metric(key, entry) for key, entry in _REGISTRY.items())  # the 
 BY_KEY = {metric.key: metric for metric in METRICS}
 
 
+# The metrics of all sides in one list, by these names: `jerk_source`, `jerk_copy`, `jerk`.
+COLUMNS: dict[str, tuple[Variant, Metric]] = {
+    metric.key + suffix: (side, metric)
+    for metric in METRICS
+    for side, suffix in SUFFIXES.items()
+    if side != "source" or metric.of_source
+}
+
+
+def in_columns(metrics: Metrics) -> dict[str, float | None]:
+    """Return the metrics of a clip, by `COLUMNS`; None where nothing was measured."""
+    return {name: metrics.get(side, {}).get(metric.key) for name, (side, metric) in COLUMNS.items()}
+
+
 def metrics_at(place: str) -> tuple[Metric, ...]:
     """The metrics shown in one of the places."""
     return tuple(metric for metric in METRICS if place in metric.places)
