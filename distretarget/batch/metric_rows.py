@@ -29,7 +29,7 @@ class Measured(TypedDict):
     Attributes:
         metrics: by `measure.metrics.COLUMNS`; None where nothing was to be measured; empty of a clip that failed.
         verdict: on the result, in a sentence.
-        warnings: what needs a look, a line each.
+        warnings: a line each.
         notes: joints of the target without a counterpart, in a line, and which readers refuse the result.
         alignment: of the two bodies, as `alignment_text` has it.
     """

@@ -26,7 +26,7 @@ class ClipRecord(TypedDict):
     frames: int  # retargeted
     seconds: float  # that this took [s]
     metrics: Mapping[str, float | None]  # by `COLUMNS`; None where nothing was measured; empty if it failed
-    warnings: list[str]  # what needs a look, a line each
+    warnings: list[str]  # a line each
     status: Literal["done", "failed"]
     error: str  # why it failed; empty if it did not
 
