@@ -156,7 +156,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         "alignment": alignment_text(result.matching),
         "verdict": result.verdict,
     }
-    report = run_page(result, job.about, job.target.target) if job.about else ""
+    report = run_page(result, job.about, job.target.target, job.source) if job.about else ""
 
     def made(name: str) -> Output:
         match OUTPUTS[PurePath(name).suffix]:
