@@ -207,7 +207,7 @@ def _meant(
     for segment in (number for number, name in enumerate(SEGMENTS) if "hand" in name):
         points = np.flatnonzero(of_point == segment)
         if len(points):
-            reach = clip.skeleton.path_lengths[targets[points[0]], targets[points]]
+            reach = clip.skeleton.paths_from(targets.item(points[0]))[targets[points]]
             chosen[points] = (points == points[0]) | (points == points[reach.argmax()])
     contacts, meant = Contacts.of(clip, settings, chosen), np.zeros(touching.shape)
     for block in blocks_of(len(clip)):

@@ -181,4 +181,4 @@ class RetargetResult:
             return False
         leg, motion = self.matching.legs[1][support // 2], self.motion
         reach = motion.positions[frame, leg.ankle] - motion.positions[frame, leg.hip]
-        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.path_lengths[leg.hip, leg.ankle])
+        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])
