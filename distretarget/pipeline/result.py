@@ -150,7 +150,8 @@ class RetargetResult:
     @cached_property
     def verdict(self) -> str:
         """What was kept and what changed, in a plain sentence, with the names of metrics over their limits."""
-        return verdict(self.metrics, self.tracks)
+        text = verdict(self.metrics, self.tracks)
+        return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
     def warnings(self) -> tuple[str, ...]:
