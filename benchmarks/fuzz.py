@@ -25,7 +25,8 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
+from types import SimpleNamespace
 from typing import Any
 
 import click
@@ -48,14 +49,14 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
-from distretarget.batch.compile_ahead import warm
-from distretarget.batch.manifest import Manifest, parse_record
+from distretarget.batch.manifest import Manifest
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
 from distretarget.io.target_file import TargetFile, parse_target, skeleton_to_json
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.options import OBJECTIVES
 from distretarget.pipeline.retargeting import retarget_onto
 
@@ -121,11 +122,10 @@ def read(case: tuple[str, str]) -> None:
     else:
         with tempfile.TemporaryDirectory() as folder:
             _write(Path(folder) / "manifest.jsonl", text)
-            tally = Tally(clips=3, seconds=1.0)
-            assert Manifest(Path(folder), read_only=True).broken is not None
-            for line in text.encode("utf-8", "surrogatepass").split(b"\n"):
-                if record := parse_record(line):
-                    tally.add(record)
+            tally, manifest = Tally(clips=3, seconds=1.0), Manifest(Path(folder), read_only=True)
+            assert manifest.broken is not None
+            for record in manifest.latest(SimpleNamespace(place=PurePath(name)) for name in made.OUTPUTS):
+                tally.add(record)
             assert tally.lines
 
 

@@ -242,32 +242,18 @@ def _with_strange_value(draw: st.DrawFn, value: Any) -> Any:
     return changed
 
 
+OUTPUTS = ("clip.bvh", "other.bvh", "..bvh", "a/b.bvh")  # in manifests
+
+
 @st.composite
 def manifests(draw: st.DrawFn) -> str:
     """The manifest of a batch, some of its lines."""
-    metrics = {side: {"stress": 0.1, "foot_skate": None} for side in ("source", "rotation_copy", "result")}
-    lines = []
-    for name in draw(st.lists(st.sampled_from(("clip", "other", "..", "a/b")), max_size=3)):
-        failed = draw(st.booleans())
-        lines.append(
-            {
-                "input": f"{name}.bvh",
-                "input_hash": "sha256:00",
-                "output": f"{name}.bvh",
-                "output_hash": None if failed else "sha256:11",
-                "target": "body.json",
-                "target_hash": "sha256:22",
-                "options": {},
-                "version": "0",
-                "frames": 3,
-                "seconds": 0.1,
-                "metrics": {} if failed else metrics,
-                "notes": [],
-                "warnings": [],
-                "status": "failed" if failed else "done",
-                "error": "no" if failed else None,
-            }
-        )
+    settings = {"settings": "0", "target": "body.json", "target_hash": "sha256:22", "options": {}, "version": "0"}
+    lines = [settings]
+    for name in draw(st.lists(st.sampled_from(OUTPUTS), max_size=3)):
+        clip = {"input": name, "output": name, "settings": "0", "input_hash": "sha256:00"}
+        outcome = draw(st.sampled_from(({"status": "failed", "error": "no"}, {"status": "done", "output_hash": "x"})))
+        lines.append(clip | {"frames": 3, "seconds": 0.1} | outcome)
     return "\n".join(map(json.dumps, lines)) + "\n"
 
 

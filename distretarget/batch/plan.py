@@ -14,12 +14,12 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
 from distretarget.io.gltf_animation import free_name
 from distretarget.io.gltf_scene import animation_names
-from distretarget.io.input_file import KINDS, MOTION_SUFFIXES, InputFile
+from distretarget.io.input_file import KINDS, MOTION_SUFFIXES, InputFile, load_file
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.scene.scene_file import SCENE_NAME
 
-MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
+MANIFEST, METRICS = "manifest.jsonl", "metrics.csv"  # in the folder of results
 WILDCARDS = frozenset("*?[")
 
 
@@ -35,19 +35,10 @@ class Clip:
     suffixes: tuple[str, ...] = ()  # of the other results, which are beside the first and named like it
 
     @property
-    def others(self) -> tuple[PurePath, ...]:
-        """The places of the other results."""
-        return tuple(self.place.with_name(self.stem + suffix) for suffix in self.suffixes)
-
-    @property
-    def places(self) -> tuple[PurePath, ...]:
-        """The places of all results."""
-        return (self.place, *self.others)
-
-    @property
-    def stem(self) -> str:
-        """The name of the results without suffix."""
-        return self.place.name.removesuffix(self.place.suffix)
+    def outputs(self) -> tuple[str, ...]:
+        """The paths of all results in the folder of results, with slashes."""
+        stem = self.place.as_posix().removesuffix(self.place.suffix)
+        return (self.place.as_posix(), *(stem + suffix for suffix in self.suffixes))
 
 
 def find_clips(
@@ -124,9 +115,9 @@ def plan(
     taken: dict[str, Clip] = {}
     inputs = _inputs(clips)
     for clip in clips:
-        for place in clip.places:
-            result = folder / place
-            other = taken.setdefault(place.as_posix().casefold(), clip)
+        for output in clip.outputs:
+            result = folder / output
+            other = taken.setdefault(output.casefold(), clip)
             if other is not clip:
                 both = " and ".join(f"{each.path} onto {each.target.path}" for each in (other, clip))
                 raise BatchError(
@@ -136,6 +127,11 @@ def plan(
             if _file(result) in inputs:
                 raise BatchError(f"{result} is an input and would be replaced; choose another folder with -o")
     return sorted(clips, key=lambda clip: -clip.size)
+
+
+def load_targets(paths: Sequence[Path]) -> list[TargetFile]:
+    """Read the files of targets."""
+    return [TargetFile.of(load_file(path)) for path in paths]
 
 
 def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
@@ -157,7 +153,7 @@ def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath,
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
     """Raise a BatchError if a page or table on all clips would replace an input or a file of the batch in `folder`."""
     written = {
-        folder.resolve() / place for place in (PurePath(MANIFEST), *(place for clip in clips for place in clip.places))
+        folder.resolve() / name for name in (MANIFEST, METRICS, *(each for clip in clips for each in clip.outputs))
     }
     if page.resolve() in written or _file(page) in {*_inputs(clips), _file(map_path) or ()}:
         raise BatchError(f"{page}: is an input, or the place of a result; give it another name")

@@ -107,7 +107,7 @@ class Body:
     @cached_property
     def unit(self) -> float:
         """The body unit [file units]: twice the leg length, about the height; the longest path without legs."""
-        return 2.0 * self.leg_length if self.legs else float(self.skeleton.path_lengths.max())
+        return 2.0 * self.leg_length if self.legs else self.skeleton.longest_path
 
     @cached_property
     def height(self) -> float:

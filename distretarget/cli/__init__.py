@@ -19,9 +19,9 @@ from typing import Any, NoReturn
 
 import click
 
-from distretarget.batch.interrupts import interrupts_kept
 from distretarget.errors import DistretargetError, shown
 from distretarget.io.files import reason_of
+from distretarget.numerics.interrupts import interrupts_kept
 
 COMMANDS = {  # by name: where the command is, and its short help
     "audit": ("distretarget.cli.audit:audit_command", "Say what is wrong with the clips in a folder."),

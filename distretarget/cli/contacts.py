@@ -6,7 +6,6 @@ from pathlib import Path
 
 import click
 
-from distretarget.batch.compile_ahead import warm
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading
 from distretarget.cli.outputs import check_outputs, read_input, say, write_outputs
 from distretarget.errors import DistretargetError
@@ -14,6 +13,7 @@ from distretarget.io.contacts_file import contacts_to_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import TargetFile
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.found_contacts import contact_lines, find_contacts
 
 

@@ -12,7 +12,6 @@ import click
 from tqdm import tqdm
 
 from distretarget.baseline.world import RootOffset
-from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import (
     OVERWRITE_OPTION,
@@ -50,6 +49,7 @@ from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, o
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
@@ -158,7 +158,7 @@ def retarget_command(
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
         metrics: lambda: metrics_json(result),
-        report: lambda: run_page(result, about(Path(source_file.path), output), body.target),
+        report: lambda: run_page(result, about(Path(source_file.path), output), body.target, source_file),
     }
     write_outputs(contents, overwrite)
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))

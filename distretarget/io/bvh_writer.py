@@ -54,9 +54,7 @@ def format_bvh(motion: Motion) -> str:
 def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Iterable[str]:
     """The text of `format_bvh` in parts, which `mapper` makes: `map`, or the `map` of an executor."""
     check_kind("motion", motion, Motion)
-    if motion.skeleton.looks_back:
-        motion = motion.turned_round()  # as readers of BVH expect it
-    motion = _with_channels(motion)
+    motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)
@@ -84,7 +82,7 @@ def _with_channels(motion: Motion) -> Motion:
 
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
     """The HIERARCHY, joints depth first."""
-    depths = skeleton.path_sizes[0] - 1
+    depths = skeleton.depths
     if (deepest := int(depths.max())) > MAX_DEPTH:
         raise SkeletonError(f"a joint is inside {deepest} others; BVH files have {MAX_DEPTH} at most")
     order = skeleton.depth_first
@@ -111,7 +109,7 @@ def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
 
 def _decimals(skeleton: Skeleton) -> list[int]:
     """The number of decimals of each channel, depth first; positions get those that 1e-8 of the longest path needs."""
-    longest = float(np.max(skeleton.path_lengths))
+    longest = skeleton.longest_path
     fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6
     channels = [channel for joint in skeleton.depth_first for channel in skeleton.channels[joint]]
     return [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
+from distretarget.skeleton import HALF_TURN
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,7 @@ class Material:
     Attributes:
         colour: red, green, blue and opacity, linear [0 to 1].
         image: the content of the picture that is laid on it; empty for none.
-        kind: the media type of the image.
+        normal_map: the content of the picture of its normals; empty for none.
         mode: how its opacity is used, "OPAQUE", "MASK" or "BLEND", as in glTF.
         cutoff: with "MASK", what is less opaque than this is not seen.
         two_sided: whether it is seen from behind.
@@ -29,7 +30,7 @@ class Material:
 
     colour: tuple[float, ...] = (0.8, 0.8, 0.8, 1.0)
     image: bytes = b""
-    kind: str = ""
+    normal_map: bytes = b""
     mode: str = "OPAQUE"
     cutoff: float = 0.5
     two_sided: bool = False
@@ -84,6 +85,10 @@ class SkinnedMesh:
             places = np.einsum("fij,vj->fvi", matrices, bound) + motion.positions[:, None, joint]
             result[:, moved] += share[moved, None] * places
         return result
+
+    def turned_round(self) -> SkinnedMesh:
+        """Return the mesh turned half round about Y, as `Skeleton.turned_round` is."""
+        return replace(self, vertices=self.vertices * HALF_TURN, whole=self.whole and self.whole.turned_round())
 
 
 def no_mesh() -> SkinnedMesh | None:
