@@ -227,6 +227,12 @@ class Motion:
         over_blocks(place, *positions.shape[:2])
         return positions
 
+    @property
+    def bones(self) -> Array:
+        """(frames, joints, 3), from each joint's parent to it in the world [file units]; not cached."""
+        bones = np.take(self.positions, self.skeleton.parents, axis=1)
+        return np.subtract(self.positions, bones, out=bones)
+
     def turned_round(self) -> Motion:
         """Return the motion of the body turned half round about Y, in its rest pose as well, so that it looks to +Z
         where it looked to -Z (`Skeleton.looks_back`), and the other way round.

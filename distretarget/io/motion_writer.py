@@ -25,6 +25,7 @@ from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.npz import Arrays, Precision, npz
+from distretarget.io.smpl import smpl_parameters
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.motion import Motion
@@ -148,8 +149,8 @@ class OutputSettings:
     precision: Precision = "float64"
 
     def arrays(self, clip: NamedClip) -> bytes:
-        """Return the content of an npz file with the arrays of a clip, and its labels."""
-        return npz({**cast(Arrays, clip.motion.to_dict(self.rotations)), **clip.labels}, self.precision)
+        """Return the content of an npz file with the arrays of a clip, its labels, and its parameters of SMPL."""
+        return npz({**arrays_of(clip.motion, self.rotations), **clip.labels}, self.precision)
 
     def clip(self, motion: Motion, name: str, up: Array | None = None) -> NamedClip:
         """Return a motion as it is to be written; `up` is the unit vector up, by default Y."""
@@ -160,6 +161,11 @@ class OutputSettings:
 
 
 DEFAULT_OUTPUT = OutputSettings()
+
+
+def arrays_of(motion: Motion, rotations: RotationKind) -> Arrays:
+    """Return the arrays of a motion, and its parameters if its body is one of SMPL."""
+    return {**cast(Arrays, motion.to_dict(rotations)), **smpl_parameters(motion)}
 
 
 def in_place(motion: Motion, up: Array) -> Motion:

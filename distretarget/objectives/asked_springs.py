@@ -150,7 +150,7 @@ def _spring(clip: Clip, a: int, b: int, length: Array, weight: Array) -> Springs
 def _compliance(clip: Clip, a: int, b: int, on: Flags) -> Array:
     """M: (frames, 3, 3), displacement of joint a against joint b per force, in some frames."""
     h = part_stiffness(clip)
-    bones, skeleton = clip.bones[on] / clip.unit, clip.skeleton
+    bones, skeleton = clip.copy.bones[on] / clip.unit, clip.skeleton
     arms = np.zeros((len(bones), len(h) - 1, 3))
     for end, sign in ((a, 1.0), (b, -1.0)):
         for joint in skeleton.line(end):
