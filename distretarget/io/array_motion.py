@@ -11,11 +11,13 @@ from distretarget.io.npz import ArraysFile
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
 from distretarget.io.target_file import parse_full_target
 from distretarget.motion import Motion, is_frame_time
+from distretarget.numerics.rotations import from_represented
 from distretarget.objectives.positions import motion_of_positions
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
+OWN = ("local_rotations", "root_path")  # of the arrays that the program writes itself
 POSITIONS = "positions"  # the name of positions where a file has several arrays like them
 RATES = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame rate [frames/s]
 
@@ -35,10 +37,15 @@ def array_motion(file: InputFile, fps: float | None) -> Motion:
     try:
         if is_smpl:
             motion = smpl_motion(arrays, skeleton, frame_time)
+        elif file.joints is None and all(name in arrays for name in OWN):
+            turns = from_represented(arrays.array("local_rotations").astype(float))
+            motion = Motion(skeleton, arrays.array("root_path"), turns, frame_time)
         else:
             positions = _positions(arrays)
             motion = motion_of_positions(skeleton, _joints(arrays, skeleton, positions.shape[1]), positions, frame_time)
         return motion.resampled(f"{1 / fps:.9g}") if fps else motion
+    except ValueError as error:
+        raise FileError(file.path, f"has invalid rotations: {error}") from error
     except DistretargetError as error:
         raise error if isinstance(error, FileError) else error.in_file(file.path) from None
 
