@@ -52,9 +52,8 @@ def array_motion(file: InputFile, fps: float | None) -> Motion:
 
 def _frame_time(arrays: ArraysFile, fps: float | None) -> str:
     """The frame time that the file states, or else that of `fps` [s], as text."""
-    rate = next((float(arrays.numbers(name)) for name in RATES if name in arrays), fps)
-    time = float(arrays.numbers("frame_time")) if "frame_time" in arrays else 1 / rate if rate else 0.0
-    text = f"{time:.9g}"
+    rate = next((arrays.number(name) for name in RATES if name in arrays), fps)
+    text = f"{arrays.number('frame_time') if 'frame_time' in arrays else 1 / rate if rate else 0.0:.9g}"
     if not is_frame_time(text):
         raise FileError(arrays.path, "does not say how many frames a second has; expected fps=NUMBER")
     return text

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import NoneType
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,26 @@ def write_motion(
     given = OutputSettings(animations, in_place)
     content = content_of(path, given.clip(motion, name or Path(path).stem), target, given)
     write_whole(path, content, overwrite)
+
+
+def write_npz(
+    path: str | Path,
+    motion: Motion,
+    rotations: RotationKind = "quaternion",
+    overwrite: bool = False,
+    precision: Precision = "float64",
+) -> None:
+    """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all; "float32" makes it half as large. Of a
+    body of SMPL it has `poses` and `trans` as well.
+
+    `numpy.load(path)` gives them back under their names, without pickle. Equal motions make equal files.
+
+    Raises:
+        FileError: the file exists and `overwrite` is false, or it cannot be written.
+    """
+    check_kind("motion", motion, Motion)
+    check_choice("precision", precision, get_args(Precision))
+    write_whole(path, npz(arrays_of(motion, rotations), precision), overwrite)
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,13 @@ class ArraysFile:
             raise FileError(self.path, f"has no {name!r}; {closest(name, [*self.arrays])}")
         return np.asarray(_read(self.path, lambda: self.arrays[name]))
 
+    def number(self, name: str) -> float:
+        """Return the only number of an array, or raise a FileError."""
+        found = self.array(name)
+        if found.size != 1 or found.dtype.kind not in "iuf":
+            raise FileError(self.path, f"{name} is {found.dtype} of shape {found.shape}; expected one number")
+        return float(found.ravel()[0])
+
     def numbers(self, name: str, *shape: int | str) -> NDArray[np.float64]:
         """Return an array of finite numbers of this shape, names being any number, or raise a FileError."""
         found = self.array(name)
