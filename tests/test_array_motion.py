@@ -227,3 +227,17 @@ def test_a_cut_file_is_refused(tmp_path, cut):
     (tmp_path / "clip.npz").write_bytes((tmp_path / "clip.npz").read_bytes()[:cut])
     with pytest.raises(FileError, match="not a whole file of arrays"):
         read_motion(tmp_path / "clip.npz", joints=CLAP)
+
+
+def test_a_folder_of_parameters_is_retargeted(folder):
+    (folder / "amass").mkdir()
+    poses, trans = parameters(24, frames=4, angle=0.1)
+    np.savez(folder / "amass" / "walk_poses.npz", poses=poses, trans=trans, mocap_framerate=30)
+    given = folder / "amass", SAMPLES / "rigs" / "lafan1_t.json", "-o", folder / "out"
+    joints = "--smpl-joints", folder / "joints24.npz"
+    done = run("batch", *given, *joints, "--jobs", 1)
+    assert done.returncode == 0, done.stderr
+    assert len(read_bvh(folder / "out" / "walk_poses.bvh")) == 4
+    assert "1 done before" in run("batch", *given, *joints, "--jobs", 1).stdout
+    np.savez(folder / "joints24.npz", J=1.1 * joints_of(24))
+    assert "1 done before" not in run("batch", *given, *joints, "--jobs", 1).stdout

@@ -38,7 +38,7 @@ from distretarget.io.files import (
     write_whole,
 )
 from distretarget.io.gltf_writer import Parts
-from distretarget.io.input_file import InputFile, load_file, with_files_beside
+from distretarget.io.input_file import ARRAY_SUFFIXES, InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
@@ -79,6 +79,7 @@ class Batch:
     keep: Condition | None = None  # clips that fail it are left out
     time_limit: float | None = None  # of a clip [s]
     contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
+    joints: InputFile | None = None  # the skeleton for clips that are arrays
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def record_of(self, clip: Clip) -> ManifestRecord:
@@ -88,6 +89,8 @@ class Batch:
         settings = {key: value for key, value in given.items() if value != usual[key]}
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
+        if self.joints and clip.path.suffix.lower() in ARRAY_SUFFIXES:
+            settings["joints"] = self.joints.hash
         return new_record(clip, options_of(self.options, self.map_file, self.builds) | settings)
 
     def _contacts_path(self, clip: Clip) -> Path | None:
@@ -98,6 +101,10 @@ class Batch:
         """What is said of the contacts of a clip."""
         path = self._contacts_path(clip)
         return load_contacts(path) if path and (self.contacts != BESIDE or path.exists()) else NO_CONTACTS
+
+    def _source(self, file: InputFile) -> InputFile:
+        """A clip's file with those that belong to it."""
+        return replace(with_files_beside(file), joints=self.joints)
 
     def _reading(self, clip: Clip) -> Reading:
         """How a clip is read."""
@@ -209,7 +216,7 @@ class Batch:
                 show(self._again(known))
                 self.manifest.release(record["output"])
                 return
-            source, contacts = with_files_beside(InputFile(content, clip.path)), self._contacts(clip)
+            source, contacts = self._source(InputFile(content, clip.path)), self._contacts(clip)
         except DistretargetError as error:
             self._finish(Result(record | {"error": str(error)}), show)
             return
@@ -261,7 +268,8 @@ class Batch:
             record = chosen.get(clip.place.as_posix())
             if record and not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
                 with suppress(DistretargetError):
-                    source, about = load_file(clip.path), self.about(clip.path, clip.place)
+                    source = self._source(InputFile(read_bytes(clip.path), clip.path))
+                    about = self.about(clip.path, clip.place)
                     yield self._job(source, clip, record, about, self._contacts(clip))
 
     def _job(
@@ -408,6 +416,7 @@ def convert_folder(
     reports: int | None = 10,
     table: str | Path | None = None,
     keep: str | None = None,
+    joints: str | Path | None = None,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
 
@@ -438,7 +447,8 @@ def convert_folder(
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
-        keep: a condition on metrics, as `--keep` takes it; clips that fail it are left out.
+        keep: a condition on metrics, such as "pop == 0"; clips that fail it are left out.
+        joints: the skeleton for clips that are arrays, which folders are searched for then; see `read_motion`.
 
     Returns:
         The numbers of clips converted, skipped, failed and left out, and `lines` to print.
@@ -463,7 +473,7 @@ def convert_folder(
         check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
-    found, unread = find_clips(paths, (), include, exclude)
+    found, unread = find_clips(paths, (), include, exclude, arrays=joints is not None)
     if unread:
         raise unread[0]
     clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, formats, clip)
@@ -476,8 +486,9 @@ def convert_folder(
     ways = options, pairs, about, index, reports, overwrite, fail_fast
     condition = Condition(keep) if keep else None
     asked = None if contacts is None else checked_contacts(Path(contacts))
+    skeleton = load_file(joints) if joints else None
     how = Reading(clip, fps), writing, builds, of_all, condition, time_limit, asked
-    batch = Batch(clips, Path(folder), *ways, *how)
+    batch = Batch(clips, Path(folder), *ways, *how, skeleton)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:

@@ -34,6 +34,7 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, SettingsError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
+from distretarget.io.input_file import load_file
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, OutputSettings, output_kind
 from distretarget.io.target_file import TargetFile
@@ -156,6 +157,7 @@ def batch_command(
     input_list: Iterator[str] | None,
     clip: str | None,
     fps: float | None,
+    joints_path: Path | None,
     kinds: tuple[str, ...] | None,
     npz: bool,
     settings: OutputSettings,
@@ -205,7 +207,7 @@ def batch_command(
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
-    found, unread = find_clips(sources, listed, include, exclude)
+    found, unread = find_clips(sources, listed, include, exclude, arrays=joints_path is not None)
     map_file = load_map(map_path, rest_path)
     if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
@@ -223,7 +225,8 @@ def batch_command(
     asked = None if contacts_path is None else checked_contacts(contacts_path)
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
     how = Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()
-    batch = Batch(clips, results, *ways, *how, table, keep, time_limit, asked)
+    joints = load_file(joints_path) if joints_path else None
+    batch = Batch(clips, results, *ways, *how, table, keep, time_limit, asked, joints)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:

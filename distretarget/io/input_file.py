@@ -25,6 +25,7 @@ KINDS: dict[str, Kind] = {  # by suffix, where the content does not tell
     ".vrma": "glTF",
     ".fbx": "FBX",
 }
+ARRAY_SUFFIXES = (".npz", ".npy")  # of files of arrays
 MOTION_SUFFIXES = (".bvh", *(suffix for suffix in KINDS if suffix != ".vrm"))  # of files that may be motions
 
 

@@ -99,7 +99,7 @@ def smpl_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
     elif all(name in arrays for name in SHAPE):
         places = _shaped(arrays, np.zeros(0) if betas is None else betas)
     else:
-        raise FileError(arrays.path, f"has no joints: expected J, (joints, 3), or the {', '.join(SHAPE)} of a model")
+        raise FileError(arrays.path, f"has no joints; expected J, (joints, 3), or the {', '.join(SHAPE)} of a model")
     if len(places) not in MODELS:
         known = ", ".join(map(str, MODELS))
         raise FileError(arrays.path, f"has {len(places)} joints; expected one of {known}, as SMPL, SMPL-H and SMPL-X")
