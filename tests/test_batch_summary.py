@@ -57,10 +57,10 @@ def test_many_failures_are_not_all_listed():
     assert len(lines) == 23
 
 
-def test_clips_that_need_a_look_are_counted():
+def test_clips_over_their_limits_are_counted():
     records = [done("a.bvh", 0.0), done("b.bvh", 0.0) | {"warnings": ["one", "two"]}, done("c.bvh", 0.0)]
-    assert summary(records)[2] == "1 of 3 need a look; the manifest has their warnings"
-    assert not any("need a look" in line for line in summary(records[:1]))
+    assert summary(records)[2] == "1 of 3 have warnings, which are in the manifest"
+    assert not any("have warnings" in line for line in summary(records[:1]))
 
 
 def test_clips_left_over_are_counted():

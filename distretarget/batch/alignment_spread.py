@@ -26,7 +26,7 @@ from distretarget.skeleton import Skeleton
 Array = NDArray[np.float64]
 
 ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
-MOST = 8.0  # a larger spread needs a look [degrees]
+MOST = 8.0  # a larger spread is over the limit [degrees]
 SCALE = 32767.0  # of quaternions as whole numbers
 
 

@@ -358,7 +358,7 @@ class Tally:
         skipped: clips that an earlier run retargeted.
         failed: clips that could not be retargeted.
         left_out: clips that fail the condition on what is kept.
-        warned: clips that are done and need a look.
+        warned: clips that are done and have warnings.
         frames: frames retargeted.
         workers: processes that did so.
         seconds: the time that took, without the start of the processes [s].
@@ -413,7 +413,7 @@ class Tally:
             rate = f"{self.frames / self.seconds:,.0f} frames/s with {counted(self.workers, 'job')}"
             lines.append(f"{frames} in {self.seconds:.1f} s, {rate}")
         if self.warned:
-            lines.append(f"{self.warned} of {self.done} need a look; the manifest has their warnings")
+            lines.append(f"{self.warned} of {self.done} have warnings, which are in the manifest")
         for metric, records in self._worst.items():
             bad = [
                 f"{one['output']} ({value(one, metric):.3g}, rotation copy {value(one, metric, 'rotation_copy'):.3g})"

@@ -19,7 +19,7 @@ from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
 from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import find_skin
-from distretarget.measure.verdict import verdict, what_needs_a_look
+from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
@@ -154,7 +154,7 @@ class RetargetResult:
         """Warnings, one line each: metrics over their limits, metrics worse than the rotation copy's, and resting
         joints that do not reach their places.
         """
-        return (*what_needs_a_look(self.metrics, self.tracks), *self._missed_places(), *self.unmet)
+        return (*limit_warnings(self.metrics, self.tracks), *self._missed_places(), *self.unmet)
 
     def _missed_places(self) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys

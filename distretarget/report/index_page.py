@@ -32,7 +32,7 @@ class ClipRecord(TypedDict):
     frames: int  # retargeted
     seconds: float  # that this took [s]
     metrics: Mapping[Variant, Mapping[str, float | None]]  # by key; None where nothing was measured; empty if it failed
-    warnings: list[str]  # what needs a look, a line each
+    warnings: list[str]  # a line each
     status: Literal["done", "failed"]
     error: str | None  # why it failed
 
