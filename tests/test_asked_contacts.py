@@ -25,7 +25,7 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.io.contacts_file import contacts_to_json
-from distretarget.skin.balls import segment_gaps
+from distretarget.skin.meetings import segment_gaps
 
 FRAMES = (100, 150)
 BLENDS = 0.72  # twice the time `blend` [s]

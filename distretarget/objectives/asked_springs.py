@@ -27,7 +27,7 @@ from distretarget.objectives.contact import part_stiffness
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import BLEND, LEAST_WEIGHT, STIFFNESS, Supports
 from distretarget.objectives.units import centimetres
-from distretarget.skin.balls import segment_gaps
+from distretarget.skin.meetings import segment_gaps
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

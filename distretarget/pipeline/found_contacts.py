@@ -27,7 +27,7 @@ from distretarget.objectives.units import centimetres
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.performer import match_performer
 from distretarget.skeleton import JointMap, Skeleton
-from distretarget.skin.balls import segment_gaps
+from distretarget.skin.meetings import segment_gaps
 from distretarget.target import SkeletonEdit, Target
 
 Array = NDArray[np.float64]
