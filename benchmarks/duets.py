@@ -26,8 +26,8 @@ from distretarget.measure.scene_gaps import Gap, body_part, measure_gap
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
     "take, bodies | frames that touch | gap, % of leg: source / rotation copy / each alone / scene | "
-    "gap in the world, scene over source | slide of feet (source, strides as in this world) | "
-    "foot height, % of leg | jerk / copy's | turn, degrees | snaps | unsolved | "
+    "gap in the world, scene over source | foot skate (source, strides as in this world) | "
+    "foot height, % of leg | jerk / copy's | turn, degrees | pops | not_converged | "
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )
@@ -53,7 +53,7 @@ class Duet:
     def hips(self) -> list[float]:
         """The largest error of a performer's hips, with each alone and in the scene [% of leg length]."""
         key = "hips_height_largest"
-        return [max(one.figures["result"][key] or 0.0 for one in many) for many in (self.alone, self.scene.results)]
+        return [max(one.metrics["result"][key] or 0.0 for one in many) for many in (self.alone, self.scene.results)]
 
 
 def takes(duets: Path) -> Iterator[tuple[str, list[Motion]]]:
@@ -92,16 +92,16 @@ def cells(name: str, duet: Duet) -> Iterator[str]:
     """The row of a take on two bodies."""
     scene, gap, scale, seconds = duet.scene, duet.gap, duet.scene.world_scale, duet.seconds
     # The slide of the source's feet, in the strides that the world's scale asks of each body.
-    strides = [(one.figures["source"]["slide"] or 0.0) * scale / one.root_scale for one in scene.results]
-    jerks = [np.divide(*(one.figures[v]["jerk"] or 1.0 for v in ("result", "rotation_copy"))) for one in scene.results]
+    strides = [(one.metrics["source"]["foot_skate"] or 0.0) * scale / one.root_scale for one in scene.results]
+    jerks = [np.divide(*(one.metrics[v]["jerk"] or 1.0 for v in ("result", "rotation_copy"))) for one in scene.results]
     yield name
     yield str(gap.frames)
     yield several([100 * mean for mean in (gap.a, duet.copy_gap.b, duet.gap_alone.b, gap.b)], ".1f")
     yield f"{scale * gap.b / gap.a:.2f}"
-    yield f"{_both(scene, 'slide', '.3f')} ({several(strides, '.3f')})"
+    yield f"{_both(scene, 'foot_skate', '.3f')} ({several(strides, '.3f')})"
     yield _both(scene, "foot_height", ".2f")
     yield several(jerks, ".2f")
-    for key, form in (("turn", ".1f"), ("snap", ".0f"), ("unsolved", ".0f")):
+    for key, form in (("turn", ".1f"), ("pop", ".0f"), ("not_converged", ".0f")):
         yield _both(scene, key, form)
     yield several(duet.worst_gaps, ".1f")
     yield several(duet.hips, ".1f")
@@ -109,7 +109,7 @@ def cells(name: str, duet: Duet) -> Iterator[str]:
 
 
 def _both(scene: SceneResult, key: str, form: str) -> str:
-    return several([one.figures["result"][key] or 0.0 for one in scene.results], form)
+    return several([one.metrics["result"][key] or 0.0 for one in scene.results], form)
 
 
 @click.command(help=__doc__)

@@ -128,7 +128,7 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
     _same_motion(result.motion, again)
     if len(again) != len(result.source):
         raise NotReadBackError(f"{len(again)} frames of {len(result.source)}")
-    json.dumps(result.figures, allow_nan=False)
+    json.dumps(result.metrics, allow_nan=False)
     list(result.warnings)
 
 

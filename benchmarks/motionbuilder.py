@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from tables import publish, several, table
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.measure.figures import BY_KEY
-from distretarget.measure.metrics import Reference
+from distretarget.measure.comparison import Reference
+from distretarget.measure.metrics import BY_KEY
 from distretarget.numerics.vectors import angles_between
 
 COLUMNS = (
     "clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder | "
-    "contact error, copy / MotionBuilder / result | slide, source / MotionBuilder / result"
+    "contact error, copy / MotionBuilder / result | foot skate, source / MotionBuilder / result"
 )
 
 
@@ -40,7 +40,7 @@ def measure(corpus: Path, clip: str) -> Iterator[str]:
     yield from (f"{directions(peer, motion, run.drivers).mean():.1f}" for motion in (run.rotation_copy, run.motion))
     yield several([BY_KEY["contact_error"].of_clip(one.tracks) or 0.0 for one in (copy, other, result)], ".4f")
     tracks = result.source_tracks, other.tracks, result.tracks
-    yield several([BY_KEY["slide"].of_clip(one) or 0.0 for one in tracks], ".3f")
+    yield several([BY_KEY["foot_skate"].of_clip(one) or 0.0 for one in tracks], ".3f")
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@
     DISTRETARGET_NODE=PACKAGES DISTRETARGET_BLENDER=PYTHON python benchmarks/play.py OUT
 
 Beside each file, an npz says where the result has the joints, as `benchmarks/play.py` reads it. A line for each says
-how many joints have a counterpart, the figures of contact and direction, and the warnings.
+how many joints have a counterpart, the metrics of contact and direction, and the warnings.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ def main(characters: str, out: str, *clips: str) -> None:
         for clip in map(Path, clips or CLIPS):
             result = retarget(read_bvh(clip), target)
             write(Path(out), source, clip.stem, result, target)
-            figures, copy = result.figures["result"], result.figures["rotation_copy"]
+            metrics, copy = result.metrics["result"], result.metrics["rotation_copy"]
             known = f"{np.sum(result.drivers >= 0)} of {len(result.drivers)} joints"
             contact = " / ".join(
-                "-" if side["contact_error"] is None else f"{side['contact_error']:.4f}" for side in (figures, copy)
+                "-" if side["contact_error"] is None else f"{side['contact_error']:.4f}" for side in (metrics, copy)
             )
-            print(f"{source.name} {clip.stem}: {known}; contact {contact}; direction {figures['direction_error']:.2f}")
+            print(f"{source.name} {clip.stem}: {known}; contact {contact}; direction {metrics['direction_error']:.2f}")
             for warning in (*target.character.warnings, *result.warnings):
                 print(f"    {warning}")
 

@@ -2,7 +2,7 @@
 
     python benchmarks/paper.py
 
-The pictures show postures beside the original, as in the paper's figures, and a walk. Takes half a minute. Needs
+The pictures show postures beside the original, as in the paper's metrics, and a walk. Takes half a minute. Needs
 matplotlib (the extra `docs`).
 """
 
@@ -33,8 +33,8 @@ def draw_edits(path: Path) -> None:
     scenes = []
     for group in GROUPS:
         edits = [case(f"{group} {percent:+d} %") for percent in PERCENT]
-        points = [figure(one.target, one.paper.postures.positions[POSTURE]) for one in edits]
-        scenes.append([figure(source.skeleton, source.positions[POSTURE]), *points])
+        points = [metric(one.target, one.paper.postures.positions[POSTURE]) for one in edits]
+        scenes.append([metric(source.skeleton, source.positions[POSTURE]), *points])
     labels = ["original", *(f"{percent:+d} %" for percent in PERCENT)]
     write_picture(path, scenes, list(GROUPS), [labels] * len(scenes), VIEWS["side"], DPI)
 
@@ -44,7 +44,7 @@ def draw_spine(path: Path) -> None:
     one = case(LONG_SPINE)
     postures = {"original": one.source.positions, **one.postures()}
     turns = Rotation.identity(), Rotation.from_euler("Y", -90, degrees=True)
-    scenes = [[figure(one.target, turn.apply(points[POSTURE])) for points in postures.values()] for turn in turns]
+    scenes = [[metric(one.target, turn.apply(points[POSTURE])) for points in postures.values()] for turn in turns]
     titles = [f"{LONG_SPINE}, from the side", "from the front"]
     write_picture(path, scenes, titles, [list(postures)] * 2, VIEWS["side"], DPI)
 
@@ -57,7 +57,7 @@ def draw_walk(path: Path) -> None:
     write_strip(path, rows, STEPS, "side")
 
 
-def figure(skeleton: Skeleton, points: NDArray[np.float64]) -> Cell:
+def metric(skeleton: Skeleton, points: NDArray[np.float64]) -> Cell:
     """A posture, (joints, 3), at the original's scale, its hips above the origin and its lowest joint on the floor."""
     size = body_height(on_table_one("walk").skeleton)
     ground = np.array([points[0, 0], points[:, 1].min(), points[0, 2]])

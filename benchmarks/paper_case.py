@@ -90,9 +90,9 @@ class Case:
             "contact": self.contact.motion.positions,
         }
 
-    def figures(self, key: str) -> tuple[float, ...]:
-        """A figure of quality (`measure.figures.FIGURES`) of rotation copy, paper's exact bones and contact."""
-        sides = self.paper.figures["rotation_copy"], self.paper.figures["result"], self.contact.figures["result"]
+    def metrics(self, key: str) -> tuple[float, ...]:
+        """A metric (`measure.metrics.METRICS`) of rotation copy, paper's exact bones and contact."""
+        sides = self.paper.metrics["rotation_copy"], self.paper.metrics["result"], self.contact.metrics["result"]
         return tuple(side[key] or 0.0 for side in sides)
 
     def sigma(self, points: Array) -> Array:

@@ -146,7 +146,7 @@ class Solved:
     reasons: NDArray[np.intp]
 
     @property
-    def unsolved(self) -> int:
+    def not_converged(self) -> int:
         """The number of frames that did not converge."""
         return int((self.reasons != Reason.CONVERGED).sum())
 

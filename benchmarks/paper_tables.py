@@ -105,7 +105,7 @@ def methods_cells(edit: str) -> list[str]:
         several([1e3 * one.sigma(points)[POSTURE] for points in results], ".1f"),
         several([100 * bone_errors(points[POSTURE], one).max() for points in results], ".1f"),
         several([direction_errors(points[POSTURE], posture, one).mean() for points in results], ".1f"),
-        several(one.figures("contact_error"), ".3f"),
+        several(one.metrics("contact_error"), ".3f"),
     ]
 
 
@@ -228,7 +228,12 @@ def eta_cells(eta: float) -> list[str]:
     runs = [solve_all(case(edit), STARTS["rotation copy"], eta=eta) for edit in STUDIED]
     effort = [np.mean([getattr(run, key).mean() for run in runs]) for key in ("iterations", "evaluations")]
     higher = np.mean([100 * elsewhere(run, edit) for run, edit in zip(runs, STUDIED, strict=True)])
-    return [f"{eta:g}", *(f"{count:.0f}" for count in effort), f"{higher:.1f}", str(sum(run.unsolved for run in runs))]
+    return [
+        f"{eta:g}",
+        *(f"{count:.0f}" for count in effort),
+        f"{higher:.1f}",
+        str(sum(run.not_converged for run in runs)),
+    ]
 
 
 # ---- whole motions, which the paper leaves to future work
@@ -236,7 +241,7 @@ def eta_cells(eta: float) -> list[str]:
 MOTIONS_HEAD = (
     "clip | sigma: copy / points / exact bones | contact error: copy / exact bones / contact | "
     "direction error, degrees: copy / exact bones / contact | jerk over copy's: exact bones / contact | "
-    "slide: source / copy / exact bones / contact"
+    "foot skate: source / copy / exact bones / contact"
 )
 SOLVING_HEAD = (
     "clip | iterations a frame: points / exact bones / contact | not converged, % | "
@@ -256,12 +261,12 @@ def motion_values(one: Case) -> Iterator[list[float]]:
     """The values in each cell of a clip on one body, in the order of `MOTIONS_HEAD` and `SOLVING_HEAD`."""
     points = one.paper.postures
     efforts = points.effort, one.paper.effort, one.contact.effort
-    copy_jerk, *jerks = one.figures("jerk")
+    copy_jerk, *jerks = one.metrics("jerk")
     yield [1e3 * one.sigma(positions).mean() for positions in list(one.postures().values())[:3]]
-    yield list(one.figures("contact_error"))
-    yield list(one.figures("direction_error"))
+    yield list(one.metrics("contact_error"))
+    yield list(one.metrics("direction_error"))
     yield [jerk / copy_jerk for jerk in jerks]
-    yield [one.paper.figures["source"]["slide"], *one.figures("slide")]
+    yield [one.paper.metrics["source"]["foot_skate"], *one.metrics("foot_skate")]
     yield [effort.iterations.mean() for effort in efforts]
-    yield [100 * len(effort.unsolved) / len(one.source) for effort in efforts]
+    yield [100 * len(effort.not_converged) / len(one.source) for effort in efforts]
     yield [100 * mirrored(each, one) for each in (points.positions, solve_all(one, from_before_moved).points)]

@@ -74,7 +74,7 @@ def finer(mesh: SkinnedMesh, triangles: int) -> SkinnedMesh:
 
 
 def measure(browser: Browser, name: str, page: str, folder: str) -> None:
-    """Print the figures of a page."""
+    """Print the metrics of a page."""
     path = Path(folder) / "page.html"
     path.write_text(page, "utf-8")
     tab = browser.new_page(viewport={"width": 900, "height": 900})

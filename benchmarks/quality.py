@@ -3,7 +3,7 @@
     python benchmarks/quality.py CORPUS [--markdown FILE] [--clips GLOB] [--methods contact] [--frames N]
 
 CORPUS is a folder with the real clips named in `clips.CLIPS`; the script names and skips those that it lacks.
-docs/results.md defines the figures.
+docs/results.md defines the metrics.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from tables import mean_and_largest, publish, several, table
 
 from distretarget import Motion, Options, RetargetResult, read_bvh, retarget
-from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import Reference
+from distretarget.measure.comparison import Reference
+from distretarget.measure.metrics import clip_metrics
 
 COPY = "rotation copy"
 NEAR = 0.15  # joints at a smaller distance D count as near each other
@@ -36,12 +36,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Row:
-    """The figures of one clip on one target by one method."""
+    """The metrics of one clip on one target by one method."""
 
     clip: str
     target: str
     method: str
-    figures: dict[str, float]
+    metrics: dict[str, float]
 
 
 def measure(task: tuple[str, str], path: Path, methods: tuple[str, ...], frames: int | None) -> list[Row]:
@@ -52,29 +52,29 @@ def measure(task: tuple[str, str], path: Path, methods: tuple[str, ...], frames:
     for method in methods:
         result = retarget(source, body, Options(objective="paper" if method == "paper" else "contact"))
         if not rows:
-            rows.append(Row(*task, COPY, _figures(result, result.rotation_copy)))
-        figures = _figures(result, result.motion) | {
+            rows.append(Row(*task, COPY, _metrics(result, result.rotation_copy)))
+        metrics = _metrics(result, result.motion) | {
             "written_stress": result.written_stress.mean(),
             "copy_stress": result.copy_stress.mean(),
-            "unsolved": len(result.effort.unsolved),
-            "snap": result.figures["result"]["snap"] or 0.0,
+            "not_converged": len(result.effort.not_converged),
+            "pop": result.metrics["result"]["pop"] or 0.0,
         }
         if result.free_stress is not None:
-            figures["free_stress"] = result.free_stress.mean()
-        rows.append(Row(*task, method, figures))
+            metrics["free_stress"] = result.free_stress.mean()
+        rows.append(Row(*task, method, metrics))
     return rows
 
 
-def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
-    """The figures of one motion of a run, compared with its source."""
+def _metrics(run: RetargetResult, result: Motion) -> dict[str, float]:
+    """The metrics of one motion of a run, compared with its source."""
     source, drivers, names = run.source, run.drivers, result.skeleton.names
     comparison = Reference(source, run.matching, run.world.up_vector).compare(result)
-    of_source = {f"{key}_source": value for key, value in clip_figures(comparison.source_tracks).items()}
-    figures = {key: value or 0.0 for key, value in (clip_figures(comparison.tracks) | of_source).items()}
+    of_source = {f"{key}_source": value for key, value in clip_metrics(comparison.source_tracks).items()}
+    metrics = {key: value or 0.0 for key, value in (clip_metrics(comparison.tracks) | of_source).items()}
     wrists = [joint for joint, name in enumerate(names) if part_of(name) == "forearm"]
     heads = [joint for joint, name in enumerate(names) if name.lower() == "head"]
     hips = [leg.hip for leg in run.matching.target.legs or ()]
-    return figures | {
+    return metrics | {
         "contacts": float(comparison.contacts.counts.sum()),
         "hand_hip": _gap(source, result, drivers, product(wrists, hips)),
         "hand_head": _gap(source, result, drivers, product(wrists, heads)),
@@ -114,15 +114,15 @@ def _wrist_gap(source: Motion, result: Motion, drivers: NDArray[np.intp], wrists
 
 
 def _values(rows: Iterable[Row], key: str) -> Array:
-    """(rows,), a figure of all rows; nan where it is missing."""
-    return np.array([row.figures.get(key, np.nan) for row in rows])
+    """(rows,), a metric of all rows; nan where it is missing."""
+    return np.array([row.metrics.get(key, np.nan) for row in rows])
 
 
 def summary_lines(rows: list[Row], copies: list[Row]) -> Iterator[tuple[str, str, str]]:
     """The lines of a method's summary: name, value, and the goal of the contact objective or of the paper's."""
 
     def of(key: str, clips: str | tuple[str, ...] = "", target: str = "") -> Array:
-        """A figure of the clips with this ending, on the targets with this beginning."""
+        """A metric of the clips with this ending, on the targets with this beginning."""
         return _values([row for row in rows if row.clip.endswith(clips) and row.target.startswith(target)], key)
 
     error, copy_error = of("contact_error"), _values(copies, "contact_error")
@@ -148,9 +148,9 @@ def summary_lines(rows: list[Row], copies: list[Row]) -> Iterator[tuple[str, str
     text = f"{direction.mean():.2f}" if direction.size else "-"
     yield "direction error on clips without hand contacts", text, "<= 1.5"
     yield "bone error, largest", f"{of('bone_error').max():.1e}", "<= 1e-6"
-    slide, source_slide = of("slide"), of("slide_source")
+    slide, source_slide = of("foot_skate"), of("foot_skate_source")
     text = f"{slide.mean():.4f} ({source_slide.mean():.4f}), ratio {slide.mean() / source_slide.mean():.3f}"
-    yield "slide in stance, leg lengths/s (source's)", text, "ratio <= 1.05"
+    yield "foot skate in stance, leg lengths/s (source's)", text, "ratio <= 1.05"
     what = "foot height in stance, off the scaled source's, % of leg, mean / largest"
     yield what, mean_and_largest(of("foot_height")), "<= 0.5"
     what = "hips over resting ankles, off the scaled source's, % of leg, mean / largest"
@@ -158,7 +158,7 @@ def summary_lines(rows: list[Row], copies: list[Row]) -> Iterator[tuple[str, str
     own = "resting feet off the target's own"
     yield f"{own}, foot pitch, degrees, mean / largest", mean_and_largest(of("foot_pitch")), "<= 3"
     yield f"{own}, height of the ankle, % of leg, mean / largest", mean_and_largest(of("ankle_height")), "<= 2"
-    yield "runs with snaps", _sum(of("snap").clip(max=1)), "0"
+    yield "runs with pops", _sum(of("pop").clip(max=1)), "0"
     jerk, captured = of("jerk") / _values(copies, "jerk"), np.array(["/" in row.clip for row in rows])
     yield "jerk against rotation copy's, captured clips, mean / largest", mean_and_largest(jerk[captured]), "<= 1.1"
     yield "jerk against rotation copy's, samples, mean / largest", mean_and_largest(jerk[~captured]), "<= 2"
@@ -168,7 +168,7 @@ def summary_lines(rows: list[Row], copies: list[Row]) -> Iterator[tuple[str, str
     yield "written stress / free stress, mean / largest", mean_and_largest(free), "paper: <= 1.25"
     solved = over_copy[np.isfinite(free)]
     yield "written stress / rotation copy's, largest", f"{solved.max():.2f}" if solved.size else "-", "paper: <= 1"
-    yield "frames that did not converge", _sum(of("unsolved")), "0"
+    yield "frames that did not converge", _sum(of("not_converged")), "0"
 
 
 def _sum(counts: Array) -> str:
@@ -181,7 +181,7 @@ def summary_table(rows: list[Row]) -> str:
     by_method = {method: [row for row in rows if row.method == method] for method in methods}
     summaries = [summary_lines(own, by_method[COPY]) for own in by_method.values()]
     lines = ([cells[0][0], *(text for _, text, _ in cells), cells[0][2]] for cells in zip(*summaries, strict=True))
-    return table(["figure", *methods, "goal"], lines)
+    return table(["metric", *methods, "goal"], lines)
 
 
 def clip_table(rows: list[Row]) -> str:
@@ -199,10 +199,10 @@ def clip_table(rows: list[Row]) -> str:
 def _cells(rows: list[Row]) -> Iterator[str]:
     """The line of a clip on a target, from the rows of all methods."""
     copy = rows[0]
-    yield from (copy.clip, copy.target, f"{copy.figures['contacts']:.0f}")
+    yield from (copy.clip, copy.target, f"{copy.metrics['contacts']:.0f}")
     yield several(_values(rows, "contact_error"), ".4f")
     yield several(_values(rows, "direction_error"), ".1f")
-    yield several(_values(rows, "jerk") / copy.figures["jerk"], ".2f")
+    yield several(_values(rows, "jerk") / copy.metrics["jerk"], ".2f")
     stress = _values(rows, "written_stress") / _values(rows, "free_stress")
     yield several(stress[np.isfinite(stress)], ".2f")
 

@@ -25,8 +25,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, RetargetResult, read_bvh, retarget
 from distretarget.body.axes import Directions, axis_vector, nearest_axis
-from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import Reference
+from distretarget.measure.comparison import Reference
+from distretarget.measure.metrics import clip_metrics
 from distretarget.numerics.vectors import angles_between, level
 
 Array = NDArray[np.float64]
@@ -49,22 +49,22 @@ TARGETS = {
     **{f"{convention}_{pose.lower()}": rig(convention, pose) for convention in CONVENTIONS for pose in POSES},
     "lafan1_x": rig("lafan1", "X"),
 }
-# A run fails if a figure is above its limit.
+# A run fails if a metric is above its limit.
 LIMITS = {"upright": (15.0, "°"), "floor": (8.0, "%"), "facing": (15.0, "°"), "direction": (25.0, "°")}
 
 
 def run(clip: str, source: Motion, name: str) -> tuple[RetargetResult | None, bool]:
     """Retarget a clip to a target, measure the result and print the line. Return the result, None after an exception,
-    and whether the run failed: by an exception, or by a figure above its limit.
+    and whether the run failed: by an exception, or by a metric above its limit.
     """
     started = time.perf_counter()
     result, columns = None, []
     try:
         result = retarget(source, TARGETS[name])
-        figures = measure(result)
-        columns = [f"{key} {figures[key]:5.1f}{unit}" for key, (_, unit) in LIMITS.items()]
-        columns.append(f"contact {figures['contact']:.3f}")
-        faults = [f"{key} above {most:g}{unit}" for key, (most, unit) in LIMITS.items() if not figures[key] <= most]
+        metrics = measure(result)
+        columns = [f"{key} {metrics[key]:5.1f}{unit}" for key, (_, unit) in LIMITS.items()]
+        columns.append(f"contact {metrics['contact']:.3f}")
+        faults = [f"{key} above {most:g}{unit}" for key, (most, unit) in LIMITS.items() if not metrics[key] <= most]
     except Exception as error:
         faults = [f"{type(error).__name__}: {str(error).strip() or '-'}".splitlines()[0]]
     verdict, seconds = "FAILED" if faults else "OK", time.perf_counter() - started
@@ -74,7 +74,7 @@ def run(clip: str, source: Motion, name: str) -> tuple[RetargetResult | None, bo
 
 
 def measure(result: RetargetResult) -> dict[str, float]:
-    """The figures of a result. Takes the axis that points up from the target's file, whatever the run assumed."""
+    """The metrics of a result. Takes the axis that points up from the target's file, whatever the run assumed."""
     sides = (result.source, result.matching.source), (result.motion, result.matching.target)
     source, target = (Directions(body.anatomy, motion.positions) for motion, body in sides)
     up = axis_vector(result.motion.skeleton.up or "Y")
@@ -84,7 +84,7 @@ def measure(result: RetargetResult) -> dict[str, float]:
     upright = angles_between(*(each.bone("hips", "head") for each in (source, target)))
     facing = angles_between(*(level(each.across("UpperLeg"), up) for each in (source, target)))
     low, floor = (lowest(motion, body, up) for motion, body in sides)
-    values = clip_figures(Reference(result.source, result.matching, up).compare(result.motion).tracks)
+    values = clip_metrics(Reference(result.source, result.matching, up).compare(result.motion).tracks)
     return {
         "upright": float(np.degrees(upright).mean()),
         "floor": float(100 * np.abs(floor - result.root_scale * low).mean() / result.matching.target.leg_length),

@@ -45,7 +45,7 @@ import resource, sys
 from distretarget import read_bvh, retarget, write_bvh
 source = read_bvh(sys.argv[1])
 result = retarget(source, read_bvh(sys.argv[2]).skeleton)
-result.figures
+result.metrics
 write_bvh(sys.argv[3], result.motion)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
@@ -119,7 +119,7 @@ def limb_lines() -> Iterator[Line]:
 
     def run(limbs: int) -> None:
         source = star(limbs)
-        retarget(source, source.skeleton.with_lengths(1.1 * source.skeleton.lengths)).figures  # noqa: B018
+        retarget(source, source.skeleton.with_lengths(1.1 * source.skeleton.lengths)).metrics  # noqa: B018
 
     for limbs in LIMBS:
         yield _line(f"two frames of a root with {limbs:,} limbs [s]", alternating([partial(run, limbs)], 3)[:, 0])

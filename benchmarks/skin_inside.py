@@ -1,4 +1,4 @@
-"""Hold the figures of skin against winding numbers of the posed mesh, by libigl.
+"""Hold the metrics of skin against winding numbers of the posed mesh, by libigl.
 
     python benchmarks/skin_inside.py CHARACTER.glb ...
 
@@ -69,7 +69,7 @@ class Solid:
 
 
 def rows_of(path: Path) -> Array:
-    """(frames, 5), share and depth by winding numbers, the same by the figures, and their time [microseconds]."""
+    """(frames, 5), share and depth by winding numbers, the same by the metrics, and their time [microseconds]."""
     target = load_target(path)
     body, mesh = Body.of(target.skeleton), target.mesh()
     assert mesh is not None
@@ -86,8 +86,8 @@ def rows_of(path: Path) -> Array:
             time = 1e6 * (perf_counter() - start) / len(motion)
             frames = np.arange(0, len(motion), EVERY)
             known = np.array(list(solid.measure(motion[frames], body.height)))
-            figures = np.column_stack([found.inside[frames], found.deepest[frames].max(axis=1)])
-            rows.append(np.column_stack([known, figures, np.full(len(frames), time)]))
+            metrics = np.column_stack([found.inside[frames], found.deepest[frames].max(axis=1)])
+            rows.append(np.column_stack([known, metrics, np.full(len(frames), time)]))
     return np.concatenate(rows)
 
 
@@ -103,7 +103,7 @@ def line(name: str, rows: Array) -> str:
 
 def main() -> None:
     """Print a row for each character, and one for all."""
-    print("| character | frames | found | missed | false | % inside | figure | depth | figure | corr. | us/frame |")
+    print("| character | frames | found | missed | false | % inside | metric | depth | metric | corr. | us/frame |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     every = []
     for path in map(Path, sys.argv[1:]):

@@ -41,10 +41,10 @@ STEPS = {f"mink {version('mink')} with {SOLVER}, {n} step{'s' * (n > 1)} a frame
 OBJECTIVE_OF = {f"`retarget`, {objective}": objective for objective in OBJECTIVES}
 READING, WRITING = "reading, distretarget", "writing, distretarget"
 READING_PEER, WRITING_PEER = (f"{what}, pybvh {version('pybvh')}" for what in ("reading", "writing"))
-FIGURES = "figures of quality"
-ALL = "a whole conversion: reading, retargeting, figures, writing"
+METRICS = "metrics"
+ALL = "a whole conversion: reading, retargeting, metrics, writing"
 CLIP = (*OBJECTIVE_OF, *STEPS, GMR)  # contestants that pose the frames of the clip
-LONG_CLIP = (READING, READING_PEER, WRITING, WRITING_PEER, FIGURES, ALL)  # contestants that get the long clip
+LONG_CLIP = (READING, READING_PEER, WRITING, WRITING_PEER, METRICS, ALL)  # contestants that get the long clip
 COMPARED_WITH = dict.fromkeys(CLIP, CLIP[0]) | {READING_PEER: READING, WRITING_PEER: WRITING}
 PEERS = {*STEPS, GMR, READING_PEER, WRITING_PEER}
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
@@ -89,11 +89,11 @@ def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable
     motions = {"source": result.source, "rotation_copy": result.rotation_copy, "motion": result.motion}
 
     def measure_anew() -> None:
-        replace(result, **{name: motion[:] for name, motion in motions.items()}).figures  # noqa: B018
+        replace(result, **{name: motion[:] for name, motion in motions.items()}).metrics  # noqa: B018
 
     def convert() -> None:
         result = retarget(read_bvh(clip), body)
-        result.figures  # noqa: B018 - they are computed when they are asked for
+        result.metrics  # noqa: B018 - they are computed when they are asked for
         write_bvh(written, result.motion, overwrite=True)
 
     return {
@@ -101,7 +101,7 @@ def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable
         READING_PEER: lambda: pybvh.read_bvh_file(clip, world_up="+y"),
         WRITING: lambda: write_bvh(written, source, overwrite=True),
         WRITING_PEER: lambda: pybvh.write_bvh_file(peer, written),
-        FIGURES: measure_anew,
+        METRICS: measure_anew,
         ALL: convert,
     }
 

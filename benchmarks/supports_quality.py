@@ -29,7 +29,7 @@ FRAMES = 1500  # of each clip
 TURNS = 30.0  # a joint that turns by this much more than the source's between two frames at 60 fps [degrees]
 COLUMNS = (
     "run; rotation copy / feet alone / supports | height of supports, % of leg (largest) | "
-    "slide of supports, legs/s (source) | slide of feet (source) | foot height | direction error, degrees | "
+    "skate of supports, legs/s (source) | foot skate (source) | foot height | direction error, degrees | "
     "jerk / copy's | turn, degrees"
 )
 
@@ -65,28 +65,28 @@ class Run:
         supports = self.held.comparison.supports
         return float(np.where(supports.on_floor, supports.height, 0.0).max(initial=0.0))
 
-    def figures(self, key: str) -> list[float | None]:
-        """A figure of source, rotation copy, feet alone and supports."""
-        held, feet = self.held.figures, self.feet.figures
+    def metrics(self, key: str) -> list[float | None]:
+        """A metric of source, rotation copy, feet alone and supports."""
+        held, feet = self.held.metrics, self.feet.metrics
         return [each.get(key) for each in (held["source"], held["rotation_copy"], feet["result"], held["result"])]
 
     @property
     def jerk(self) -> list[float]:
         """The jerk with the feet alone and with supports, over the rotation copy's."""
-        _, copy, feet, held = (value or 0.0 for value in self.figures("jerk"))
+        _, copy, feet, held = (value or 0.0 for value in self.metrics("jerk"))
         return [feet / (copy or 1.0), held / (copy or 1.0)]
 
     def cells(self) -> Iterator[str]:
         """The row of the run."""
         yield self.name
-        yield f"{several(self.figures('support_height')[1:], '.2f')} ({self.highest:.2f})"
-        for key in ("support_slide", "slide"):
-            source, *others = self.figures(key)
+        yield f"{several(self.metrics('support_height')[1:], '.2f')} ({self.highest:.2f})"
+        for key in ("support_skate", "foot_skate"):
+            source, *others = self.metrics(key)
             yield f"{several(others, '.3f')} ({several([source], '.3f')})"
-        yield several(self.figures("foot_height")[1:], ".2f")
-        yield several(self.figures("direction_error")[1:], ".1f")
+        yield several(self.metrics("foot_height")[1:], ".2f")
+        yield several(self.metrics("direction_error")[1:], ".1f")
         yield several(self.jerk, ".2f")
-        yield several(self.figures("turn")[-1:], ".1f")
+        yield several(self.metrics("turn")[-1:], ".1f")
 
 
 def measured(clip: Path, body: str) -> Run | None:
@@ -109,17 +109,17 @@ def over_all(runs: list[Run]) -> Iterator[tuple[str, str]]:
     """The lines of the summary over all runs."""
     floor, others = ([run for run in runs if run.floor_work == on] for on in (True, False))
     yield "runs in which something else than feet rests", f"{len(floor)} of {len(runs)}"
-    heights = [height for run in floor if (height := run.figures("support_height")[-1]) is not None]
+    heights = [height for run in floor if (height := run.metrics("support_height")[-1]) is not None]
     spread = mean_and_largest(heights, largest=[run.highest for run in floor])
     yield "height of resting joints other than feet, mean / largest, % of leg", spread
-    slides = np.array([run.figures("support_slide") for run in floor], float)[:, [0, -1]]
+    slides = np.array([run.metrics("support_skate") for run in floor], float)[:, [0, -1]]
     source, result = np.nan_to_num(slides).mean(axis=0)
-    yield "their slide against the source's", f"{result / source:.2f}"
-    errors = np.nan_to_num(np.array([run.figures("direction_error")[2:] for run in floor], float))
+    yield "their skate against the source's", f"{result / source:.2f}"
+    errors = np.nan_to_num(np.array([run.metrics("direction_error")[2:] for run in floor], float))
     rise = mean_and_largest(errors[:, 1] - errors[:, 0])
     yield "direction error over that with feet alone, mean / largest, degrees", rise
     yield "jerk against the copy's, mean / largest", mean_and_largest([run.jerk[1] for run in floor])
-    turning = [run.name for run in runs if (run.figures("turn")[-1] or 0.0) > TURNS]
+    turning = [run.name for run in runs if (run.metrics("turn")[-1] or 0.0) > TURNS]
     named = "; ".join([str(len(turning)), *turning])
     yield f"runs in which a joint turns {TURNS:.0f} degrees more than the source's", named
     same = sum(run.same for run in others)

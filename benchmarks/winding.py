@@ -43,12 +43,12 @@ class Inside:
     depth: Array
 
     @property
-    def figures(self) -> tuple[float, float, float]:
+    def metrics(self) -> tuple[float, float, float]:
         """Mean share [%], frames with more than 1 % inside [%], deepest [% of height]."""
         return 100 * float(self.share.mean()), 100 * float((self.share > MANY).mean()), float(self.depth.max())
 
     def __str__(self) -> str:
-        share, frames, depth = self.figures
+        share, frames, depth = self.metrics
         return f"inside {share:.2f} %, frames with more than 1 %: {frames:.1f} %, deepest {depth:.2f} % of height"
 
 
@@ -116,7 +116,7 @@ def motions(character: Path, clip: Path, retargeted: bool) -> Iterator[tuple[str
 @click.option("--retarget", "retargeted", is_flag=True, help="Retarget the clip to the character first.")
 @click.option("--step", default=1, show_default=True, help="Measure every so manieth frame.")
 def main(character: Path, clip: Path, retargeted: bool, step: int) -> None:
-    """Print the figures."""
+    """Print the metrics."""
     target = load_target(character)
     assert isinstance(target, Target)
     sinking = Sinking(Skin.read(character, target.skeleton))

@@ -5,7 +5,7 @@
 
 CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
 those that are missing. Each clip is retargeted to a third of the members, and from each member to two others. Prints
-every figure of quality of result, rotation copy and source, mean / largest over the runs, with the worst run; then what
+every metric of result, rotation copy and source, mean / largest over the runs, with the worst run; then what
 must not occur, such as runs that are worse than the rotation copy. `--runs` lists the runs.
 """
 
@@ -25,7 +25,7 @@ from tables import mean_and_largest, publish, table
 from zoo import MEMBERS, member, on_member
 
 from distretarget import DistretargetError, RetargetResult, read_bvh, retarget
-from distretarget.measure.figures import FIGURES, Figure, Variant
+from distretarget.measure.metrics import METRICS, Metric, Variant
 
 APART = (7, 16)  # a member is the source of the members so many places after it in the table
 SHARE = 3  # each clip is retargeted to one in three members, the next clip to the members after these
@@ -33,8 +33,8 @@ SIDES: tuple[Variant, ...] = ("result", "rotation_copy", "source")
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
 NAMED = 3  # of the runs that a row counts, at most this many are named
 OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's height]
-# A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the figure].
-WORSE = {"slide": 0.01, "contact_error": 0.002, "foot_height": 0.1}
+# A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the metric].
+WORSE = {"foot_skate": 0.01, "contact_error": 0.002, "foot_height": 0.1}
 
 Task = tuple[Path, str, str]
 """A clip, the member of the zoo that it is put on to be the source, if any, and the one that it is retargeted to."""
@@ -45,19 +45,19 @@ Row = tuple[str, ...]
 @dataclass(frozen=True)
 class Run:
     """A clip on a member: frames, and how many of them did not converge; joints of the member, without End Sites;
-    solver iterations over all frames; figures of the whole clip, of source, rotation copy and result.
+    solver iterations over all frames; metrics of the whole clip, of source, rotation copy and result.
     """
 
     name: str
     frames: int
-    unsolved: int
+    not_converged: int
     joints: int
     iterations: int
-    figures: Mapping[Variant, Mapping[str, float | None]]
+    metrics: Mapping[Variant, Mapping[str, float | None]]
 
-    def figure(self, key: str, side: Variant = "result") -> float:
-        """A figure of one side; nan where nothing was measured."""
-        value = self.figures[side].get(key)
+    def metric(self, key: str, side: Variant = "result") -> float:
+        """A metric of one side; nan where nothing was measured."""
+        value = self.metrics[side].get(key)
         return np.nan if value is None else value
 
 
@@ -94,15 +94,15 @@ def task_name(task: Task) -> str:
 
 
 def run_of(frames: int, task: Task) -> Run:
-    """The figures of a clip on a member of the zoo."""
-    return figures_of(task_name(task), retargeted(frames, task))
+    """The metrics of a clip on a member of the zoo."""
+    return metrics_of(task_name(task), retargeted(frames, task))
 
 
-def figures_of(name: str, result: RetargetResult) -> Run:
-    """The figures of a result, under a name."""
+def metrics_of(name: str, result: RetargetResult) -> Run:
+    """The metrics of a result, under a name."""
     effort, joints = result.effort, len(result.motion.skeleton.joints)
-    counts = len(result.motion), len(effort.unsolved), joints, int(effort.iterations.sum())
-    return Run(name, *counts, result.figures)
+    counts = len(result.motion), len(effort.not_converged), joints, int(effort.iterations.sum())
+    return Run(name, *counts, result.metrics)
 
 
 def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
@@ -131,27 +131,27 @@ def _deviation(result: RetargetResult) -> float:
 # ---- tables
 
 
-def figure_rows(runs: Sequence[Run]) -> Iterator[Row]:
-    """Each figure of quality, mean / largest of result, copy and source, with the worst run."""
-    for figure in FIGURES:
-        values = ((run.figures[side].get(figure.key) for side in ("result", "source")) for run in runs)
-        judged = np.array([figure.judgement(*each) for each in values], float)  # nan for None
+def metric_rows(runs: Sequence[Run]) -> Iterator[Row]:
+    """Each metric, mean / largest of result, copy and source, with the worst run."""
+    for metric in METRICS:
+        values = ((run.metrics[side].get(metric.key) for side in ("result", "source")) for run in runs)
+        judged = np.array([metric.judgement(*each) for each in values], float)  # nan for None
         if np.isfinite(judged).any():
-            unit = f" [{figure.unit}]" if figure.unit else ""
-            spread = (mean_and_largest([run.figure(figure.key, side) for run in runs], ".3g") for side in SIDES)
-            yield figure.label + unit, *spread, runs[int(np.nanargmax(judged))].name if np.nanmax(judged) > 0 else ""
+            unit = f" [{metric.unit}]" if metric.unit else ""
+            spread = (mean_and_largest([run.metric(metric.key, side) for run in runs], ".3g") for side in SIDES)
+            yield metric.label + unit, *spread, runs[int(np.nanargmax(judged))].name if np.nanmax(judged) > 0 else ""
 
 
 def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterator[Row]:
     """Faults, which should not occur or should stay small, with the worst runs."""
-    yield _count("runs with snaps", runs, lambda run: run.figure("snap"))
-    frames = sum(run.unsolved for run in runs)
-    yield _count(f"runs with unconverged frames ({frames} frames)", runs, lambda run: run.unsolved)
-    for figure in FIGURES:
-        if figure.key in WORSE:
-            limit = f"{WORSE[figure.key]:g} {figure.unit}".rstrip()
-            yield _count(f"runs worse than the copy by {limit}: {figure.label}", runs, partial(_excess, figure))
-    yield _spread("jerk / copy's", runs, lambda run: run.figure("jerk") / run.figure("jerk", "rotation_copy"))
+    yield _count("runs with pops", runs, lambda run: run.metric("pop"))
+    frames = sum(run.not_converged for run in runs)
+    yield _count(f"runs with frames that did not converge ({frames} frames)", runs, lambda run: run.not_converged)
+    for metric in METRICS:
+        if metric.key in WORSE:
+            limit = f"{WORSE[metric.key]:g} {metric.unit}".rstrip()
+            yield _count(f"runs worse than the copy by {limit}: {metric.label}", runs, partial(_excess, metric))
+    yield _spread("jerk / copy's", runs, lambda run: run.metric("jerk") / run.metric("jerk", "rotation_copy"))
     for name, many in ((f"up to {FEW_JOINTS} joints", False), (f"over {FEW_JOINTS} joints", True)):
         if some := [run for run in runs if (run.joints > FEW_JOINTS) == many]:
             yield _spread(f"iterations per frame, {name}", some, lambda run: run.iterations / run.frames)
@@ -161,14 +161,14 @@ def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterato
     yield what, f"{off} of {len(own)}; {largest:.4f}", name
 
 
-def _excess(figure: Figure, run: Run) -> float:
+def _excess(metric: Metric, run: Run) -> float:
     """How far a run exceeds the limit for being worse than the rotation copy."""
-    result, copy, source = (run.figure(figure.key, side) for side in SIDES)
-    if figure.judged == "value":
-        return result - copy - WORSE[figure.key]
-    if figure.judged == "ratio":
-        return result - source - max(copy - source, 0.0) - WORSE[figure.key]
-    return abs(result - source) - abs(copy - source) - WORSE[figure.key]
+    result, copy, source = (run.metric(metric.key, side) for side in SIDES)
+    if metric.judged == "value":
+        return result - copy - WORSE[metric.key]
+    if metric.judged == "ratio":
+        return result - source - max(copy - source, 0.0) - WORSE[metric.key]
+    return abs(result - source) - abs(copy - source) - WORSE[metric.key]
 
 
 def _count(name: str, runs: Sequence[Run], excess: Callable[[Run], float]) -> Row:
@@ -185,10 +185,10 @@ def _spread(name: str, runs: Sequence[Run], value: Callable[[Run], float]) -> Ro
 
 
 def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
-    """A line for each run, with the figures of the result."""
+    """A line for each run, with the metrics of the result."""
     for run in runs:
-        effort = str(run.frames), str(run.unsolved), f"{run.iterations / run.frames:.1f}"
-        yield run.name, *effort, *(f"{run.figure(figure.key):.3g}" for figure in FIGURES)
+        effort = str(run.frames), str(run.not_converged), f"{run.iterations / run.frames:.1f}"
+        yield run.name, *effort, *(f"{run.metric(metric.key):.3g}" for metric in METRICS)
 
 
 @click.command(help=__doc__)
@@ -219,11 +219,11 @@ def main(
             *pool.map(partial(_own_body_of_member, frames), first.values()),
         ]
     tables = {
-        "figures": table(["figure, mean / largest", "result", "copy", "source", "worst run"], figure_rows(runs)),
+        "metrics": table(["metric, mean / largest", "result", "copy", "source", "worst run"], metric_rows(runs)),
         "faults": table(["over all runs", "value", "worst"], fault_rows(runs, own)),
     }
     if listed:
-        columns = ("run", "frames", "unconverged", "iterations", *(figure.label for figure in FIGURES))
+        columns = ("run", "frames", "unconverged", "iterations", *(metric.label for metric in METRICS))
         tables["runs"] = table(columns, run_rows(runs))
     print(f"{len(runs)} runs of {len(clips)} clips on {len(members)} members\n")
     publish(tables, page)

@@ -40,11 +40,11 @@ from distretarget.io.motion_writer import write_motion as write_motion
 from distretarget.io.target_file import load_target as load_target
 from distretarget.matching.matching import Matching as Matching
 from distretarget.matching.matching import match as match
+from distretarget.measure.comparison import Comparison as Comparison
 from distretarget.measure.diff import Diff as Diff
 from distretarget.measure.diff import diff as diff
-from distretarget.measure.figures import FIGURES as FIGURES
-from distretarget.measure.figures import Figure as Figure
-from distretarget.measure.metrics import Comparison as Comparison
+from distretarget.measure.metrics import METRICS as METRICS
+from distretarget.measure.metrics import Metric as Metric
 from distretarget.measure.scene_gaps import Gap as Gap
 from distretarget.measure.scene_gaps import SceneDiff as SceneDiff
 from distretarget.measure.scene_gaps import diff_scenes as diff_scenes
@@ -60,7 +60,7 @@ from distretarget.pipeline.result import RetargetResult as RetargetResult
 from distretarget.pipeline.retargeting import retarget as retarget
 from distretarget.report.clip_page import write_report as write_report
 from distretarget.report.diff_document import DiffDocument as DiffDocument
-from distretarget.report.run_summary import RunFiguresDocument as RunFiguresDocument
+from distretarget.report.run_summary import RunMetricsDocument as RunMetricsDocument
 from distretarget.report.scene_page import write_scene_report as write_scene_report
 from distretarget.scene.props import Grip as Grip
 from distretarget.scene.props import Prop as Prop

@@ -200,7 +200,7 @@ def _with_strange_value(draw: st.DrawFn, value: Any) -> Any:
 @st.composite
 def manifests(draw: st.DrawFn) -> str:
     """The manifest of a batch, some of its lines."""
-    figures = {side: {"stress": 0.1, "slide": None} for side in ("source", "rotation_copy", "result")}
+    metrics = {side: {"stress": 0.1, "foot_skate": None} for side in ("source", "rotation_copy", "result")}
     lines = []
     for name in draw(st.lists(st.sampled_from(("clip", "other", "..", "a/b")), max_size=3)):
         failed = draw(st.booleans())
@@ -216,7 +216,7 @@ def manifests(draw: st.DrawFn) -> str:
                 "version": "0",
                 "frames": 3,
                 "seconds": 0.1,
-                "figures": {} if failed else figures,
+                "metrics": {} if failed else metrics,
                 "notes": [],
                 "warnings": [],
                 "status": "failed" if failed else "done",

@@ -65,8 +65,8 @@ def copied(job, *_):
     if "fail" in job.source.text:
         return job.failed("it fails")
     text = f"{job.target.path}: {job.source.text}"
-    figures = {"result": {"contact_error": len(job.source.text)}}
-    done = {"seconds": 0.5, "frames": 7, "figures": figures, "notes": ["a tail"], "warnings": ["careful"]}
+    metrics = {"result": {"contact_error": len(job.source.text)}}
+    done = {"seconds": 0.5, "frames": 7, "metrics": metrics, "notes": ["a tail"], "warnings": ["careful"]}
     record = job.record | done | {"status": "done", "output_hash": text_hash(text)}
     return Result(record, b"".join(encoded_parts(text)), f"{MARK} {job.about}" if job.about else "")
 

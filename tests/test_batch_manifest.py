@@ -65,7 +65,7 @@ def test_a_line_without_one_of_the_keys_is_no_record(key):
 
 
 @pytest.mark.parametrize("key", sorted(ManifestRecord.__required_keys__))
-@pytest.mark.parametrize("value", [True, ["x"], {"result": 1}, {"result": {"slide": "1"}}], ids=str)
+@pytest.mark.parametrize("value", [True, ["x"], {"result": 1}, {"result": {"foot_skate": "1"}}], ids=str)
 def test_a_line_with_a_value_of_another_kind_is_no_record(key, value):
     one = record() | {key: value}
     kinds = {"frames": bool, "seconds": bool, "notes": list, "warnings": list}
@@ -76,7 +76,7 @@ def test_a_line_with_a_value_of_another_kind_is_no_record(key, value):
 
 @pytest.mark.parametrize("number", [10**400, float("inf"), float("nan")], ids=["long", "inf", "nan"])
 def test_a_line_with_a_number_that_cannot_be_computed_with_is_no_record(number):
-    assert parse_record(line_of(record() | {"figures": {"result": {"slide": number}}})) is None
+    assert parse_record(line_of(record() | {"metrics": {"result": {"foot_skate": number}}})) is None
     assert parse_record(line_of(record() | {"frames": number})) is None
 
 

@@ -40,7 +40,7 @@ def test_a_worker_does_what_retargeting_does():
     assert (record["status"], record["error"], record["frames"]) == ("done", None, 20)
     expected = format_bvh(retarget(parse_bvh(text, "in.bvh"), other_lengths(person())).motion)
     assert (result.output, record["output_hash"]) == (expected.encode(), text_hash(expected))
-    assert record["figures"]["result"]["bone_error"] < 1e-9
+    assert record["metrics"]["result"]["bone_error"] < 1e-9
     assert "<title>" in convert(job_of(text, about=About(a="a", b="b", command="", version="1"))).report
     with ThreadPoolExecutor(2) as pool:
         assert convert(job_of(text), pool.map).output == result.output

@@ -32,7 +32,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_clip_is_retargeted_and_its_figures_are_written(folder):
+def test_a_clip_is_retargeted_and_its_metrics_are_written(folder):
     done = run_process("in.bvh", "body.json", "-o", "out.bvh", "--json", "out.json")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("20 frames in ")
@@ -40,9 +40,9 @@ def test_a_clip_is_retargeted_and_its_figures_are_written(folder):
     motion = read_bvh(folder / "out.bvh")
     assert len(motion) == 20
     assert lengths_of(motion.skeleton) == pytest.approx(lengths_of(other_lengths(person())), rel=1e-9)
-    figures = json.loads((folder / "out.json").read_text())
-    assert {len(values) for values in figures["frames"].values()} == {20}
-    worst = np.argmax(figures["frames"]["stress"])
+    metrics = json.loads((folder / "out.json").read_text())
+    assert {len(values) for values in metrics["frames"].values()} == {20}
+    worst = np.argmax(metrics["frames"]["stress"])
     told = run_process("in.bvh", "body.json", "-o", "again.bvh", "-v")
     assert f"most stress in frame {worst} " in told.stdout + told.stderr
 
@@ -79,9 +79,9 @@ BAD = {
     "output in no folder": (["in.bvh", "body.json", "-o", "no/out.bvh"], 1, "no"),
     "output equal to input": (["in.bvh", "body.json", "-o", "in.bvh", "--overwrite"], 1, "in.bvh"),
     "output equal to target": (["in.bvh", "body.json", "-o", "./body.json", "--overwrite"], 1, "body.json"),
-    "figures over the output": (["in.bvh", "body.json", "-o", "o.bvh", "--json", "o.bvh"], 1, "another output"),
+    "metrics over the output": (["in.bvh", "body.json", "-o", "o.bvh", "--json", "o.bvh"], 1, "another output"),
     "existing output": (["in.bvh", "body.json", "-o", "there.bvh"], 1, "--overwrite"),
-    "existing figures": (["in.bvh", "body.json", "-o", "out.bvh", "--json", "there.bvh"], 1, "--overwrite"),
+    "existing metrics": (["in.bvh", "body.json", "-o", "out.bvh", "--json", "there.bvh"], 1, "--overwrite"),
     "truncated source": (["short.bvh", "body.json", "-o", "out.bvh"], 1, "short.bvh:"),
     "no output": (["in.bvh", "body.json"], 2, "--output"),
     "unknown option": (["in.bvh", "body.json", "-o", "out.bvh", "--fast"], 2, "--fast"),
@@ -186,8 +186,8 @@ def test_joints_that_follow_their_parents_are_reported(folder):
 @pytest.mark.usefixtures("folder")
 def test_verbose_says_what_was_matched_with_what():
     done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1.5", "-v")
-    *lines, figures = done.stderr.splitlines()
-    assert figures.startswith("rotation copy / result: contact error ")
+    *lines, metrics = done.stderr.splitlines()
+    assert metrics.startswith("rotation copy / result: contact error ")
     assert lines == [
         "source: joints named as in Xsens MVN",
         "target: joints named as in Xsens MVN",
@@ -259,7 +259,7 @@ def test_frames_that_do_not_converge_are_reported(monkeypatch):
     monkeypatch.setattr("distretarget.objectives.contact._solve", _stop_early)
     done = run("in.bvh", "body.json", "-o", "out.bvh")
     assert done.returncode == 0
-    assert "warning: unsolved frames 20, limit 0; worst in frame 0; likely cause: " in done.stderr
+    assert "warning: frames not converged 20, limit 0; worst in frame 0; likely cause: " in done.stderr
 
 
 def _stop_early(_body, _clip, _given, _tolerance, _v, _first, log, _work):

@@ -91,9 +91,9 @@ def test_lines_that_are_no_records_are_named_and_not_used(folder):
     batch("in/a.bvh", "body.json", "-o", "out", "--report", "page.html")
     manifest = folder / "out" / "manifest.jsonl"
     (record,) = lines(folder / "out")
-    changes = [{"output": ["a.bvh"]}, {"figures": {"result": 1}}, {"warnings": None}]
+    changes = [{"output": ["a.bvh"]}, {"metrics": {"result": 1}}, {"warnings": None}]
     for broken in [*(json.dumps(record | change) for change in changes), "[" * 100_000]:
-        manifest.write_text(f"{json.dumps(record | {'figures': {}})}\n{broken}\n")
+        manifest.write_text(f"{json.dumps(record | {'metrics': {}})}\n{broken}\n")
         done = batch("in", "body.json", "-o", "out", "--report", "page.html", "--overwrite")
         assert done.returncode == 0
         assert done.stderr == "warning: out/manifest.jsonl:2: is not a record of a clip; what it says is not used\n"

@@ -67,25 +67,25 @@ def run(line):
 
 
 def row(output, name):
-    """The numbers in the line of a figure."""
+    """The numbers in the line of a metric."""
     words = next(line for line in output.splitlines() if line.startswith(name))[len(name) :].split()
     return [float(word) for word in words[:2] if word.replace(".", "").replace("e-", "").isdigit()]
 
 
-def test_the_figures_are_printed():
+def test_the_metrics_are_printed():
     status, output, errors = run("diff straight.bvh bent.bvh")
     assert (status, errors) == (0, "")
     assert "12 frames compared, 50 a second" in output
     bones = diff(bent(0), bent(10)).comparison.direction_error.shape[1]
     assert row(output, "direction error") == [pytest.approx(10 / bones, rel=1e-3)]
-    assert row(output, "foot slide") == [0, 0]
+    assert row(output, "foot skate") == [0, 0]
     assert [word for line in output.splitlines() if line.startswith("contact error") for word in line.split()][2] == "-"
     assert "worst frames by contact error: none" in output
     assert "contacts: none" in output
 
 
 def test_a_motion_does_not_differ_from_itself():
-    status, output, _ = run("diff a.bvh a.bvh --fail-over contact_error=0 --fail-over slide=1 --fail-over jerk=1")
+    status, output, _ = run("diff a.bvh a.bvh --fail-over contact_error=0 --fail-over foot_skate=1 --fail-over jerk=1")
     assert status == 0
     for name in ("stress", "distance error", "contact error", "direction error", "bone error", "turn"):
         assert row(output, name) == [0]
@@ -94,11 +94,11 @@ def test_a_motion_does_not_differ_from_itself():
 
 def test_the_worst_frames_and_pairs_are_printed():
     _, output, _ = run("diff a.bvh b.bvh --json d.json")
-    figures = json.loads(Path("d.json").read_text())
+    metrics = json.loads(Path("d.json").read_text())
     (line,) = (line for line in output.splitlines() if line.startswith("worst frames by contact error: "))
-    assert line.split(": ")[1].startswith(f"{figures['worst']['contact_error']} (")
+    assert line.split(": ")[1].startswith(f"{metrics['worst']['contact_error']} (")
     assert line.count("(") == 5
-    first = figures["contacts"][0]
+    first = metrics["contacts"][0]
     assert (
         f"  {first['regions']}: {first['distance_a']:.3f}, {first['distance_b']:.3f} in {first['frames']} frames"
         in output
@@ -117,18 +117,18 @@ def test_joints_without_a_counterpart_are_printed():
 def test_files_have_the_same_numbers(folder):
     status, _, errors = run("diff a.bvh b.bvh --json d.json --csv d.csv")
     assert (status, errors) == (0, "")
-    figures = json.loads((folder / "d.json").read_text())
+    metrics = json.loads((folder / "d.json").read_text())
     rows = list(csv.DictReader(io.StringIO((folder / "d.csv").read_text())))
-    assert [{key: float(cell) if cell else None for key, cell in line.items()} for line in rows] == figures["frames"]
-    assert figures["program"]["command"] == "distretarget diff a.bvh b.bvh --json d.json --csv d.csv"
-    assert (figures["a"]["file"], figures["b"]["file"]) == ("a.bvh", "b.bvh")
+    assert [{key: float(cell) if cell else None for key, cell in line.items()} for line in rows] == metrics["frames"]
+    assert metrics["program"]["command"] == "distretarget diff a.bvh b.bvh --json d.json --csv d.csv"
+    assert (metrics["a"]["file"], metrics["b"]["file"]) == ("a.bvh", "b.bvh")
 
 
 def test_the_report_has_the_document(folder):
     assert run("diff a.bvh b.bvh -o d.html --json d.json")[0] == 0
     page = (folder / "d.html").read_text()
     assert page.lstrip().lower().startswith("<!doctype html>")
-    worst = json.loads((folder / "d.json").read_text())["figures"]["result"]["contact_error"]
+    worst = json.loads((folder / "d.json").read_text())["metrics"]["result"]["contact_error"]
     assert str(worst) in page
 
 
@@ -152,13 +152,13 @@ def test_files_with_the_same_name_are_named_by_their_paths(folder):
     [
         ("direction_error=1", ""),
         ("direction_error=0.1", "direction_error is "),
-        ("direction_error=1 bone_error=0 turn=0.001 slide=1 contact_error=0", ""),
+        ("direction_error=1 bone_error=0 turn=0.001 foot_skate=1 contact_error=0", ""),
         ("distance_error=0 stress=0", "distance_error is "),
         ("stress=1e-9 direction_error=5", "stress is "),
-        ("foot_height=0.01 jerk=3 hips_height=0.01 snap=0", ""),
+        ("foot_height=0.01 jerk=3 hips_height=0.01 pop=0", ""),
     ],
 )
-def test_a_figure_over_its_limit_fails(folder, limits, over):
+def test_a_metric_over_its_limit_fails(folder, limits, over):
     options = " ".join(f"--fail-over {limit}" for limit in limits.split())
     status, output, errors = run(f"diff straight.bvh bent.bvh --csv d.csv {options}")
     assert status == (1 if over else 0)
@@ -173,12 +173,12 @@ def test_feet_that_slide_where_they_stood_are_over_the_limit():
     for name, speed in (("still", 0.0), ("noisy", 1e-5), ("sliding", 0.02)):
         path = np.outer(np.arange(12) * 0.02 * speed, [1.0, 0, 0]) + np.array([0, 0.9, 0])
         write_bvh(f"{name}.bvh", posed(PERSON, {}, path))
-    assert run("diff still.bvh noisy.bvh --fail-over slide=1.1")[0] == 0
-    assert run("diff noisy.bvh sliding.bvh --fail-over slide=1.1")[0] == 1
-    assert run("diff sliding.bvh sliding.bvh --fail-over slide=1")[0] == 0
+    assert run("diff still.bvh noisy.bvh --fail-over foot_skate=1.1")[0] == 0
+    assert run("diff noisy.bvh sliding.bvh --fail-over foot_skate=1.1")[0] == 1
+    assert run("diff sliding.bvh sliding.bvh --fail-over foot_skate=1")[0] == 0
 
 
-def test_every_figure_over_its_limit_is_named():
+def test_every_metric_over_its_limit_is_named():
     limits = ("stress", "distance_error", "contact_error", "direction_error")
     errors = run("diff a.bvh b.bvh " + " ".join(f"--fail-over {name}=0" for name in limits))[2]
     assert [part.split(" is ")[0].split()[-1] for part in errors.split("; ")] == list(limits)
@@ -199,7 +199,7 @@ BAD = {
     "no folder": ("diff a.bvh b.bvh --json no/d.json", 1, "no folder"),
     "missing map": ("diff a.bvh b.bvh --map none.json", 1, "none.json"),
     "map of a strange joint": ("diff a.bvh b.bvh --map strange.json", 1, "Tail"),
-    "unknown figure": ("diff a.bvh b.bvh --fail-over beauty=1", 2, "expected one of contact_error, contact_gap"),
+    "unknown metric": ("diff a.bvh b.bvh --fail-over beauty=1", 2, "expected one of contact_error, contact_gap"),
     "limit no number": ("diff a.bvh b.bvh --fail-over jerk=low", 2, "as limit of jerk, found 'low'"),
     "limit nan": ("diff a.bvh b.bvh --fail-over jerk=nan", 2, "as limit of jerk"),
     "limit below 0": ("diff a.bvh b.bvh --fail-over jerk=-1", 2, "as limit of jerk"),

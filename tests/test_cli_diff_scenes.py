@@ -52,16 +52,16 @@ def test_a_result_is_measured_against_its_scene_file(results, folder):
     done = run("diff", HANDSHAKE / "scene.json", results / "handshake", "--json", "d.json", "--csv", "d.csv")
     assert (done.returncode, done.stderr) == (0, "")
     assert "performers: one, other" in done.stdout
-    figures = json.loads((folder / "d.json").read_text())
-    check_schema(figures)
-    (gaps,) = figures["gaps"]
+    metrics = json.loads((folder / "d.json").read_text())
+    check_schema(metrics)
+    (gaps,) = metrics["gaps"]
     between, line = "one's right hand - other's right hand", done.stdout.splitlines()[-1]
     numbers = [f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_worst", "gap_error")]
     assert line.startswith(between)
     assert line.removeprefix(between).split() == [str(gaps["frames"]), *numbers, str(gaps["worst_frame"])]
     rows = list(csv.DictReader(io.StringIO((folder / "d.csv").read_text())))
     assert [row["performer"] for row in rows] == ["one"] * 157 + ["other"] * 157
-    assert float(rows[0]["jerk"]) == figures["performers"]["one"]["frames"][0]["jerk"]
+    assert float(rows[0]["jerk"]) == metrics["performers"]["one"]["frames"][0]["jerk"]
 
 
 def test_the_types_have_the_keys_of_the_schema():
@@ -116,7 +116,7 @@ def test_who_never_meets_touches_nothing(folder):
 
 
 @pytest.mark.usefixtures("folder")
-def test_figures_over_their_limits_fail(results):
+def test_metrics_over_their_limits_fail(results):
     limits = ("--fail-over", "gap_error=0.001", "--fail-over", "direction_error=0.1")
     done = run("diff", HANDSHAKE, results / "handshake", *limits)
     assert done.returncode == 1
@@ -155,9 +155,9 @@ def test_the_report_plays_in_a_browser(results, folder, open_player):
     (gaps,) = json.loads((folder / "d.json").read_text())["gaps"]
     tab = open_player(folder / "d.html")
     assert tab.locator("#labels > div").count() == 2
-    touch, figures = tab.locator("#tables table").all()
+    touch, metrics = tab.locator("#tables table").all()
     assert touch.locator("tbody tr").count() == 1
-    assert figures.locator("thead th").all_inner_texts() == ["figure", "one A", "one B", "other A", "other B"]
+    assert metrics.locator("thead th").all_inner_texts() == ["metric", "one A", "one B", "other A", "other B"]
     touch.get_by_role("button").click()
     settle(tab)
     assert tab.locator("#now").inner_text().startswith(f"{gaps['worst_frame']} / 156")

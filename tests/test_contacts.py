@@ -8,9 +8,9 @@ from bodies import clapping, lengthened, matched, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
+from distretarget.measure.comparison import Reference
 from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_contacts
-from distretarget.measure.figures import BY_KEY
-from distretarget.measure.metrics import Reference
+from distretarget.measure.metrics import BY_KEY
 
 PERSON = person()
 UP = np.array([0.0, 1.0, 0.0])

@@ -1,4 +1,4 @@
-"""Two clips against each other, whose figures are known by construction."""
+"""Two clips against each other, whose metrics are known by construction."""
 
 from dataclasses import replace
 
@@ -64,11 +64,11 @@ def test_a_forearm_turned_by_10_degrees():
 
 
 def test_feet_that_slide_faster():
-    figures = diff(travelling(0.02), travelling(0.05)).comparison
-    assert figures.feet.stance.all()
-    np.testing.assert_allclose(figures.feet.slide_source, 0.02)
-    np.testing.assert_allclose(figures.feet.slide, 0.05)
-    np.testing.assert_allclose(figures.distance_error, 0, atol=1e-12)
+    metrics = diff(travelling(0.02), travelling(0.05)).comparison
+    assert metrics.feet.stance.all()
+    np.testing.assert_allclose(metrics.feet.skate_source, 0.02)
+    np.testing.assert_allclose(metrics.feet.skate, 0.05)
+    np.testing.assert_allclose(metrics.distance_error, 0, atol=1e-12)
 
 
 def test_hands_that_part_by_4_cm():
@@ -94,16 +94,16 @@ def test_contact_error_of_regions_and_of_frames_agree():
 def test_a_motion_against_itself_is_no_different():
     motion = read_bvh(SAMPLES / "clap.bvh")
     result = diff(motion, motion)
-    figures = result.comparison
-    for values in (figures.distance_error, figures.contacts.error, figures.direction_error, figures.turn):
+    metrics = result.comparison
+    for values in (metrics.distance_error, metrics.contacts.error, metrics.direction_error, metrics.turn):
         np.testing.assert_allclose(values, 0, atol=1e-9)
-    assert figures.contacts.counts.any()
-    np.testing.assert_array_equal(figures.feet.slide, figures.feet.slide_source)
-    np.testing.assert_array_equal(figures.jerk, result.comparison.jerk_source)
+    assert metrics.contacts.counts.any()
+    np.testing.assert_array_equal(metrics.feet.skate, metrics.feet.skate_source)
+    np.testing.assert_array_equal(metrics.jerk, result.comparison.jerk_source)
     assert result.stress.max() < 1e-20
 
 
-def test_symmetric_figures_do_not_change_when_a_and_b_are_exchanged():
+def test_symmetric_metrics_do_not_change_when_a_and_b_are_exchanged():
     a, b = swaying(PERSON, seed=1), swaying(PERSON, seed=2)
     ab, ba = diff(a, b), diff(b, a)
     np.testing.assert_allclose(ab.comparison.distance_error, ba.comparison.distance_error)
@@ -177,7 +177,7 @@ def test_z_up_against_y_up():
     assert result.notes == ("A was turned: Y is up in A, Z in B",)
     np.testing.assert_allclose(result.up, [0, 0, 1])
     np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)
-    np.testing.assert_allclose(result.figures["result"]["foot_height"], 0.0, atol=1e-9)
+    np.testing.assert_allclose(result.metrics["result"]["foot_height"], 0.0, atol=1e-9)
 
 
 def test_a_root_offset_that_is_added():
@@ -187,11 +187,11 @@ def test_a_root_offset_that_is_added():
     path = motion.root_positions - offsets[0]
     added = replace(motion, skeleton=motion.skeleton.with_offsets(offsets), root_positions=path)
     for a, b in ((motion, added), (added, motion)):
-        np.testing.assert_allclose(diff(a, b).figures["result"]["foot_height"], 0.0, atol=1e-9)
+        np.testing.assert_allclose(diff(a, b).metrics["result"]["foot_height"], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("rig", ["mixamo_a", "unreal_t"])
-def test_a_retargeted_clip_has_the_figures_of_its_run(rig):
+def test_a_retargeted_clip_has_the_metrics_of_its_run(rig):
     source = read_bvh(SAMPLES / "clap.bvh")[:30]
     run = retarget(source, load_target(SAMPLES / "rigs" / f"{rig}.json").skeleton)
     result = diff(source, run.motion)

@@ -14,15 +14,15 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_b
 
 from distretarget import read_bvh, retarget
 from distretarget.measure.diff import diff
-from distretarget.measure.figures import BY_KEY, FIGURES
+from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.report.clip_page import run_diff
 from distretarget.report.diff_document import (
     About,
     DiffBody,
     DiffContact,
     DiffDocument,
-    DiffFigures,
     DiffLimit,
+    DiffMetrics,
     Program,
     csv_text,
     document,
@@ -31,11 +31,11 @@ from distretarget.report.diff_document import (
 
 PERSON = person()
 ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh", version="1.2.3")
-OF_RUN = ["snap", "pop", "unsolved"]
+OF_RUN = ["pop", "not_converged"]
 OF_SKIN = ["skin_depth", "skin_frames", "skin_gap"]  # of bodies whose thickness is known
-ERRORS = [figure.key for figure in FIGURES if figure.judged == "value" and figure.key not in OF_RUN + OF_SKIN]
-NONE = {"support_slide", "support_height", "palm_turn"}  # where only feet rest, and there are no fingers
-OF_SOURCE = [figure.key for figure in FIGURES if figure.of_source]
+ERRORS = [metric.key for metric in METRICS if metric.judged == "value" and metric.key not in OF_RUN + OF_SKIN]
+NONE = {"support_skate", "support_height", "palm_turn"}  # where only feet rest, and there are no fingers
+OF_SOURCE = [metric.key for metric in METRICS if metric.of_source]
 COLUMNS = [
     *("frame", "time", "contacts", "stance", "supports"),
     *(
@@ -43,15 +43,15 @@ COLUMNS = [
         "contact_gap",
         *("skin_depth", "skin_frames", "skin_gap"),
         "direction_error",
-        "slide_source",
-        "slide",
+        "skate_source",
+        "foot_skate",
         "foot_height",
         "foot_pitch",
         "ankle_height",
     ),
     *("hips_height", "head_tilt", "palm_turn", "sole_tilt", "heading", "splay"),
-    *("support_slide_source", "support_slide", "support_height"),
-    *("snap", "pop", "unsolved", "stress", "distance_error", "jerk_source", "jerk", "turn", "bone_error"),
+    *("support_skate_source", "support_skate", "support_height"),
+    *("pop", "not_converged", "stress", "distance_error", "jerk_source", "jerk", "turn", "bone_error"),
 ]
 
 
@@ -69,7 +69,7 @@ def standing(speed, frames=20):
 CLIPS = {
     "clap": lambda: (clapping(np.sin(np.linspace(0, 3, 20)) ** 2), clapping(np.sin(np.linspace(0, 2, 20)) ** 2)),
     "sway": lambda: (flying(1), flying(2)),
-    "slide": lambda: (standing(0.02), standing(0.05)),
+    "foot_skate": lambda: (standing(0.02), standing(0.05)),
     "still against moving": lambda: (standing(0.0), standing(0.05)),
     "one frame": lambda: (flying(1)[:1], flying(2)[:1]),
     "three frames": lambda: (flying(1)[:3], flying(2)[:3]),
@@ -118,7 +118,7 @@ def test_the_types_have_the_keys_of_the_schema():
     for type_, described in (
         (DiffDocument, schema),
         (Program, schema["properties"]["program"]),
-        (DiffFigures, schema["properties"]["figures"]),
+        (DiffMetrics, schema["properties"]["metrics"]),
         (DiffBody, definitions["body"]),
         (DiffLimit, definitions["limit"]),
         (DiffContact, definitions["contact"]),
@@ -139,17 +139,17 @@ def test_csv_has_the_numbers_of_the_frames(name):
     ("place", "value"),
     [
         (("version",), 2),
-        (("figures", "result", "stress"), None),
-        (("figures", "result", "stress"), "0"),
-        (("figures", "result", "contact_error"), -1.0),
-        (("figures", "result", "more"), 1.0),
+        (("metrics", "result", "stress"), None),
+        (("metrics", "result", "stress"), "0"),
+        (("metrics", "result", "contact_error"), -1.0),
+        (("metrics", "result", "more"), 1.0),
         (("limits",), {}),
-        (("limits",), [{"figure": "beauty", "limit": 1, "value": None, "over": False}]),
+        (("limits",), [{"metric": "beauty", "limit": 1, "value": None, "over": False}]),
         (("frames",), []),
         (("frames", 0, "frame"), 0.5),
         (("contacts", 0, "joints_a"), ["one"]),
-        (("figures", "rotation_copy"), {}),
-        (("figures", "source", "stress"), 0.0),
+        (("metrics", "rotation_copy"), {}),
+        (("metrics", "source", "stress"), 0.0),
         (("worst", "stress"), "first"),
         (("notes",), "none"),
         (("frame_time",), 0),
@@ -164,7 +164,7 @@ def test_the_schema_refuses_what_is_no_document(place, value):
     assert not validator().is_valid(broken)
 
 
-@pytest.mark.parametrize("key", ["a", "figures", "limits", "worst", "frames", "contacts"])
+@pytest.mark.parametrize("key", ["a", "metrics", "limits", "worst", "frames", "contacts"])
 def test_the_schema_wants_everything(key):
     assert not validator().is_valid({name: value for name, value in made("clap").items() if name != key})
 
@@ -173,7 +173,7 @@ def test_the_schema_wants_everything(key):
 def test_a_motion_against_itself_has_no_errors(sample):
     motion = read_bvh(SAMPLES / f"{sample}.bvh")
     found = document(diff(motion, motion), ABOUT)
-    source, result = found["figures"]["source"], found["figures"]["result"]
+    source, result = found["metrics"]["source"], found["metrics"]["result"]
     assert {result[key] for key in NONE} == {None}
     errors = {key: result[key] for key in ERRORS if key not in NONE}
     assert errors == pytest.approx(dict.fromkeys(errors, 0), abs=0.1)
@@ -188,9 +188,9 @@ def test_a_motion_against_itself_has_no_errors(sample):
     assert {pair["error"] for pair in found["contacts"]} <= {0}
 
 
-def test_the_figures_of_the_clip_are_those_of_the_frames():
+def test_the_metrics_of_the_clip_are_those_of_the_frames():
     found = made("clap")
-    source, result = found["figures"]["source"], found["figures"]["result"]
+    source, result = found["metrics"]["source"], found["metrics"]["result"]
 
     def mean(key):
         return pytest.approx(np.mean([value for value in column(key, found) if value is not None]))
@@ -204,7 +204,7 @@ def test_the_figures_of_the_clip_are_those_of_the_frames():
         assert result[key] == max(value for value in column(key, found) if value is not None)
 
 
-def test_the_worst_frames_have_the_largest_figures():
+def test_the_worst_frames_have_the_largest_metrics():
     found = made("clap")
     for name, frame in found["worst"].items():
         if frame is None:
@@ -215,48 +215,48 @@ def test_the_worst_frames_have_the_largest_figures():
 
 def test_limits_say_what_is_over():
     limits = [(key, limit) for key in BY_KEY for limit in (0.0, 1e9)]
-    found = document(diff(*CLIPS["slide"]()), replace(ABOUT, limits=tuple(limits)))
+    found = document(diff(*CLIPS["foot_skate"]()), replace(ABOUT, limits=tuple(limits)))
     validator().validate(found)
-    assert [(one["figure"], one["limit"]) for one in found["limits"]] == limits
-    values = {one["figure"]: one["value"] for one in found["limits"]}
-    source, result = found["figures"]["source"], found["figures"]["result"]
+    assert [(one["metric"], one["limit"]) for one in found["limits"]] == limits
+    values = {one["metric"]: one["value"] for one in found["limits"]}
+    source, result = found["metrics"]["source"], found["metrics"]["result"]
     assert {key: values[key] for key in ERRORS} == {key: result[key] for key in ERRORS}
     assert values["contact_error"] is None
-    assert values["slide"] == pytest.approx(2.5)
+    assert values["foot_skate"] == pytest.approx(2.5)
     assert values["jerk"] == pytest.approx(result["jerk"] / source["jerk"])
-    over = {(one["figure"], one["limit"]) for one in found["limits"] if one["over"]}
+    over = {(one["metric"], one["limit"]) for one in found["limits"] if one["over"]}
     assert over == {(key, 0.0) for key, value in values.items() if value}
-    assert made("slide")["limits"] == []
+    assert made("foot_skate")["limits"] == []
 
 
 def test_what_is_not_there_is_null():
     found = made("sway")
-    assert (found["figures"]["result"]["contact_error"] is None) == (found["contact_frames"] == 0)
-    slow = made("slide")
-    assert slow["figures"]["result"]["contact_error"] is slow["worst"]["contact_error"] is None
+    assert (found["metrics"]["result"]["contact_error"] is None) == (found["contact_frames"] == 0)
+    slow = made("foot_skate")
+    assert slow["metrics"]["result"]["contact_error"] is slow["worst"]["contact_error"] is None
     assert set(column("contact_error", slow)) == {None}
     assert set(column("stance", slow)) == {4}
-    assert slow["figures"]["rotation_copy"] is None
-    assert made("still against moving")["figures"]["source"]["slide"] == 0
+    assert slow["metrics"]["rotation_copy"] is None
+    assert made("still against moving")["metrics"]["source"]["foot_skate"] == 0
 
 
 def test_without_stance_there_is_no_slide():
     falling = posed(PERSON, {}, np.outer(np.arange(20), [0, -1.0, 0]))
     found = document(diff(falling, falling), ABOUT)
-    assert set(column("slide_source", found)) == {None}
-    assert found["figures"]["source"]["slide"] is None
-    for key in ("slide", "foot_height", "foot_pitch", "ankle_height", "hips_height"):
+    assert set(column("skate_source", found)) == {None}
+    assert found["metrics"]["source"]["foot_skate"] is None
+    for key in ("foot_skate", "foot_height", "foot_pitch", "ankle_height", "hips_height"):
         assert set(column(key, found)) == {None}
-        assert found["figures"]["result"][key] is None
-    assert found["worst"]["slide"] is None
+        assert found["metrics"]["result"][key] is None
+    assert found["worst"]["foot_skate"] is None
 
 
 def test_jerk_needs_four_frames_and_turn_two():
     for name in ("one frame", "three frames"):
         found = made(name)
-        assert found["figures"]["source"]["jerk"] is found["figures"]["result"]["jerk"] is None
+        assert found["metrics"]["source"]["jerk"] is found["metrics"]["result"]["jerk"] is None
         assert set(column("jerk_source", found)) == {None}
-    assert made("one frame")["figures"]["result"]["turn"] is None
+    assert made("one frame")["metrics"]["result"]["turn"] is None
     assert [value is None for value in column("jerk", made("sway"))] == [False] * 17 + [True] * 3
     assert [value is None for value in column("turn", made("sway"))] == [False] * 19 + [True]
 
@@ -277,24 +277,24 @@ def test_contacts_name_regions_and_the_joints_of_both_bodies_hands_first():
     assert contact["frames"] > 0
     assert contact["joints_a"] == contact["joints_b"]
     assert set(contact["joints_b"]) <= set(PERSON.keys)
-    assert made("slide")["contacts"] == []
+    assert made("foot_skate")["contacts"] == []
 
 
 def test_snaps_and_unsolved_frames_are_known_of_a_run_only():
     run = retarget(CLIPS["clap"]()[0][:6], PERSON)
     of_run, of_files = document(run_diff(run), ABOUT), document(diff(run.source, run.motion), ABOUT)
     for key in OF_RUN:
-        assert of_run["figures"]["result"][key] == 0
-        assert of_files["figures"]["result"][key] is None
+        assert of_run["metrics"]["result"][key] == 0
+        assert of_files["metrics"]["result"][key] is None
 
 
 def test_the_rotation_copy_stands_beside_the_result():
     run = retarget(CLIPS["clap"]()[0][:12], lengthened(PERSON, {"Elbow": 1.3}))
     found = document(run_diff(run), replace(ABOUT, rotation_copy=run.tracks["rotation_copy"]))
     validator().validate(found)
-    figures = found["figures"]
-    assert figures["rotation_copy"].keys() == figures["result"].keys()
-    assert figures["rotation_copy"]["contact_error"] > figures["result"]["contact_error"]
-    again = document(diff(run.source, run.motion), ABOUT)["figures"]
+    metrics = found["metrics"]
+    assert metrics["rotation_copy"].keys() == metrics["result"].keys()
+    assert metrics["rotation_copy"]["contact_error"] > metrics["result"]["contact_error"]
+    again = document(diff(run.source, run.motion), ABOUT)["metrics"]
     assert again["rotation_copy"] is None
-    assert again["result"]["contact_error"] == pytest.approx(figures["result"]["contact_error"])
+    assert again["result"]["contact_error"] == pytest.approx(metrics["result"]["contact_error"])

@@ -32,7 +32,7 @@ def test_a_folder_becomes_a_data_set_of_positions_and_6d_rotations(run, tmp_path
     assert "2 clips: 2 converted" in run("data_set", tmp_path / "clips", SAMPLES / "child.json", tmp_path / "arrays")
     paths = sorted((tmp_path / "arrays").glob("*.npz"))
     assert [path.stem for path in paths] == ["clap", "wave"]
-    assert len((tmp_path / "arrays/figures.csv").read_text().splitlines()) == 3
+    assert len((tmp_path / "arrays/metrics.csv").read_text().splitlines()) == 3
     for path in paths:
         with np.load(path, allow_pickle=False) as arrays:
             frames, joints, _ = arrays["positions"].shape

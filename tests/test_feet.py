@@ -1,4 +1,4 @@
-"""Figures of feet, and of hips over feet, on postures that are known by construction."""
+"""Metrics of feet, and of hips over feet, on postures that are known by construction."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,9 @@ from built_rigs import along_bones, with_axes
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton
+from distretarget.measure.comparison import Reference
 from distretarget.measure.feet import find_feet
-from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import Reference
+from distretarget.measure.metrics import clip_metrics
 
 LEG = 0.435 + 0.453
 TIME = 0.02
@@ -28,9 +28,9 @@ def measured(source, result, up=UP):
     return find_feet(source, matched(source, result), up).in_result(result, np.zeros(len(result), bool))
 
 
-def figures(source, result):
-    """The figures of the clip; the bodies have their motions."""
-    return clip_figures(Reference(source, matched(source, result.skeleton), UP).compare(result).tracks)
+def metrics(source, result):
+    """The metrics of the clip; the bodies have their motions."""
+    return clip_metrics(Reference(source, matched(source, result.skeleton), UP).compare(result).tracks)
 
 
 def high_ankles(angle=30.0):
@@ -79,14 +79,14 @@ def test_feet_of_a_person_who_stands_are_in_stance_and_do_not_slide():
     feet = measured(standing(), standing())
     assert feet.stance.shape == (30, 4)
     assert feet.stance.all()
-    np.testing.assert_allclose(feet.slide, 0.0)
+    np.testing.assert_allclose(feet.skate, 0.0)
 
 
 def test_slide_is_the_horizontal_speed_in_leg_lengths():
     rising = np.outer(np.arange(30) * TIME, 0.2 * ALONG + 3.0 * UP)
     feet = measured(standing(), standing(path=rising))
-    np.testing.assert_allclose(feet.slide, np.full((30, 4), 0.2 / LEG))
-    np.testing.assert_allclose(feet.slide_source, 0.0)
+    np.testing.assert_allclose(feet.skate, np.full((30, 4), 0.2 / LEG))
+    np.testing.assert_allclose(feet.skate_source, 0.0)
 
 
 @pytest.mark.parametrize(("speed", "in_stance"), [(0.3, True), (0.4, False)])
@@ -94,8 +94,8 @@ def test_a_foot_faster_than_the_limit_is_not_in_stance(speed, in_stance):
     source = standing(path=np.outer(np.arange(30) * TIME * speed * LEG, ALONG))
     assert np.all(measured(source, standing()).stance == in_stance)
     if not in_stance:
-        values = figures(source, standing())
-        assert {values[key] for key in ("slide", *OVER_FEET, "hips_height_largest")} == {None}
+        values = metrics(source, standing())
+        assert {values[key] for key in ("foot_skate", *OVER_FEET, "hips_height_largest")} == {None}
 
 
 def test_a_foot_above_its_lowest_heights_is_not_in_stance():
@@ -138,7 +138,7 @@ def test_the_largest_hips_height_is_of_a_frame():
     angles = np.zeros(30)
     angles[7] = 0.4
     turns = {name: np.outer(angles, turn) for name, turn in bent_knees(1.0).items()}
-    values = figures(standing(), standing(path=np.outer(LEG * (np.cos(angles) - 1), UP), turns=turns))
+    values = metrics(standing(), standing(path=np.outer(LEG * (np.cos(angles) - 1), UP), turns=turns))
     assert values["hips_height_largest"] == pytest.approx(100 * (1 - np.cos(0.4)))
     assert values["hips_height"] == pytest.approx(100 * (1 - np.cos(0.4)) / 30)
 
@@ -264,7 +264,7 @@ def test_a_body_without_legs_has_no_feet_to_measure():
     )
     motion = posed(chain, {}, np.zeros((4, 3)))
     feet = measured(motion, motion)
-    assert {getattr(feet, key).shape for key in ("stance", "slide", *OVER_FEET)} == {(4, 0)}
+    assert {getattr(feet, key).shape for key in ("stance", "foot_skate", *OVER_FEET)} == {(4, 0)}
     assert feet.stance.dtype == bool
-    values = figures(motion, motion)
-    assert {values[key] for key in ("slide", *OVER_FEET, "hips_height_largest")} == {None}
+    values = metrics(motion, motion)
+    assert {values[key] for key in ("foot_skate", *OVER_FEET, "hips_height_largest")} == {None}

@@ -260,7 +260,7 @@ def test_legs_below_hips_of_another_width_are_splayed_as_the_source_s(width, spr
 
 @widths
 def test_legs_stay_splayed_while_a_body_turns_on_the_spot(width):
-    """Its feet slide as the source's do; they are not kept where they were before the turn."""
+    """Its feet skate as the source's do; they are not kept where they were before the turn."""
     angles = np.linspace(0.0, 2 * np.pi, 200)
     source = standing(pitched_feet(0.3), 200, turns={"Hips": np.outer(angles, UP)})
     stance = stance_of(source, source.skeleton)
@@ -376,8 +376,8 @@ def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, bod
 @pytest.mark.parametrize("body", ["child", "giant", "long_arms"])
 def test_feet_that_are_held_hardly_move_the_hips(body):
     """Legs bend instead: the hips of a squat stay as high over the feet as in the source, almost."""
-    figures = retarget(read_bvh(SAMPLES / "squat.bvh"), load_target(SAMPLES / f"{body}.json")).figures["result"]
-    assert figures["hips_height"] < 0.15  # [% of leg length]
+    metrics = retarget(read_bvh(SAMPLES / "squat.bvh"), load_target(SAMPLES / f"{body}.json")).metrics["result"]
+    assert metrics["hips_height"] < 0.15  # [% of leg length]
 
 
 def test_stance_turns_with_the_up_axis():
@@ -393,7 +393,7 @@ def test_stance_turns_with_the_up_axis():
 
 @pytest.mark.parametrize("longer", [1.15, 1.3])
 def test_strides_beyond_the_reach_of_the_legs_lower_the_hips_no_more_than_they_must(longer):
-    """As of a child that keeps up with adults; its feet do not slide for it."""
+    """As of a child that keeps up with adults; its feet do not skate for it."""
     source, target = read_bvh(SAMPLES / "walk.bvh"), load_target(SAMPLES / "rigs" / "mixamo_a.json").skeleton
     match_of_both = match_performer(source, target)
     height = find_root_scale(match_of_both.matching)

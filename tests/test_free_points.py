@@ -135,9 +135,9 @@ def test_off_plane_moves_flat_postures_only():
 def test_frames_that_do_not_converge_are_listed():
     motion = swaying(person(), frames=3)
     _, _, postures = solve(motion, other_lengths(motion.skeleton))
-    assert postures.effort.unsolved.size == 0
+    assert postures.effort.not_converged.size == 0
     reasons = np.array([0, Reason.ITERATION_LIMIT, Reason.LINE_SEARCH_FAILED])
-    np.testing.assert_array_equal(replace(postures.effort, reasons=reasons).unsolved, [1, 2])
+    np.testing.assert_array_equal(replace(postures.effort, reasons=reasons).not_converged, [1, 2])
 
 
 def test_stress_of_the_solved_points_is_below_that_of_the_copy_and_is_what_the_solver_says():

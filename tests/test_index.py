@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 
 import distretarget.report
-from distretarget.measure.figures import BY_KEY, FIGURES
-from distretarget.report.index_page import FIELDS, FIGURE_COLUMNS, index_page
+from distretarget.measure.metrics import BY_KEY, METRICS
+from distretarget.report.index_page import FIELDS, METRIC_COLUMNS, index_page
 
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{batch}}"
 
 
-MADE = ("rotation_copy", "result")  # motions whose figures are all in a record
+MADE = ("rotation_copy", "result")  # motions whose metrics are all in a record
 
 
-def figures(value=0.123456789):
-    source = [figure.key for figure in FIGURES if figure.of_source]
+def metrics(value=0.123456789):
+    source = [metric.key for metric in METRICS if metric.of_source]
     return {"source": dict.fromkeys(source, value), **{side: dict.fromkeys(BY_KEY, value) for side in MADE}}
 
 
@@ -30,7 +30,7 @@ def record(name="a.bvh", **others):
         "target": "/rigs/tall.json",
         "frames": 10,
         "seconds": 0.5,
-        "figures": figures(),
+        "metrics": metrics(),
         "warnings": [],
         "status": "done",
         "error": None,
@@ -39,7 +39,7 @@ def record(name="a.bvh", **others):
 
 
 def failed(name="bad.bvh", error="no reason", **others):
-    return record(name, frames=0, seconds=0.0, figures={}, status="failed", error=error, **others)
+    return record(name, frames=0, seconds=0.0, metrics={}, status="failed", error=error, **others)
 
 
 def embedded(text):
@@ -101,7 +101,7 @@ def test_a_failed_clip_has_a_reason_and_no_numbers():
     (row,) = rows_of(failed(error="there is nothing to retarget"))
     assert row["done"] == 0
     assert row["error"] == "there is nothing to retarget"
-    assert all(row[name] is None for name in ("frames", "seconds", *FIGURE_COLUMNS))
+    assert all(row[name] is None for name in ("frames", "seconds", *METRIC_COLUMNS))
 
 
 @pytest.mark.parametrize(
@@ -119,12 +119,12 @@ def test_a_reason_leaves_out_what_stands_beside_it(error, reason):
     assert rows_of(failed(error=error))[0]["error"] == reason
 
 
-def test_figures_that_are_missing_or_no_numbers_are_none():
-    values = {**figures(), "rotation_copy": None}
-    values["result"] |= {"jerk": float("nan"), "snap": None}
-    (row,) = rows_of(record(figures=values))
-    missing = {"jerk", "snap", *(name for name, (side, _) in FIGURE_COLUMNS.items() if side == "rotation_copy")}
-    assert {name for name in FIGURE_COLUMNS if row[name] is None} == missing
+def test_metrics_that_are_missing_or_no_numbers_are_none():
+    values = {**metrics(), "rotation_copy": None}
+    values["result"] |= {"jerk": float("nan"), "pop": None}
+    (row,) = rows_of(record(metrics=values))
+    missing = {"jerk", "pop", *(name for name, (side, _) in METRIC_COLUMNS.items() if side == "rotation_copy")}
+    assert {name for name in METRIC_COLUMNS if row[name] is None} == missing
     assert row["contact_error"] == 0.123457
 
 

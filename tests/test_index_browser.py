@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from pages import CONTRASTS, settle
-from test_index import failed, figures, record
+from test_index import failed, metrics, record
 
 from distretarget.report.index_page import index_page
 
@@ -18,15 +18,15 @@ CONTACT = "Contact error"
 
 def clip(k, contact, **others):
     """A record of a done clip with this contact error; the copy's is larger by 0.1."""
-    values = figures(0.5)
+    values = metrics(0.5)
     values["result"]["contact_error"], values["rotation_copy"]["contact_error"] = contact, contact + 0.1
-    return record(f"clip_{k}.bvh", **{"figures": values, "frames": 100 + k, "target": TARGETS[k % 2], **others})
+    return record(f"clip_{k}.bvh", **{"metrics": values, "frames": 100 + k, "target": TARGETS[k % 2], **others})
 
 
 def few():
     """Clips with contact errors of 0.1, 0.3, 0.2 and none, the second with warnings; one that failed."""
     clips = [clip(0, 0.1), clip(1, 0.3, warnings=["one", NASTY]), clip(2, 0.2), clip(10, 0.0)]
-    clips[3]["figures"]["result"]["contact_error"] = None
+    clips[3]["metrics"]["result"]["contact_error"] = None
     return [failed("bad.bvh", "/clips/bad.bvh:7: found 'nan'", target=TARGETS[0]), *clips]
 
 
@@ -82,7 +82,7 @@ def names(tab):
 
 
 def column(tab, name):
-    """The cells of a column of figures, of clips that are done."""
+    """The cells of a column of metrics, of clips that are done."""
     heads = [text.split("\n")[0].rstrip(" ▲▼") for text in tab.locator("thead th").all_inner_texts()]
     rows = tab.evaluate("[...$('rows').rows].map(row => [...row.cells].map(cell => cell.firstChild?.data))")
     return [row[heads.index(name)] for row in rows if len(row) == len(heads)]
@@ -109,7 +109,7 @@ def test_the_head_counts(opened):
 
 
 def test_the_cards_have_median_and_worst(opened):
-    card = opened().locator(".figure").first
+    card = opened().locator(".metric").first
     assert card.locator(".big").inner_text() == "0.200 median"
     rows = dict(zip(*(card.locator(tag).all_inner_texts() for tag in ("dt", "dd")), strict=True))
     assert rows == {"worst": "0.300", "rotation copy": "0.250", "copy’s worst": "0.400"}  # noqa: RUF001
@@ -225,7 +225,7 @@ def test_names_are_text(opened):
 def test_an_empty_page_says_so(opened):
     tab = opened("empty")
     assert tab.inner_text("tbody") == "There are no clips."
-    assert not tab.is_visible("#figures")
+    assert not tab.is_visible("#metrics")
     assert not tab.is_visible("#failures")
 
 

@@ -1,4 +1,4 @@
-"""Conditions on the figures of clips: what they may say, what they mean, and what happens to clips that fail them."""
+"""Conditions on the metrics of clips: what they may say, what they mean, and what happens to clips that fail them."""
 
 import pytest
 
@@ -8,10 +8,10 @@ from distretarget.errors import SettingsError
 CLIP = {
     "frames": 100,
     "warnings": ["one"],
-    "figures": {
-        "result": {"contact_error": 0.02, "snap": 0.0, "slide": 0.3, "skin_depth": None},
+    "metrics": {
+        "result": {"contact_error": 0.02, "pop": 0.0, "foot_skate": 0.3, "skin_depth": None},
         "rotation_copy": {"contact_error": 0.05},
-        "source": {"slide": 0.2},
+        "source": {"foot_skate": 0.2},
     },
 }
 
@@ -20,17 +20,17 @@ CLIP = {
     "text",
     [
         "contact_error < 0.03",
-        "contact_error < 0.03 and snap == 0",
-        "snaps == 0",
+        "contact_error < 0.03 and pop == 0",
+        "pops == 0",
         "contact_error < contact_error_copy",
         "not contact_error > 0.03",
-        "slide <= slide_source or slide < 1",
+        "foot_skate <= foot_skate_source or foot_skate < 1",
         "0.01 < contact_error < 0.03",
         "frames >= 100 and warnings != 0",
-        "(snap > 3 or contact_error <= 0.02) and not frames < 1e2",
+        "(pop > 3 or contact_error <= 0.02) and not frames < 1e2",
         "skin_depth < 1",  # not measured
         "not skin_depth < 1",
-        "skin_depth < 1 and snap == 0",
+        "skin_depth < 1 and pop == 0",
     ],
 )
 def test_a_clip_is_kept_if_its_condition_is_not_false(text):
@@ -41,17 +41,18 @@ def test_a_clip_is_kept_if_its_condition_is_not_false(text):
     ("text", "fault"),
     [
         ("contact_error < 0.01", "contact_error is 0.02, expected contact_error < 0.01"),
-        ("contact_error < 0.01 and snap == 0", "contact_error is 0.02, expected contact_error < 0.01"),
+        ("contact_error < 0.01 and pop == 0", "contact_error is 0.02, expected contact_error < 0.01"),
         (
-            "slide < slide_source and frames > 200",
-            "slide is 0.3, slide_source is 0.2, expected slide < slide_source; frames is 100, expected frames > 200",
+            "foot_skate < foot_skate_source and frames > 200",
+            "foot_skate is 0.3, foot_skate_source is 0.2, expected foot_skate < foot_skate_source; "
+            "frames is 100, expected frames > 200",
         ),
-        ("snaps > 0 or frames < 1", "snap is 0, frames is 100, expected snaps > 0 or frames < 1"),
-        ("not snap == 0", "snap is 0, expected not snap == 0"),
-        ("skin_depth < 1 and snap > 0", "snap is 0, expected snap > 0"),
+        ("pops > 0 or frames < 1", "pop is 0, frames is 100, expected pops > 0 or frames < 1"),
+        ("not pop == 0", "pop is 0, expected not pop == 0"),
+        ("skin_depth < 1 and pop > 0", "pop is 0, expected pop > 0"),
     ],
 )
-def test_the_part_that_fails_is_named_with_its_figures(text, fault):
+def test_the_part_that_fails_is_named_with_its_metrics(text, fault):
     assert Condition(text).fault(CLIP) == fault
 
 
@@ -64,18 +65,18 @@ def test_the_part_that_fails_is_named_with_its_figures(text, fault):
         "contact_error = 1",
         "1 + 1 == 2",
         "__import__('os').system('true') == 0",
-        "snap in (1, 2)",
-        "snap is 0",
-        "snap == 'a'",
-        "snap == True",
+        "pop in (1, 2)",
+        "pop is 0",
+        "pop == 'a'",
+        "pop == True",
         "(lambda: 1)() == 1",
-        "snap == 0; snap",
+        "pop == 0; pop",
         "contact_eror < 1",
-        "snap == 0\0",
-        "not " * 300 + "snap == 0",
+        "pop == 0\0",
+        "not " * 300 + "pop == 0",
     ],
 )
-def test_nothing_but_comparisons_of_figures_is_a_condition(text):
+def test_nothing_but_comparisons_of_metrics_is_a_condition(text):
     with pytest.raises(SettingsError, match="keep"):
         Condition(text)
 

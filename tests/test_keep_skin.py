@@ -19,9 +19,9 @@ def sample(name, frames=slice(None)):
 @pytest.mark.parametrize("name", ["hands_on_hips", "clap", "walk"])
 def test_hands_and_forearms_stay_outside(name):
     run = retarget(sample(name), load_target(HERO))
-    assert run.figures["rotation_copy"]["skin_depth"] > 0.5
-    assert run.figures["result"]["skin_depth"] < 1
-    assert run.figures["result"]["slide"] < 0.05
+    assert run.metrics["rotation_copy"]["skin_depth"] > 0.5
+    assert run.metrics["result"]["skin_depth"] < 1
+    assert run.metrics["result"]["foot_skate"] < 0.05
 
 
 def test_where_nothing_is_near_nothing_changes():
@@ -46,13 +46,13 @@ def test_a_target_without_mesh_or_radii_has_no_thickness():
 def test_an_average_adult_can_be_asked_for():
     target = load_target(ROOT / "sample_bvh" / "long_arms.json")
     run = retarget(sample("hands_on_hips"), target, Options(skin="average"))
-    assert run.figures["result"]["skin_depth"] < run.figures["rotation_copy"]["skin_depth"]
+    assert run.metrics["result"]["skin_depth"] < run.metrics["rotation_copy"]["skin_depth"]
 
 
 def test_a_cut_and_a_single_frame_are_no_trouble():
     clip = sample("hands_on_hips")
     for frames in (slice(100, 101), slice(100, 103)):
-        assert retarget(clip[frames], load_target(HERO)).figures["result"]["skin_depth"] < 1.5
+        assert retarget(clip[frames], load_target(HERO)).metrics["result"]["skin_depth"] < 1.5
 
 
 def test_the_frame_rate_hardly_matters():

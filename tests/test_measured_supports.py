@@ -62,7 +62,7 @@ def test_a_hand_holds_on_to_something_while_the_shoulder_goes_eight_times_as_far
 
 def test_the_same_motion_slides_as_much_and_is_as_high():
     found = measured("crawl")
-    np.testing.assert_array_equal(found.slide, found.slide_source)
+    np.testing.assert_array_equal(found.skate, found.skate_source)
     np.testing.assert_array_equal(found.height, 0)
 
 
@@ -71,7 +71,7 @@ def test_a_raised_and_sliding_result_is_measured_in_leg_lengths():
     leg = matched(motion, motion).leg_lengths[0]
     raised = measured("push_up", moved(motion, Rotation.identity(), shift=(0, 0.05 * leg, 0)))
     np.testing.assert_allclose(raised.height, 5.0)
-    np.testing.assert_allclose(raised.slide, raised.slide_source, atol=1e-9)
+    np.testing.assert_allclose(raised.skate, raised.skate_source, atol=1e-9)
 
 
 def test_the_body_is_carried_by_others_a_little_longer_than_they_rest():

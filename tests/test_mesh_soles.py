@@ -71,7 +71,7 @@ def test_heel_and_ball_of_any_shoe_stand_on_the_floor(clip, heel, platform):
     assert np.abs(np.median(heights[flat], axis=0)).max() < 0.002 * HEIGHT
     assert np.percentile(np.abs(heights[flat].min(axis=1)), 95) < 0.003 * HEIGHT
     assert heights[flat].min() > -0.005 * HEIGHT
-    assert result.figures["result"]["foot_height"] < 0.5
+    assert result.metrics["result"]["foot_height"] < 0.5
 
 
 def test_a_platform_lifts_the_whole_body_by_its_height():

@@ -1,222 +1,163 @@
-"""Figures of quality, on clips whose figures are known by construction."""
+"""The registry of metrics: complete, and the only place that names, explains and reduces them."""
+
+import re
+import sys
+from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, matched, moved, other_lengths, person, posed, swaying
-from scipy.spatial.transform import Rotation
+from bodies import person, swaying
 
-from distretarget import Motion, Options, Skeleton, read_bvh, retarget
-from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import Reference
+from distretarget.measure.diff import diff
+from distretarget.measure.metrics import BY_KEY, METRICS, SUFFIXES, Limit, Metric, Track, frame_metrics
 
-LEG = 0.435 + 0.453
-TIME = 0.02
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
-ALONG = np.array([0.6, 0.0, 0.8])
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from make_docs import ROOT
+
+PACKAGE = ROOT / "distretarget"
+REGISTRY = PACKAGE / "measure" / "metrics.py"
+SOURCES = [path for kind in ("py", "js", "html") for path in PACKAGE.rglob(f"*.{kind}") if path != REGISTRY]
+FRAMES = 5
 
 
-def chain(lengths):
-    """A chain along x."""
-    joints = len(lengths) + 1
-    offsets = np.outer([0, *lengths], [1.0, 0, 0])
-    return Skeleton(
-        names=tuple("abcdefgh"[:joints]),
-        parents=np.arange(joints) - 1,
-        offsets=offsets,
-        channels=(("Zrotation",),) * joints,
-        end_sites=[False] * joints,
+def metric(**others):
+    return Metric(**{"key": "gap", "label": "gap", "meaning": "gap of {result} against {source}"} | others)
+
+
+def limit(**others):
+    return Limit(reason="-", cause="-", **others)
+
+
+def test_keys_are_names_that_stand_once():
+    assert len(BY_KEY) == len(METRICS)
+    for one in METRICS:
+        assert re.fullmatch(r"[a-z][a-z0-9_]*", one.key)
+        assert not one.key.endswith(tuple(filter(None, SUFFIXES.values())))
+
+
+def test_every_metric_has_a_track_and_every_track_a_metric():
+    found = diff(swaying(person(), 6, seed=1), swaying(person(), 6, seed=2))
+    assert set(found.tracks) == {one.track or one.key for one in METRICS}
+    assert set(found.comparison.source_tracks) == {one.key for one in METRICS if one.of_source}
+
+
+def test_the_choices_of_the_registry_are_known():
+    types = get_type_hints(Metric)
+    for one in METRICS:
+        assert one.reduction in get_args(types["reduction"])
+        assert one.judged in get_args(types["judged"])
+        assert {*one.places} <= {*get_args(get_args(types["places"])[0])}
+        assert one.limit is None or one.limit.of in get_args(get_type_hints(Limit)["of"])
+
+
+def test_a_metric_may_be_missing_where_the_source_is_needed():
+    for one in METRICS:
+        assert one.missing or one.judged == "value"
+
+
+def test_texts_use_the_given_names_of_the_motions():
+    for one in METRICS:
+        text = one.explanation("A", "B") + one.missing.format(source="A") + one.comparison("A", "B")
+        assert "{" not in text
+        assert one.explanation("A", "B")[0].isupper()
+        assert text.count("source") == text.count("result") == 0
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_other_file_has_labels_units_or_meanings_of_its_own(path):
+    text = path.read_text("utf-8")
+    strings = [
+        found[1] for found in re.findall(r"""(["'`])((?:(?!\1)[^\n])*)\1""", re.sub(r'""".*?"""', "", text, flags=re.S))
+    ]
+    for one in METRICS:
+        telling = [words for words in (one.label, one.unit, one.meaning.split("{")[0]) if " " in words.strip()]
+        for words in (*telling, *([one.symbol] if len(one.symbol) > 1 else [])):
+            assert not [string for string in strings if words.lower() in string.lower()], words
+
+
+# ---- from tracks to metrics
+
+
+def test_a_mean_is_pooled_over_all_measurements():
+    track = {"gap": Track(np.array([6.0, 0.0, 1.0]), np.array([3, 0, 1]))}
+    assert metric().of_clip(track) == 7 / 4
+    np.testing.assert_array_equal(metric().over_time(track, FRAMES), [2, np.nan, 1, np.nan, np.nan])
+
+
+def test_only_what_counts_is_reduced():
+    values, stance = np.array([[1.0, 9.0], [9.0, 9.0], [2.0, 3.0]]), np.array([[1, 0], [0, 0], [1, 1]], bool)
+    track = {"gap": Track(values, stance)}
+    assert metric().of_clip(track) == 2
+    np.testing.assert_array_equal(metric().over_time(track, 3), [1, np.nan, 2.5])
+    assert metric(reduction="largest").of_clip(track) == 3
+    np.testing.assert_array_equal(metric(reduction="largest").over_time(track, 3), [1, np.nan, 3])
+
+
+def test_the_largest_is_at_least_zero():
+    track = {"gap": Track(np.array([[-2.0, -1.0]]))}
+    assert metric(reduction="largest").of_clip(track) == 0
+    np.testing.assert_array_equal(metric(reduction="largest").over_time(track, 1), [0])
+
+
+def test_a_percentile_is_of_another_track_and_has_no_frames():
+    one = metric(key="gap_p99", track="gap", reduction="percentile 99")
+    values = np.random.default_rng(0).normal(size=(FRAMES, 7))
+    assert one.of_clip({"gap": Track(values)}) == np.percentile(values, 99)
+    assert not one.of_frames
+
+
+def test_frames_carry_the_suffix_of_their_side():
+    track = Track(np.arange(3.0))
+    columns = frame_metrics(
+        {"source": {"foot_skate": track}, "rotation_copy": {"foot_skate": track}, "result": {"foot_skate": track}}, 3
     )
+    assert list(columns) == ["foot_skate_source", "foot_skate_copy", "foot_skate"]
 
 
-def squared(last, frames=4):
-    """Four bones of a square; the last has the given length, and e coincides with a if that is 1."""
-    quarter = np.array([0.0, 0.0, np.pi / 2])
-    return posed(chain([1, 1, 1, last]), dict.fromkeys("bcd", quarter), np.zeros((frames, 3)))
+@pytest.mark.parametrize("shape", [(0,), (0, 4), (FRAMES, 0)])
+def test_without_measurements_there_is_no_metric(shape):
+    track = {"gap": Track(np.zeros(shape))}
+    for reduction in ("mean", "largest", "percentile 99", "frames"):
+        assert metric(reduction=reduction).of_clip(track) is None
+    assert np.isnan(metric().over_time(track, FRAMES)).all()
 
 
-def standing(frames=30, path=0.0, height=LEG + 0.1, turns=None):
-    """A person with the feet apart: no pair of joints is near."""
-    spread = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
-    return posed(PERSON, spread | (turns or {}), np.zeros((frames, 3)) + path + height * UP)
+def test_what_a_limit_is_for():
+    ratio = metric(judged="ratio", still=0.1)
+    assert metric().judgement(2.0, None) == 2
+    assert ratio.judgement(2.0, 4.0) == 0.5
+    assert ratio.judgement(2.0, 0.05) == 20
+    assert metric(judged="ratio").judgement(2.0, 0.0) is None
+    assert {one.judgement(None, 1.0) for one in (metric(), ratio)} == {None}
+    assert ratio.judgement(1.0, None) is None
 
 
-def compared(source, result, up=UP):
-    return Reference(source, matched(source.rigid_skeleton, result.skeleton), up).compare(result)
+def of_sides(result, copy=None, source=None):
+    return {"result": {"gap": result}, "rotation_copy": {"gap": copy}, "source": {"gap": source}}
 
 
-def of_clip(comparison):
-    """The figures of the clip, those of the source with a suffix."""
-    source = {f"{key}_source": value for key, value in clip_figures(comparison.source_tracks).items()}
-    return clip_figures(comparison.tracks) | source
+def test_a_metric_above_its_limit_needs_a_look():
+    alone = metric(limit=limit(margin=3.0))
+    assert [alone.needs_look(of_sides(value)) for value in (2.9, 3.0, 3.1, None)] == [False, False, True, False]
+    assert not metric().needs_look(of_sides(1e9))
+    of_copy = metric(limit=limit(margin=0.5, factor=2.0, of="rotation_copy"))
+    assert [of_copy.needs_look(of_sides(2.6, copy)) for copy in (1.0, 1.1, None)] == [True, False, False]
+    of_source = metric(limit=limit(margin=0.0, factor=1.5))
+    assert [of_source.needs_look(of_sides(3.1, 0.0, source)) for source in (2.0, 2.1)] == [True, False]
+    assert not of_copy.needs_look({"result": {"gap": 9.0}, "source": {}})
 
 
-def test_distance_error_of_a_square_that_does_not_close():
-    source, result = squared(1.0), squared(1.4)
-    figures = compared(source, result)
-    gap = 0.4 / 4.4
-    np.testing.assert_allclose(result.positions[0, 4], [0, -0.4, 0], atol=1e-12)
-    across = abs(np.sqrt(1 + 1.4**2) / 2.4 - np.sqrt(2) / 2)
-    behind = abs(np.sqrt(1 + 0.4**2) / 3.4 - 1 / 3)
-    np.testing.assert_allclose(figures.distance_error, (gap + across + behind) / 10)
-    assert of_clip(figures)["contact_error"] is None
+def test_a_metric_is_worse_than_the_copy_beyond_what_is_too_small_to_look_at():
+    rival = metric(rivals_copy=True, least=0.1)
+    assert [rival.worse_than_copy(of_sides(1.2, copy)) for copy in (1.0, 1.15, None)] == [True, False, False]
+    assert not metric(least=0.1).worse_than_copy(of_sides(1.2, 1.0))
+    assert not rival.worse_than_copy({"result": {"gap": 9.0}})
 
 
-def test_direction_error_is_the_angle_between_bones():
-    source = squared(1.0)
-    turned = moved(source, Rotation.from_euler("z", 10, degrees=True))
-    figures = compared(source, turned)
-    np.testing.assert_allclose(figures.direction_error, np.full((4, 4), 10.0))
-    np.testing.assert_allclose(figures.turn, 0.0, atol=1e-9)
-    opposite = moved(source, Rotation.from_euler("z", 180, degrees=True))
-    np.testing.assert_allclose(compared(source, opposite).direction_error, 180.0)
-
-
-def test_direction_error_of_one_joint_is_that_of_the_bones_below_it():
-    source = standing()
-    result = standing(turns={"LeftElbow": np.radians([0, 0, 40.0])})
-    figures = compared(source, result)
-    assert figures.direction_error.shape == (30, len(PERSON) - 1)
-    errors = dict(zip(PERSON.names[1:], figures.direction_error[3], strict=True))
-    bent = {"LeftWrist": 40.0, "LeftWrist_End": 40.0}
-    assert errors == pytest.approx(dict.fromkeys(PERSON.names[1:], 0.0) | bent, abs=1e-6)
-    assert of_clip(figures)["direction_error_p99"] == pytest.approx(40.0)
-    assert of_clip(figures)["direction_error"] == pytest.approx(80 / (len(PERSON) - 1))
-
-
-def test_the_worst_contact_gap_is_what_opens_farthest():
-    """The wrists are 2 cm apart in the source's contact; elsewhere they are in no contact, and no gap counts."""
-    together = np.where(np.arange(40) < 20, 1.0, 0.0)
-    source = clapping(together)
-    assert of_clip(compared(source, source))["contact_gap"] == 0.0
-    apart = np.where(np.arange(40) == 10, 0.8, together)
-    result = clapping(apart)
-    figures = compared(source, result)
-    wrists = [PERSON.index(f"{side}Wrist") for side in ("Left", "Right")]
-    opened = [np.linalg.norm(np.diff(each.positions[10, wrists], axis=0)) for each in (source, result)]
-    assert figures.contact_gap[10] >= 100 * (opened[1] - opened[0]) / LEG > 5.0
-    assert not np.delete(figures.contact_gap, 10).any()
-    assert of_clip(figures)["contact_gap"] == pytest.approx(np.percentile(figures.contact_gap[:20], 99))
-
-
-def test_bone_error_is_the_largest_of_a_frame():
-    source = squared(1.0)
-    translations = source.translations
-    translations[1, 2] *= 1.05
-    translations[2, 3] *= 0.9
-    translations[2, 4] *= 1.05
-    stretched = Motion.of_translations(source.skeleton, translations, source.rotations, source.frame_time_text)
-    figures = compared(source, stretched)
-    np.testing.assert_allclose(figures.bone_error, [0, 0.05, 0.1, 0], atol=1e-12)
-    assert of_clip(figures)["bone_error"] == pytest.approx(0.1)
-
-
-def test_jerk_is_the_third_difference_over_the_size_of_the_body():
-    frames = np.arange(12)
-    source = posed(chain([1, 2, 1]), {}, np.outer(0.01 * frames**3, [0.6, 0.8, 0]), str(TIME))
-    figures = compared(source, source)
-    np.testing.assert_allclose(figures.jerk, np.full(9, 0.06 / (4 * TIME**3)))
-    even = posed(chain([1, 2, 1]), {}, np.outer(frames**2, [1.0, 0, 0]), str(TIME))
-    np.testing.assert_allclose(compared(even, even).jerk, 0.0, atol=1e-6)
-
-
-def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
-    frames = np.arange(10)
-    slow, fast = (standing(10, turns={"LeftElbow": np.outer(np.radians(a) * frames, UP)}) for a in (2, 5))
-    figures = compared(slow, fast)
-    turned = [PERSON.index(name) for name in ("LeftElbow", "LeftWrist", "LeftWrist_End")]
-    assert figures.turn.shape == (9, len(PERSON))
-    np.testing.assert_allclose(figures.turn[:, turned], 3.0 / 60 / TIME)
-    np.testing.assert_allclose(np.delete(figures.turn, turned, axis=1), 0.0, atol=1e-6)
-    assert of_clip(compared(slow, fast))["turn"] == pytest.approx(3.0 / 60 / TIME)
-    assert of_clip(compared(fast, slow))["turn"] == pytest.approx(0.0, abs=1e-6)
-
-
-@pytest.mark.parametrize("name", ["clap", "walk", "hands_on_hips"])
-def test_a_motion_is_as_good_as_itself(name):
-    source = read_bvh(SAMPLES / f"{name}.bvh")
-    values = of_clip(compared(source, source))
-    for figure in ("distance_error", "contact_error", "direction_error", "direction_error_p99", "bone_error", "turn"):
-        assert (values[figure] or 0.0) == pytest.approx(0.0, abs=1e-9)  # in the walk nothing touches
-    assert values["slide"] == values["slide_source"]
-    for figure in ("foot_height", "foot_pitch", "ankle_height", "hips_height", "hips_height_largest"):
-        assert values[figure] == pytest.approx(0.0, abs=0.1 if figure == "ankle_height" else 1e-9)
-    assert values["jerk"] > 0
-
-
-def pair():
-    source = clapping(np.sin(np.linspace(0, np.pi, 40)) ** 2)
-    return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), Options(supports="free"))
-
-
-def assert_same(values, expected):
-    missing = {key for key, value in expected.items() if value is None}
-    assert {key for key, value in values.items() if value is None} == missing
-    for key in expected.keys() - missing:
-        assert values[key] == pytest.approx(expected[key], rel=1e-6, abs=1e-6), key
-
-
-def test_figures_do_not_depend_on_units():
-    source, result = pair()
-    expected = of_clip(compared(source, result.motion))
-    assert min(expected[name] for name in ("contact_error", "direction_error", "distance_error")) > 0
-    still = Rotation.identity()
-    inches, metres = moved(source, still, scale=39.37), moved(result.motion, still, scale=0.01)
-    assert_same(of_clip(compared(inches, metres)), expected)
-
-
-def test_figures_do_not_depend_on_where_both_face():
-    source, result = pair()
-    turn = Rotation.from_euler("y", 70, degrees=True)
-    moves = (moved(motion, turn, (3, 0, -5)) for motion in (source, result.motion))
-    assert_same(of_clip(compared(*moves)), of_clip(compared(source, result.motion)))
-
-
-def test_figures_do_not_depend_on_which_axis_is_up():
-    source, result = pair()
-    turn = Rotation.from_euler("x", 90, degrees=True)
-    turned = (moved(motion, turn) for motion in (source, result.motion))
-    assert_same(of_clip(compared(*turned, turn.apply(UP))), of_clip(compared(source, result.motion)))
-
-
-def test_joints_that_are_no_part_of_the_body_count_for_nothing():
-    source, result = pair()
-    expected = of_clip(compared(source, result.motion))
-    body = result.motion.skeleton
-    tail = Skeleton(
-        names=(*body.names, "Tail", "Tail_End"),
-        parents=[*body.parents, 0, len(body)],
-        offsets=[*body.offsets, (0, 0, -0.2), (0, 0, -0.2)],
-        channels=(*body.channels, ("Zrotation", "Xrotation", "Yrotation"), ()),
-        end_sites=[*body.end_sites, False, True],
-    )
-    wagging = np.zeros((40, 2, 3))
-    wagging[:, 0, 1] = np.sin(np.arange(40))
-    rotations = np.concatenate([result.motion.rotations, Rotation.from_rotvec(wagging).as_quat()], axis=1)
-    translations = np.concatenate([result.motion.translations, np.tile(tail.offsets[-2:], (40, 1, 1))], axis=1)
-    matching = matched(source.skeleton, tail)
-    np.testing.assert_array_equal(matching.drivers, [*range(len(PERSON)), -1, -1])
-    figures = Reference(source, matching, UP).compare(Motion.of_translations(tail, translations, rotations, "0.02"))
-    values = of_clip(figures)
-    assert_same(values, expected)
-    assert figures.turn.shape == (39, len(body))
-
-
-def test_joints_that_coincide_for_good_count_once():
-    source = squared(1.0)
-    body = chain([1, 1, 1, 1.4, 0])
-    result = posed(body, dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
-    longer = posed(chain([1, 1, 1, 1, 0]), dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
-    figures, expected = compared(longer, result), compared(source, squared(1.4))
-    np.testing.assert_allclose(figures.distance_error, expected.distance_error)
-    assert_same(of_clip(figures), of_clip(expected))
-
-
-@pytest.mark.parametrize("frames", [1, 2, 3])
-def test_the_shortest_motions_have_figures(frames):
-    source = swaying(PERSON, frames=frames)
-    figures = compared(source, retarget(source, other_lengths(PERSON)).rotation_copy)
-    assert figures.jerk.shape == (0,)
-    assert figures.turn.shape == (frames - 1, len(PERSON))
-    assert all(value is None or np.isfinite(value) for value in of_clip(figures).values())
-    assert of_clip(figures)["jerk"] is None
+def test_frames_are_counted_in_which_any_value_is_above_zero():
+    one = metric(reduction="frames")
+    track = {"gap": Track(np.array([[0.0, 2.0], [0.0, 0.0], [3.0, 1.0]]))}
+    assert one.of_clip(track) == 2
+    np.testing.assert_array_equal(one.over_time(track, 4), [1, 0, 1, np.nan])
+    assert one.of_clip({"gap": Track(np.zeros(3))}) == 0

@@ -1,20 +1,20 @@
-"""What needs a look: figures above their limits, with frame and cause, and figures worse than the rotation copy's."""
+"""What needs a look: metrics above their limits, with frame and cause, and metrics worse than the rotation copy's."""
 
 import numpy as np
 
-from distretarget.measure.figures import BY_KEY, FIGURES, SUFFIXES, Track
+from distretarget.measure.metrics import BY_KEY, METRICS, SUFFIXES, Track
 from distretarget.measure.verdict import what_needs_a_look
 
-NOTHING = {figure.key: None for figure in FIGURES}
+NOTHING = {metric.key: None for metric in METRICS}
 
 
 def lines(result, copy=None, source=None, tracks=None):
-    figures = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
+    metrics = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
     sides = {side: {} for side in SUFFIXES} | {"result": tracks or {}}
-    return list(what_needs_a_look(figures, sides))
+    return list(what_needs_a_look(metrics, sides))
 
 
-def test_a_figure_above_its_limit_names_value_frame_part_and_cause():
+def test_a_metric_above_its_limit_names_value_frame_part_and_cause():
     tracks = {"foot_pitch": Track(np.array([[1.0, 2.0], [3.0, 17.0]]), parts=("LeftFoot", "RightFoot"))}
     cause = BY_KEY["foot_pitch"].limit.cause
     assert lines({"foot_pitch": 5.75}, tracks=tracks) == [
@@ -31,16 +31,16 @@ def test_only_what_was_measured_can_be_the_worst():
 
 
 def test_limits_of_source_and_copy():
-    tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "slide": Track(np.array([[0.0, 0.1]]))}
+    tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "foot_skate": Track(np.array([[0.0, 0.1]]))}
     assert lines({"jerk": 1.6}, {"jerk": 1.0}, tracks=tracks)[0].startswith(
         "jerk 1.6 body sizes/s³, limit 1.5; worst in frame 1;"
     )
     assert lines({"jerk": 1.4}, {"jerk": 1.0}, tracks=tracks) == []
-    (line,) = lines({"slide": 0.2}, {"slide": 0.3}, {"slide": 0.1}, tracks)
-    assert line.startswith("foot slide 0.2 leg lengths/s, limit 0.115; worst in frame 0;")
+    (line,) = lines({"foot_skate": 0.2}, {"foot_skate": 0.3}, {"foot_skate": 0.1}, tracks)
+    assert line.startswith("foot skate 0.2 leg lengths/s, limit 0.115; worst in frame 0;")
 
 
-def test_figures_worse_than_the_copy_but_within_their_limits_share_a_line():
+def test_metrics_worse_than_the_copy_but_within_their_limits_share_a_line():
     result = {"foot_height": 0.5, "ankle_height": 2.5, "jerk": 9.0}
     assert lines(result, {"foot_height": 0.1, "ankle_height": 1.0, "jerk": 8.0}) == [
         "worse than the rotation copy in foot height (0.5 against 0.1 % of leg length), "
@@ -53,13 +53,13 @@ def test_nothing_measured_needs_no_look():
 
 
 def test_every_limit_says_what_it_means_and_what_to_look_for():
-    for figure in FIGURES:
-        if figure.limit:
-            assert figure.limit.reason
-            assert figure.limit.cause
-            assert figure.limit.formula(figure.unit)
-    formulas = {figure.key: figure.limit.formula(figure.unit) for figure in FIGURES if figure.limit}
+    for metric in METRICS:
+        if metric.limit:
+            assert metric.limit.reason
+            assert metric.limit.cause
+            assert metric.limit.formula(metric.unit)
+    formulas = {metric.key: metric.limit.formula(metric.unit) for metric in METRICS if metric.limit}
     assert formulas["jerk"] == "1.5 times the rotation copy's"
-    assert formulas["slide"] == "1.05 times the source's + 0.01 leg lengths/s"
+    assert formulas["foot_skate"] == "1.05 times the source's + 0.01 leg lengths/s"
     assert formulas["contact_error"] == "the rotation copy's + 0.002"
-    assert formulas["unsolved"] == "0"
+    assert formulas["not_converged"] == "0"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import SAMPLES
 
-from distretarget import FIGURES, Motion, Skeleton, load_target, read_bvh, retarget, write_npz
+from distretarget import METRICS, Motion, Skeleton, load_target, read_bvh, retarget, write_npz
 from distretarget.io.npz import npz
 from distretarget.pipeline.labels import labels_of
 
@@ -66,15 +66,15 @@ def test_labels_say_when_hands_touch_and_feet_rest(clap):
     assert labels["support_weights"].min() >= 0
     assert labels["support_weights"].max() <= 1
     assert not labels["shots"].any()
-    assert not labels["unsolved"].any()
+    assert not labels["not_converged"].any()
     assert labels["flags"].shape == (frames, len(labels["flag_names"]))
 
 
-def test_frames_are_flagged_by_the_figures_of_the_warnings(clap):
-    labels, figures = labels_of(clap), clap.figures["result"]
+def test_frames_are_flagged_by_the_metrics_of_the_warnings(clap):
+    labels, metrics = labels_of(clap), clap.metrics["result"]
     flagged = {name for name, flags in zip(labels["flag_names"], labels["flags"].T, strict=True) if flags.any()}
-    assert flagged <= {one.key for one in FIGURES if one.needs_look(clap.figures)}
-    assert figures.keys() >= flagged
+    assert flagged <= {one.key for one in METRICS if one.needs_look(clap.metrics)}
+    assert metrics.keys() >= flagged
 
 
 def test_a_cut_starts_another_shot():

@@ -35,7 +35,7 @@ def is_sound(source, target, joint_map=None, **options):
         np.testing.assert_allclose(lengths, [target.lengths[list(joints)][1:]] * len(source), rtol=1e-9, atol=0)
     size = max(np.abs(motion.positions).max(), target.lengths.max())
     np.testing.assert_allclose(again.positions, motion.positions[:, order], rtol=0, atol=1e-7 * size)
-    assert all(value is None or np.isfinite(value) for value in result.figures["result"].values())
+    assert all(value is None or np.isfinite(value) for value in result.metrics["result"].values())
     return result
 
 

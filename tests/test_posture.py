@@ -1,4 +1,4 @@
-"""Figures of how head, palms and feet are held, on postures that are known by construction."""
+"""Metrics of how head, palms and feet are held, on postures that are known by construction."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from skeleton_edits import in_axes
 from zoo import member
 
 from distretarget import Body
-from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import Reference
+from distretarget.measure.comparison import Reference
+from distretarget.measure.metrics import clip_metrics
 
 PERSON = person()
 LEG = 0.435 + 0.453
@@ -25,10 +25,10 @@ def standing(turns=None, body=PERSON, height=LEG, frames=30):
 
 
 def posture(source, result):
-    """The figures of posture that are not 0; None where nothing was measured."""
+    """The metrics of posture that are not 0; None where nothing was measured."""
     tracks = Reference(source, matched(source, result.skeleton), UP).compare(result).tracks
-    figures = clip_figures(tracks)
-    return {key: figures[key] for key in POSTURE if figures[key] is None or figures[key] > 1e-6}
+    metrics = clip_metrics(tracks)
+    return {key: metrics[key] for key in POSTURE if metrics[key] is None or metrics[key] > 1e-6}
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def posture(source, result):
         ({"LeftElbow": 50 * Y}, {}),
     ],
 )
-def test_each_figure_sees_its_fault_and_no_other(turns, found):
+def test_each_metric_sees_its_fault_and_no_other(turns, found):
     assert posture(standing(), standing(turns)) == pytest.approx({"palm_turn": None, **found}, abs=1e-6)
 
 

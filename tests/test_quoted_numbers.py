@@ -31,12 +31,12 @@ RESULTS = {
     r"is below (\d+) degrees at the 99th": lambda: math.ceil(summary("direction error, 99th", "contact", 1)),
     r"is the copy's \(([\d.]+) times at most\)": lambda: summary(f"{JERK}, captured", "contact", 1),
     r"on spine \+60 % has ([\d.]+) times the copy's": lambda: summary(f"{JERK}, samples", "contact", 1),
-    r"\*\*Snaps\*\* are left in (\d+) runs": lambda: summary("runs with snaps", "contact"),
+    r"\*\*Pops\*\* are left in (\d+) runs": lambda: summary("runs with pops", "contact"),
 }
 CHANGES = {
     r"contacts are off by ([\d.]+) of what": lambda: summary("contact error, mean", "contact"),
     r"at a mean direction error of ([\d.]+) degrees": lambda: summary("direction error, mean", "contact"),
-    r"they slide as much as the source's, ([\d.]+) times": lambda: summary("slide in stance", "copy", 2),
+    r"they slide as much as the source's, ([\d.]+) times": lambda: summary("foot skate in stance", "copy", 2),
     r"a leg apart, are (\d+) to": lambda: min(column("duets", 2, 2)),
     r"a leg apart, are \d+ to (\d+) %": lambda: max(column("duets", 2, 2)),
     r"retargeted alone, and (\d) to": lambda: min(column("duets", 2, 3)),

@@ -28,13 +28,13 @@ def renamed(names):
 
 
 def is_faulty(clip):
-    """Whether a clip becomes neither a finite result with figures nor an error of one line."""
+    """Whether a clip becomes neither a finite result with metrics nor an error of one line."""
     try:
         result = retarget(clip, TARGET)
-        figures, warnings = result.figures, [*result.warnings]
+        metrics, warnings = result.metrics, [*result.warnings]
     except DistretargetError as refused:
         return "\n" in str(refused)  # an error of several lines is a fault
-    return not (np.isfinite(result.motion.positions).all() and figures) or "nan" in " ".join(warnings)
+    return not (np.isfinite(result.motion.positions).all() and metrics) or "nan" in " ".join(warnings)
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.diff import diff
-from distretarget.measure.figures import FIGURES, NOT_RUN, figures_at
+from distretarget.measure.metrics import METRICS, NOT_RUN, metrics_at
 from distretarget.report.clip_page import diff_page, run_diff, run_page
 from distretarget.report.diff_document import About, document
 
@@ -21,7 +21,7 @@ PERSON = person()
 APART = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
 MINUS = "\u2212"
 Z_UP = Rotation.from_matrix([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-CUT = """width => [...document.querySelectorAll('section, .figure, .bar > *, td')]
+CUT = """width => [...document.querySelectorAll('section, .metric, .bar > *, td')]
     .filter(one => one.checkVisibility() && one.getBoundingClientRect().right > width + 0.5)
     .map(one => one.outerHTML.slice(0, 200))"""  # what of a page is cut at its right
 OFF = 1e-4 / 1.7  # 0.1 mm on a body of 1.7 m
@@ -309,23 +309,23 @@ def assert_shown(text, value):
     assert number == pytest.approx(value, abs=most)
 
 
-def test_the_cards_show_the_figures_and_their_limits(opened):
+def test_the_cards_show_the_metrics_and_their_limits(opened):
     tab, run = opened(), sample()
-    values = document(run_diff(run), About(a="", b="", rotation_copy=run.tracks["rotation_copy"]))["figures"]
-    first = figures_at("card")
-    cards = tab.locator(".figure").all()
-    for figure, card in zip((*first, *(one for one in FIGURES if one not in first)), cards, strict=True):
-        name = f"{figure.label}, {figure.symbol}" if figure.symbol else figure.label
+    values = document(run_diff(run), About(a="", b="", rotation_copy=run.tracks["rotation_copy"]))["metrics"]
+    first = metrics_at("card")
+    cards = tab.locator(".metric").all()
+    for metric, card in zip((*first, *(one for one in METRICS if one not in first)), cards, strict=True):
+        name = f"{metric.label}, {metric.symbol}" if metric.symbol else metric.label
         assert card.locator("h3").inner_text() == name[0].upper() + name[1:]
-        if values["result"][figure.key] is None:
-            assert card.locator(".big").inner_text() == figure.missing.format(source="A")
+        if values["result"][metric.key] is None:
+            assert card.locator(".big").inner_text() == metric.missing.format(source="A")
             continue
         rows = dict(zip(*(card.locator(tag).all_inner_texts() for tag in ("dt", "dd")), strict=True))
-        assert_shown(card.locator(".big").inner_text(), values["result"][figure.key] * figure.factor)
-        if figure.key not in NOT_RUN and "copy" in rows:
-            assert_shown(rows["copy"], values["rotation_copy"][figure.key] * figure.factor)
-        if figure.of_source:
-            assert_shown(rows["A"], values["source"][figure.key] * figure.factor)
+        assert_shown(card.locator(".big").inner_text(), values["result"][metric.key] * metric.factor)
+        if metric.key not in NOT_RUN and "copy" in rows:
+            assert_shown(rows["copy"], values["rotation_copy"][metric.key] * metric.factor)
+        if metric.of_source:
+            assert_shown(rows["A"], values["source"][metric.key] * metric.factor)
     lines = [line for line in tab.locator(".limit").all_inner_texts() if "limit" in line]
     assert lines[0] == "✓ within limit 0.5"
     assert any(line.startswith("✗ over limit ") for line in lines)

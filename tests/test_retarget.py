@@ -93,7 +93,7 @@ def test_bones_are_the_targets():
     np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), expected, rtol=1e-9)
 
 
-def test_stress_figures_are_in_order():
+def test_stress_metrics_are_in_order():
     result = retarget(swaying(BODY), other_lengths(BODY), Options(objective="paper"))
     assert np.all(result.free_stress <= result.written_stress)
     assert result.written_stress.mean() < result.copy_stress.mean()

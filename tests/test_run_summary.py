@@ -11,14 +11,14 @@ from bodies import clapping, lengthened, other_lengths, person, posed, swaying
 
 from distretarget import Options, Skeleton, retarget
 from distretarget.ik.spg import Reason
-from distretarget.measure.figures import FIGURES, NOT_RUN, Track, clip_figures, figures_at
-from distretarget.measure.metrics import Reference
-from distretarget.report.run_summary import figures_json, figures_line, summary_line
+from distretarget.measure.comparison import Reference
+from distretarget.measure.metrics import METRICS, NOT_RUN, Track, clip_metrics, metrics_at
+from distretarget.report.run_summary import metrics_json, metrics_line, summary_line
 
 FRAMES = 40
 SOLVER = {"iterations", "evaluations", "reason"}
-OF_FRAMES = {figure.key for figure in FIGURES if figure.of_frames}
-OF_SOURCE = {figure.key for figure in FIGURES if figure.of_source}
+OF_FRAMES = {metric.key for metric in METRICS if metric.of_frames}
+OF_SOURCE = {metric.key for metric in METRICS if metric.of_source}
 
 
 @cache
@@ -35,9 +35,9 @@ def compared(result, motion):
     return Reference(result.source, result.matching, result.world.up_vector).compare(motion)
 
 
-def without_skin(figures):
-    """The figures that need no thickness of the bodies."""
-    return {key: value for key, value in figures.items() if not key.startswith("skin_")}
+def without_skin(metrics):
+    """The metrics that need no thickness of the bodies."""
+    return {key: value for key, value in metrics.items() if not key.startswith("skin_")}
 
 
 def refuse(constant):
@@ -45,35 +45,35 @@ def refuse(constant):
 
 
 def document(made):
-    return json.loads(figures_json(made), parse_constant=refuse)
+    return json.loads(metrics_json(made), parse_constant=refuse)
 
 
 @pytest.mark.parametrize("objective", ["contact", "paper"])
-def test_every_figure_of_a_frame_is_there_for_every_frame(objective):
+def test_every_metric_of_a_frame_is_there_for_every_frame(objective):
     frames = document(result_with(objective))["frames"]
     expected = SOLVER | OF_FRAMES | {f"{key}_copy" for key in OF_FRAMES} | {f"{key}_source" for key in OF_SOURCE}
     assert set(frames) == expected | ({"stress_solved_points"} if objective == "paper" else set())
     assert {len(values) for values in frames.values()} == {FRAMES}
 
 
-def test_the_figures_of_the_clip_stand_beside_those_of_the_rotation_copy():
+def test_the_metrics_of_the_clip_stand_beside_those_of_the_rotation_copy():
     result = run()
     written = document(result_with())
-    values = written["figures"]
-    assert list(values["result"]) == list(values["rotation_copy"]) == [figure.key for figure in FIGURES]
+    values = written["metrics"]
+    assert list(values["result"]) == list(values["rotation_copy"]) == [metric.key for metric in METRICS]
     for side, motion, stress in (
         ("result", result.motion, result.written_stress),
         ("rotation_copy", result.rotation_copy, result.copy_stress),
     ):
         of_run = result.run_tracks if side == "result" else NOT_RUN
         tracks = {**compared(result, motion).tracks, "stress": Track(stress), **of_run}
-        assert without_skin(values[side]) == without_skin(clip_figures(tracks))
+        assert without_skin(values[side]) == without_skin(clip_metrics(tracks))
         assert values[side]["stress"] == stress.mean()
-    assert values["source"] == clip_figures(compared(result, result.motion).source_tracks)
+    assert values["source"] == clip_metrics(compared(result, result.motion).source_tracks)
     assert set(values["source"]) == OF_SOURCE
     assert values["rotation_copy"]["direction_error"] == pytest.approx(0.0, abs=1e-6)
     assert values["result"]["contact_error"] < 0.5 * values["rotation_copy"]["contact_error"]
-    assert (written["format"], written["version"]) == ("distretarget-figures", 1)
+    assert (written["format"], written["version"]) == ("distretarget-metrics", 1)
     assert written["frame_time"] == 0.02
     assert written["root_scale"] == pytest.approx(result.root_scale)
 
@@ -90,10 +90,10 @@ def test_frames_without_a_contact_have_no_contact_error():
 def test_the_contact_error_of_the_clip_is_the_mean_over_frames_with_contacts():
     written = document(result_with())
     values = [value for value in written["frames"]["contact_error"] if value is not None]
-    assert np.mean(values) == pytest.approx(written["figures"]["result"]["contact_error"])
+    assert np.mean(values) == pytest.approx(written["metrics"]["result"]["contact_error"])
 
 
-def test_figures_of_a_frame_are_those_of_the_result_and_of_the_copy():
+def test_metrics_of_a_frame_are_those_of_the_result_and_of_the_copy():
     result = run()
     frames = document(result_with())["frames"]
     for motion, suffix in ((result.motion, ""), (result.rotation_copy, "_copy")):
@@ -116,7 +116,7 @@ def test_frames_carry_what_the_solver_took_in_words():
 
 
 def test_json_ends_with_its_line():
-    assert figures_json(result_with()).endswith("}\n")
+    assert metrics_json(result_with()).endswith("}\n")
 
 
 @pytest.mark.parametrize("frame", [0, 17, FRAMES - 1])
@@ -125,27 +125,27 @@ def test_the_line_names_the_frame_of_most_stress(frame):
     stress[frame] = 0.0625
     result = result_with()
     vars(result)["written_stress"] = stress
-    line = figures_line(result)
+    line = metrics_line(result)
     assert line.startswith("rotation copy / result: ")
     assert line.endswith(f"most stress in frame {frame} (62.50)")
     assert "\n" not in line
 
 
-def test_the_line_gives_each_figure_for_copy_and_result():
+def test_the_line_gives_each_metric_for_copy_and_result():
     made = result_with()
-    baseline, result = (made.figures[side] for side in ("rotation_copy", "result"))
-    line = figures_line(made)
+    baseline, result = (made.metrics[side] for side in ("rotation_copy", "result"))
+    line = metrics_line(made)
     assert f"contact error {baseline['contact_error']:.4f} / {result['contact_error']:.4f}" in line
-    assert f"foot slide [legs/s] {baseline['slide']:.3f} / {result['slide']:.3f}" in line
+    assert f"foot skate [legs/s] {baseline['foot_skate']:.3f} / {result['foot_skate']:.3f}" in line
     assert f"direction error [°] 0.0 / {result['direction_error']:.1f}" in line
-    for figure in figures_at("line"):
-        assert f"{figure.brief(baseline[figure.key])} / {figure.brief(result[figure.key])}" in line
+    for metric in metrics_at("line"):
+        assert f"{metric.brief(baseline[metric.key])} / {metric.brief(result[metric.key])}" in line
 
 
 def test_only_the_papers_objective_has_stress_of_solved_points():
     result = run("paper")
-    assert f"stress of the solved points {1e3 * result.free_stress.mean():.2f};" in figures_line(result)
-    assert "solved points" not in figures_line(result_with())
+    assert f"stress of the solved points {1e3 * result.free_stress.mean():.2f};" in metrics_line(result)
+    assert "solved points" not in metrics_line(result_with())
 
 
 def test_the_line_of_a_run_has_its_time_and_its_verdict():
@@ -165,7 +165,7 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     result = run()
     warnings = list(result_with(effort=replace(result.effort, reasons=reasons)).warnings)
     assert len(warnings) == 1
-    assert warnings[0].startswith("unsolved frames 3, limit 0; worst in frame 7; likely cause: ")
+    assert warnings[0].startswith("frames not converged 3, limit 0; worst in frame 7; likely cause: ")
 
 
 @pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])
@@ -213,7 +213,7 @@ def test_the_shortest_clips_have_a_line_and_json(frames):
     source = swaying(person(), frames=frames)
     made = retarget(source, other_lengths(person()))
     assert summary_line(made, 0.1).startswith("1 frame in 0.10 s. " if frames == 1 else "2 frames in 0.10 s. ")
-    assert figures_line(made)
+    assert metrics_line(made)
     assert {len(values) for values in document(made)["frames"].values()} == {frames}
     list(made.warnings)
 
@@ -230,8 +230,8 @@ def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
     source = swaying(chain)
     made = retarget(source, chain.with_offsets(2 * offsets))
     assert (
-        "contact error - / -, skin inside [% height] - / -, direction error [°] 0.0 / 0.0, foot slide [legs/s] - / -"
-        in figures_line(made)
+        "contact error - / -, skin inside [% height] - / -, direction error [°] 0.0 / 0.0, foot skate [legs/s] - / -"
+        in metrics_line(made)
     )
     assert set(document(made)["frames"]["contact_error"]) == {None}
     assert list(made.warnings) == []
@@ -241,5 +241,5 @@ def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
 def test_a_still_clip_is_as_smooth_as_its_copy():
     source = clapping(np.zeros(10))
     made = retarget(source, person())
-    assert "jerk [sizes/s³] 0.0 / 0.0" in figures_line(made)
-    assert "nan" not in figures_line(made) + summary_line(made, 0.1)
+    assert "jerk [sizes/s³] 0.0 / 0.0" in metrics_line(made)
+    assert "nan" not in metrics_line(made) + summary_line(made, 0.1)

@@ -73,10 +73,10 @@ def test_what_touches_between_a_child_and_an_adult_stays_near(name, order):
 @scenes
 def test_performers_are_solved_and_their_feet_stand(name):
     for one in result(name).results:
-        figures = one.figures["result"]
-        assert figures["unsolved"] == 0
-        assert figures["turn"] < 15
-        assert (figures["foot_height"] or 0.0) < 0.5
+        metrics = one.metrics["result"]
+        assert metrics["not_converged"] == 0
+        assert metrics["turn"] < 15
+        assert (metrics["foot_height"] or 0.0) < 0.5
 
 
 def test_a_staff_keeps_its_shape_in_both_hands():

@@ -151,9 +151,9 @@ def test_two_performers_on_their_own_bodies_are_not_touched():
 
 def test_both_stand_on_the_floor():
     for result in duet().results:
-        figures = result.figures["result"]
-        assert figures["foot_height"] < 0.2
-        assert figures["unsolved"] == 0
+        metrics = result.metrics["result"]
+        assert metrics["foot_height"] < 0.2
+        assert metrics["not_converged"] == 0
 
 
 def test_one_performer_alone_has_the_very_result_of_retarget():

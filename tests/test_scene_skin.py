@@ -79,7 +79,7 @@ def test_performers_have_skins_of_their_own():
     np.testing.assert_allclose(one.capsules.radii, 1.5 * other.capsules.radii)
 
 
-def test_a_stick_figure_beside_a_thick_body_is_an_average_adult_to_it():
+def test_a_stick_metric_beside_a_thick_body_is_an_average_adult_to_it():
     body = sources("handshake")[0].rigid_skeleton
     thick = retarget_scene(sources("handshake"), [body] * 2, skin="average").results
     beside = retarget_scene(sources("handshake"), [body] * 2, skin=["auto", "average"]).results

@@ -41,7 +41,7 @@ def test_the_settings_given_are_those_that_count():
     nothing = retarget(source, body, BONES_ALONE, settings=replace(DEFAULT, strength=0.0, foot_lock=0.0))
     np.testing.assert_allclose(nothing.motion.world_rotations, nothing.rotation_copy.world_rotations, atol=1e-12)
     stiff, soft = (
-        retarget(source, body, BONES_ALONE, settings=replace(DEFAULT, strength=strength)).figures["result"][
+        retarget(source, body, BONES_ALONE, settings=replace(DEFAULT, strength=strength)).metrics["result"][
             "contact_error"
         ]
         for strength in (2.0, 0.002)

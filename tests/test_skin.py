@@ -150,7 +150,7 @@ def test_loose_points_and_open_sheets_have_no_inside():
     assert (places + balls.radii[:, 0] < 2).all()
 
 
-def test_a_body_without_skin_has_no_figures():
+def test_a_body_without_skin_has_no_metrics():
     found = measured(find_skin(BODY, no_capsules()), bending())
     assert found.inside.size == found.deepest.size == found.gap_error.size == 0
 
@@ -208,17 +208,17 @@ def test_two_hands_touch_each_other_once_each():
 # ---- in a run
 
 
-def test_a_run_onto_a_character_has_the_figures_of_skin():
+def test_a_run_onto_a_character_has_the_metrics_of_skin():
     target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
     run = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh")[60:200], target)
-    copied, result = run.figures["rotation_copy"], run.figures["result"]
+    copied, result = run.metrics["rotation_copy"], run.metrics["result"]
     assert copied["skin_depth"] > 1
     assert copied["skin_frames"] > 50
     assert result["skin_depth"] < 1
     assert result["skin_gap"] < 2
     assert "stays outside" in run.verdict or "sinks up to" in run.verdict
-    assert replace(run, mesh=None).figures["result"]["skin_depth"] < 1  # by the capsules
-    assert replace(run, skins=None).figures["result"]["skin_depth"] is None
+    assert replace(run, mesh=None).metrics["result"]["skin_depth"] < 1  # by the capsules
+    assert replace(run, skins=None).metrics["result"]["skin_depth"] is None
 
 
 # ---- against winding numbers

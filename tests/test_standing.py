@@ -28,8 +28,8 @@ def test_flat_feet_are_as_high_as_in_the_bind_pose(clip, rise):
     result = retarget(source, target, Options(skin="none"))
     heights, bind = soles(target, result.motion)
     assert np.median(heights) == pytest.approx(bind, abs=0.002)
-    assert result.figures["result"]["foot_height"] < 0.2
-    assert diff(source, result.motion).figures["result"]["foot_height"] < 0.2
+    assert result.metrics["result"]["foot_height"] < 0.2
+    assert diff(source, result.motion).metrics["result"]["foot_height"] < 0.2
 
 
 def test_a_clip_without_a_floor_stays_where_it_is():

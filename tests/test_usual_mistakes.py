@@ -48,7 +48,7 @@ def test_the_animation_is_named_after_the_clip_and_found_by_its_name(folder):
 def test_diff_chooses_from_a_file_with_several_animations():
     run("batch clips hero.glb -o all.glb --merge")
     assert "choose one with --clip" in run("diff clips/wave.bvh all.glb").stderr
-    assert run("diff clips/wave.bvh all.glb --clip wave --json figures.json").returncode == 0
+    assert run("diff clips/wave.bvh all.glb --clip wave --json metrics.json").returncode == 0
     assert "did you mean 'wave'?" in run("diff clips/wave.bvh all.glb --clip waves").stderr
 
 

@@ -1,27 +1,27 @@
-"""The verdict: what it says of known figures, and that it claims nothing that was not measured."""
+"""The verdict: what it says of known metrics, and that it claims nothing that was not measured."""
 
 import numpy as np
 import pytest
 
-from distretarget.measure.figures import FIGURES, Track
+from distretarget.measure.metrics import METRICS, Track
 from distretarget.measure.verdict import verdict
 
-NOTHING = {figure.key: None for figure in FIGURES}
+NOTHING = {metric.key: None for metric in METRICS}
 TRACKS = {
     "direction_error": Track(np.array([[1.0, 2.0], [12.4, 0.0]]), parts=("Neck", "LeftArm")),
     "hips_height": Track(np.array([[0.1, 0.2], [0.1, 7.0]])),
 }
-GOOD = {"contact_error": 0.01, "slide": 0.001, "hips_height_largest": 0.57}
+GOOD = {"contact_error": 0.01, "foot_skate": 0.001, "hips_height_largest": 0.57}
 
 
 def said(result, copy=None, source=None, tracks=TRACKS):
-    figures = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
-    return verdict(figures, {"source": {}, "rotation_copy": {}, "result": tracks})
+    metrics = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
+    return verdict(metrics, {"source": {}, "rotation_copy": {}, "result": tracks})
 
 
 def test_a_good_run():
-    assert said(GOOD, {"contact_error": 0.041}, {"slide": 0.001}) == (
-        "Contacts kept 4.1 times better than by copied rotations; feet do not slide; hips height kept within "
+    assert said(GOOD, {"contact_error": 0.041}, {"foot_skate": 0.001}) == (
+        "Contacts kept 4.1 times better than by copied rotations; feet do not skate; hips height kept within "
         "0.6 % of a leg; largest direction error: Neck, 12 degrees at frame 1."
     )
 
@@ -44,12 +44,12 @@ def test_contacts(result, copy, words):
     ("result", "source", "words"),
     [
         (None, None, "no foot rests in the source"),
-        (0.1, 0.1, "feet slide no more than in the source"),
-        (0.2, 0.1, "feet slide more than in the source"),
+        (0.1, 0.1, "feet skate no more than in the source"),
+        (0.2, 0.1, "feet skate more than in the source"),
     ],
 )
 def test_feet(result, source, words):
-    assert f"; {words};" in said(GOOD | {"slide": result}, source={"slide": source})
+    assert f"; {words};" in said(GOOD | {"foot_skate": result}, source={"foot_skate": source})
 
 
 def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
@@ -72,6 +72,6 @@ def test_nothing_measured_claims_nothing():
     assert said({}, tracks=empty) == "The source has no self-contacts; no foot rests in the source."
 
 
-def test_figures_that_need_a_look_are_named_once():
-    text = said(GOOD | {"foot_pitch": 9.0, "snap": 2.0}, {"foot_pitch": 1.0})
-    assert text.endswith(". Needs a look: foot pitch, snaps.")
+def test_metrics_that_need_a_look_are_named_once():
+    text = said(GOOD | {"foot_pitch": 9.0, "pop": 2.0}, {"foot_pitch": 1.0})
+    assert text.endswith(". Needs a look: foot pitch, pops.")

@@ -1,4 +1,4 @@
-"""Write the generated parts of the documentation: help texts, settings, figures of quality, and measured numbers.
+"""Write the generated parts of the documentation: help texts, settings, metrics, and measured numbers.
 
 python tools/make_docs.py
 """
@@ -18,7 +18,7 @@ from tables import table, with_tables
 
 from distretarget.cli import ImportedCommand, cli
 from distretarget.measure.clip_faults import KINDS
-from distretarget.measure.figures import FIGURES, SUFFIXES, Figure, figures_at
+from distretarget.measure.metrics import METRICS, SUFFIXES, Metric, metrics_at
 from distretarget.objectives.settings import ContactSettings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -33,7 +33,7 @@ def documents() -> dict[Path, str]:
     return {
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
-        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"figures": figure_table(), "limits": limit_table()}),
+        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table(), "limits": limit_table()}),
         DOCS / "data_sets.md": with_tables(DOCS / "data_sets.md", {"faults": fault_table()}),
         README: with_tables(README, {"front": front_table()}),
         SCHEMA: schema(),
@@ -81,28 +81,28 @@ def settings_table() -> str:
     return table(("setting", "value", "unit", "meaning"), rows)
 
 
-# ---- docs/diff.md and the schema of a diff: the figures of quality
+# ---- docs/diff.md and the schema of a diff: the metrics
 
-FRAME = ("frame", "time", "contacts", "stance", "supports")  # keys of a frame in the document besides its figures
+FRAME = ("frame", "time", "contacts", "stance", "supports")  # keys of a frame in the document besides its metrics
 
 
-def figure_table() -> str:
-    """The figures, and what `--fail-over` compares."""
+def metric_table() -> str:
+    """The metrics, and what `--fail-over` compares."""
     rows = []
-    for figure in FIGURES:
-        formula = figure.comparison("A", "B").replace("|", r"\|") or "B"
-        rows.append((f"`{figure.key}`", figure.explanation("A", "B"), formula))
-    return table(("figure", "", "`--fail-over` is for"), rows)
+    for metric in METRICS:
+        formula = metric.comparison("A", "B").replace("|", r"\|") or "B"
+        rows.append((f"`{metric.key}`", metric.explanation("A", "B"), formula))
+    return table(("metric", "", "`--fail-over` is for"), rows)
 
 
 def limit_table() -> str:
     """The limits above which a run needs a look."""
     rows = (
-        (f"`{figure.key}`", limit.formula(figure.unit), limit.reason, limit.cause)
-        for figure in FIGURES
-        if (limit := figure.limit)
+        (f"`{metric.key}`", limit.formula(metric.unit), limit.reason, limit.cause)
+        for metric in METRICS
+        if (limit := metric.limit)
     )
-    return table(("figure", "above", "means", "likely cause"), rows)
+    return table(("metric", "above", "means", "likely cause"), rows)
 
 
 def fault_table() -> str:
@@ -114,32 +114,32 @@ def fault_table() -> str:
 
 
 def schema() -> str:
-    """The schema, with the definitions of figures written anew."""
+    """The schema, with the definitions of metrics written anew."""
     document: Json = json.loads(SCHEMA.read_text("utf-8"))
     columns = {
-        figure.key + SUFFIXES[side]: number(figure, of_frame=True)
-        for figure in FIGURES
+        metric.key + SUFFIXES[side]: number(metric, of_frame=True)
+        for metric in METRICS
         for side in ("source", "result")
-        if figure.of_frames and (side == "result" or figure.of_source)
+        if metric.of_frames and (side == "result" or metric.of_source)
     }
     definitions = document["$defs"]
-    definitions["of_result"] = closed({figure.key: number(figure) for figure in FIGURES})
-    definitions["of_source"] = closed({figure.key: number(figure) for figure in FIGURES if figure.of_source})
+    definitions["of_result"] = closed({metric.key: number(metric) for metric in METRICS})
+    definitions["of_source"] = closed({metric.key: number(metric) for metric in METRICS if metric.of_source})
     definitions["limits_of_result"] = closed(
-        {figure.key: {"type": ["number", "null"] if figure.limit else "null"} for figure in FIGURES}
+        {metric.key: {"type": ["number", "null"] if metric.limit else "null"} for metric in METRICS}
     )
-    definitions["limit"]["properties"]["figure"] = {"enum": [figure.key for figure in FIGURES]}
+    definitions["limit"]["properties"]["metric"] = {"enum": [metric.key for metric in METRICS]}
     others = {key: value for key, value in definitions["frame"]["properties"].items() if key in FRAME}
     definitions["frame"] = closed(others | columns)
-    worst = closed({figure.key: {"type": ["integer", "null"], "minimum": 0} for figure in figures_at("worst frames")})
+    worst = closed({metric.key: {"type": ["integer", "null"], "minimum": 0} for metric in metrics_at("worst frames")})
     document["properties"]["worst"] |= worst
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
 
-def number(figure: Figure, of_frame: bool = False) -> Json:
-    """The schema of a value of a figure: at least 0, null if it may be missing."""
-    values: Json = {"type": ["number", "null"] if figure.missing else "number", "minimum": 0}
-    return values if of_frame else {"description": figure.explanation("A", "B"), **values}
+def number(metric: Metric, of_frame: bool = False) -> Json:
+    """The schema of a value of a metric: at least 0, null if it may be missing."""
+    values: Json = {"type": ["number", "null"] if metric.missing else "number", "minimum": 0}
+    return values if of_frame else {"description": metric.explanation("A", "B"), **values}
 
 
 def closed(properties: Json) -> Json:
@@ -190,7 +190,7 @@ def _skin_rows() -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def _summary_rows() -> Iterator[tuple[str, dict[str, str]]]:
-    """The figures of 90 runs, with those of MotionBuilder for its clips."""
+    """The metrics of 90 runs, with those of MotionBuilder for its clips."""
     summary = {row[0]: row[1:] for row in cells("summary")}
 
     def row(start: str, digits: int = 2, number: int = 0) -> dict[str, str]:
@@ -203,8 +203,8 @@ def _summary_rows() -> Iterator[tuple[str, dict[str, str]]]:
     what = "error of the distance between body parts that touch, relative to copied rotations"
     yield what, {**row("contact error, mean over clips"), PEER: f"{peer / copied:.2f}"}
     yield "clap on long forearms: gap of the wrists, % of arm (source: 4.0)", row("clap on long forearms", 1)
-    what = "sliding of resting feet, relative to the source's"
-    yield what, {**row("slide in stance", number=2), PEER: f"{peer_slide / source_slide:.2f}"}
+    what = "foot skate of planted feet, relative to the source's"
+    yield what, {**row("foot skate in stance", number=2), PEER: f"{peer_slide / source_slide:.2f}"}
     yield "bones off the source's direction, degrees", row("direction error, mean", 1)
 
 

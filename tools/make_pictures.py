@@ -15,8 +15,8 @@ from pathlib import Path
 
 import click
 import numpy as np
-from draw import VIEWS, Cell, cells, figures_of, tallest, write_loop, write_picture
-from draw_mesh import write_figures
+from draw import VIEWS, Cell, cells, metrics_of, tallest, write_loop, write_picture
+from draw_mesh import write_metrics
 from make_samples import CHARACTERS
 from sample_scenes import SCENES, facing
 from zoo import MEMBERS, member
@@ -72,14 +72,14 @@ def draw_hero(path: Path) -> None:
     """Draw the sample character in a frame of some clips."""
     target = load_target(CHARACTERS / "hero.glb")
     results = [retarget(read_bvh(SAMPLES / f"{clip}.bvh"), target).motion for clip in HERO_FRAMES]
-    write_figures(path, [*zip(results, HERO_FRAMES.values(), strict=True)])
+    write_metrics(path, [*zip(results, HERO_FRAMES.values(), strict=True)])
 
 
 def draw_samples(path: Path) -> None:
     """Draw a row for each sample clip: one frame of the source, and of the results on four bodies."""
     scenes = []
     for clip, frame in SAMPLE_FRAMES.items():
-        sides = [figures_of(result_of(clip, body), [frame]) for body in SAMPLE_BODIES]
+        sides = [metrics_of(result_of(clip, body), [frame]) for body in SAMPLE_BODIES]
         scenes.append([sides[0][0][0], *(result[0] for _, _, result in sides)])
     labels = ["source", *(Path(body).name for body in SAMPLE_BODIES)]
     write_picture(path, scenes, list(SAMPLE_FRAMES), [labels] * len(scenes), VIEWS["front"], SHEET_DPI)
@@ -89,7 +89,7 @@ def draw_floor_work(path: Path) -> None:
     """Draw a row for each clip in which more than feet rests: a frame of source, copy and result on a child."""
     scenes = []
     for clip, frame in FLOOR_FRAMES.items():
-        scenes.append([figure for (figure,) in figures_of(result_of(f"supports/{clip}", "child"), [frame])])
+        scenes.append([metric for (metric,) in metrics_of(result_of(f"supports/{clip}", "child"), [frame])])
     write_picture(path, scenes, list(FLOOR_FRAMES), [METHODS] * len(scenes), VIEWS["three-quarter"], SHEET_DPI)
 
 
@@ -97,7 +97,7 @@ def draw_zoo(path: Path) -> None:
     """Draw a frame of one clip on every body of the zoo."""
     source, names = read_bvh(SAMPLES / "hands_on_hips.bvh"), list(MEMBERS)
     results = [retarget(source, member(name)) for name in names]
-    drawn = [figures_of(result, [SAMPLE_FRAMES["hands_on_hips"]])[2][0] for result in results]
+    drawn = [metrics_of(result, [SAMPLE_FRAMES["hands_on_hips"]])[2][0] for result in results]
     scenes, labels = ([each[k : k + ACROSS] for k in range(0, len(names), ACROSS)] for each in (drawn, names))
     write_picture(path, scenes, [""] * len(scenes), labels, VIEWS["front"], SHEET_DPI)
 
@@ -105,7 +105,7 @@ def draw_zoo(path: Path) -> None:
 def draw_clip(path: Path, clip: str, body: str, frames: tuple[int, int], view: str) -> None:
     """Draw a loop of source, rotation copy and result, equally tall."""
     result = result_of(clip, body)
-    columns = figures_of(result, range(*frames, STEP))
+    columns = metrics_of(result, range(*frames, STEP))
     write_loop(path, METHODS, columns, STEP * result.source.frame_time, view, LOOP_DPI, still=len(columns[0]) // 2)
 
 

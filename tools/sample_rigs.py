@@ -1,6 +1,6 @@
 """The sample rigs, `sample_bvh/rigs`: an adult of about 1.75 m in the naming conventions of four programs.
 
-Segment lengths follow Winter, Biomechanics and Motor Control of Human Movement, figure 4.1.
+Segment lengths follow Winter, Biomechanics and Motor Control of Human Movement, metric 4.1.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Time reading, retargeting, figures and writing; asv compares the times of two commits.
+"""Time reading, retargeting, metrics and writing; asv compares the times of two commits.
 
     cd benchmarks/compare && asv continuous --interleave-rounds main HEAD
 
@@ -41,11 +41,11 @@ class _Conversion:
     def time_retarget_by_the_paper(self):
         retarget(self.source, self.body, PAPER)
 
-    def time_figures(self):
-        self.result.figures  # noqa: B018 - they are computed when they are asked for
+    def time_metrics(self):
+        self.result.metrics  # noqa: B018 - they are computed when they are asked for
 
-    time_figures.number = 1  # a result computes its figures once, and `setup` makes a new one for each run
-    time_figures.warmup_time = 0
+    time_metrics.number = 1  # a result computes its metrics once, and `setup` makes a new one for each run
+    time_metrics.warmup_time = 0
 
     def time_write(self):
         write_bvh(self.written, self.result.motion, overwrite=True)

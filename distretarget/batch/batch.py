@@ -13,10 +13,10 @@ from pathlib import Path, PurePath
 from types import NoneType
 
 from distretarget.batch.alignment_spread import spread_warnings
-from distretarget.batch.figure_table import check_table, is_table
-from distretarget.batch.figure_table import table as table_of
 from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
+from distretarget.batch.metric_table import check_table, is_table
+from distretarget.batch.metric_table import table as table_of
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
 from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
@@ -42,7 +42,7 @@ from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
-from distretarget.measure.figures import FIGURES
+from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import target_capsules
@@ -256,7 +256,7 @@ class Batch:
     def _report_jobs(self, records: dict[str, ManifestRecord]) -> Iterator[Job]:
         """The clips that need a report on their present output."""
         done = [record for record in records.values() if record["status"] == "done"]
-        chosen = {record["output"]: record for record in worst(done, FIGURES[0])[: self.reports]}
+        chosen = {record["output"]: record for record in worst(done, METRICS[0])[: self.reports]}
         for clip in self.clips:
             record = chosen.get(clip.place.as_posix())
             if record and not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
@@ -438,7 +438,7 @@ def convert_folder(
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
-        keep: a condition on figures, as `--keep` takes it; clips that fail it are left out.
+        keep: a condition on metrics, as `--keep` takes it; clips that fail it are left out.
 
     Returns:
         The numbers of clips converted, skipped, failed and left out, and `lines` to print.

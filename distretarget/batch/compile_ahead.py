@@ -34,7 +34,7 @@ def warm(objective: Objective) -> None:
     with without_collection():  # it takes a tenth of the time of compiling
         source, target = _clip()
         _run_for_legs(source)
-        retarget(source, target, Options(objective=objective)).figures  # noqa: B018 - what it needs is compiled
+        retarget(source, target, Options(objective=objective)).metrics  # noqa: B018 - what it needs is compiled
         _measure_skin(source)
 
 

@@ -1,6 +1,6 @@
-"""Conditions on the figures of a clip, such as "contact_error < 0.01 and snap == 0"; a clip that fails is left out.
+"""Conditions on the metrics of a clip, such as "contact_error < 0.01 and pop == 0"; a clip that fails is left out.
 
-A condition has names of figures, numbers, comparisons, and, or, not, and brackets; nothing else is evaluated. What was
+A condition has names of metrics, numbers, comparisons, and, or, not, and brackets; nothing else is evaluated. What was
 not measured in a clip, such as the error of contacts where nothing touches, decides nothing: a comparison with it is
 neither true nor false, and a clip is kept unless its condition is false.
 """
@@ -15,7 +15,7 @@ from functools import cached_property
 
 from distretarget.batch.manifest import ManifestRecord
 from distretarget.errors import SettingsError, closest
-from distretarget.measure.figures import FIGURES, SUFFIXES, Variant
+from distretarget.measure.metrics import METRICS, SUFFIXES, Variant
 
 LONGEST = 1000  # condition [characters]
 COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
@@ -26,13 +26,13 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-FIGURE_NAMES: dict[str, tuple[Variant, str]] = {  # in conditions and tables
-    figure.key + suffix: (side, figure.key)
-    for figure in FIGURES
+METRIC_NAMES: dict[str, tuple[Variant, str]] = {  # in conditions and tables
+    metric.key + suffix: (side, metric.key)
+    for metric in METRICS
     for side, suffix in SUFFIXES.items()
-    if side != "source" or figure.of_source
+    if side != "source" or metric.of_source
 }
-NAMES = ("frames", "warnings", *FIGURE_NAMES)
+NAMES = ("frames", "warnings", *METRIC_NAMES)
 
 Values = Mapping[str, float | None]
 
@@ -58,7 +58,7 @@ class Condition:
     def fault(self, record: ManifestRecord) -> str:
         """Return why a clip, from its line of the manifest, fails the condition; empty if it does not."""
         values: dict[str, float | None] = {"frames": record["frames"], "warnings": len(record["warnings"])}
-        values |= {name: record["figures"].get(side, {}).get(key) for name, (side, key) in FIGURE_NAMES.items()}
+        values |= {name: record["metrics"].get(side, {}).get(key) for name, (side, key) in METRIC_NAMES.items()}
         if _value(self._tree, values) is not False:
             return ""
         return "; ".join(
@@ -69,8 +69,8 @@ class Condition:
 
 def _refusal(text: str) -> SettingsError:
     return SettingsError(
-        f"keep is {text!r}; expected comparisons of figures and numbers with and, or, not, such as "
-        "'contact_error < 0.01 and snap == 0'"
+        f"keep is {text!r}; expected comparisons of metrics and numbers with and, or, not, such as "
+        "'contact_error < 0.01 and pop == 0'"
     )
 
 
@@ -95,18 +95,18 @@ def _check_operand(node: ast.expr, text: str) -> None:
             return
         case ast.Name(id=name):
             if _known(name) not in NAMES:
-                raise SettingsError(f"keep has {name!r}, which is no figure; {closest(name, NAMES)}")
+                raise SettingsError(f"keep has {name!r}, which is no metric; {closest(name, NAMES)}")
         case _:
             raise _refusal(text)
 
 
 def _known(name: str) -> str:
-    """The name of a figure, which may be given in the plural: snaps."""
+    """The name of a metric, which may be given in the plural: pops."""
     return name if name in NAMES else name.removesuffix("s")
 
 
 def _value(node: ast.expr, values: Values) -> bool | None:
-    """Whether a checked condition holds; None where a figure that was not measured would decide it."""
+    """Whether a checked condition holds; None where a metric that was not measured would decide it."""
     match node:
         case ast.BoolOp(op=op, values=parts):
             found, decides = [_value(part, values) for part in parts], isinstance(op, ast.Or)
@@ -140,5 +140,5 @@ def _false_parts(node: ast.expr, values: Values) -> Iterator[ast.expr]:
 
 
 def _names(node: ast.expr) -> list[str]:
-    """The figures in a part of a condition."""
+    """The metrics in a part of a condition."""
     return list(dict.fromkeys(_known(each.id) for each in ast.walk(node) if isinstance(each, ast.Name)))

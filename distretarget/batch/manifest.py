@@ -26,16 +26,16 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.errors import FileError, counted
 from distretarget.io.files import check_inside, check_writable, make_folder, reason_of
 from distretarget.io.map_json import MapFile
-from distretarget.measure.figures import Figure, Variant, figures_at
+from distretarget.measure.metrics import Metric, Variant, metrics_at
 from distretarget.pipeline.options import Options
 from distretarget.report.index_page import ClipRecord
 
 VERSION = version("distretarget")
 LOCK_INTERVAL = 0.005  # time between two attempts to lock the folder [s]
 FAILURES = 20  # most failures listed
-WORST = 3  # most clips listed as the worst by a figure
+WORST = 3  # most clips listed as the worst by a metric
 MOST = sys.float_info.max  # of a number in a record; JSON may have larger ones
-LEAST = 1e-6  # clips with a figure up to this are not listed among the worst
+LEAST = 1e-6  # clips with a metric up to this are not listed among the worst
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines an output
 
 
@@ -80,7 +80,7 @@ KINDS: dict[Any, tuple[str, ...]] = {  # the keys of a record by the kind of the
     str | None: ("input_hash", "output_hash", "error"),
     int: ("frames",),
     int | float: ("seconds",),
-    dict: ("options", "figures"),
+    dict: ("options", "metrics"),
     list: ("notes", "warnings"),
 }
 
@@ -98,7 +98,7 @@ def new_record(clip: Clip, options: Mapping[str, object]) -> ManifestRecord:
         "version": VERSION,
         "frames": 0,
         "seconds": 0.0,
-        "figures": {},
+        "metrics": {},
         "notes": [],
         "warnings": [],
         "status": "failed",
@@ -119,7 +119,7 @@ def parse_record(line: bytes) -> ManifestRecord | None:
     record = _parsed(line)
     if any(not isinstance(record.get(key, ...), kind) for kind, keys in KINDS.items() for key in keys):
         return None
-    sides, others = record["figures"].values(), record.get("others", {})
+    sides, others = record["metrics"].values(), record.get("others", {})
     sound = (
         record.get("status") in ("done", "failed")
         and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"]))
@@ -375,7 +375,7 @@ class Tally:
     workers: int = 1
     seconds: float = 0.0
     alignments: Sequence[str] = ()
-    _worst: dict[Figure, list[ManifestRecord]] = field(default_factory=dict)
+    _worst: dict[Metric, list[ManifestRecord]] = field(default_factory=dict)
     _failures: list[str] = field(default_factory=list)
     _left_out: list[str] = field(default_factory=list)
 
@@ -391,8 +391,8 @@ class Tally:
             self.done += 1
             self.frames += record["frames"]
             self.warned += bool(record["warnings"])
-            for figure in figures_at("worst clips"):
-                self._worst[figure] = worst([*self._worst.get(figure, ()), record], figure)[:WORST]
+            for metric in metrics_at("worst clips"):
+                self._worst[metric] = worst([*self._worst.get(metric, ()), record], metric)[:WORST]
         else:
             self.failed += 1
             if self.failed <= FAILURES:
@@ -414,14 +414,14 @@ class Tally:
             lines.append(f"{frames} in {self.seconds:.1f} s, {rate}")
         if self.warned:
             lines.append(f"{self.warned} of {self.done} need a look; the manifest has their warnings")
-        for figure, records in self._worst.items():
+        for metric, records in self._worst.items():
             bad = [
-                f"{one['output']} ({value(one, figure):.3g}, rotation copy {value(one, figure, 'rotation_copy'):.3g})"
+                f"{one['output']} ({value(one, metric):.3g}, rotation copy {value(one, metric, 'rotation_copy'):.3g})"
                 for one in records
-                if value(one, figure) > LEAST
+                if value(one, metric) > LEAST
             ]
             if bad:
-                lines.append(f"worst {figure.label}: {', '.join(bad)}")
+                lines.append(f"worst {metric.label}: {', '.join(bad)}")
         left_out = _listing("left out:", self._left_out, self.left_out)
         return [*lines, *self.alignments, *left_out, *self.failures]
 
@@ -437,11 +437,11 @@ def _listing(title: str, lines: list[str], count: int) -> list[str]:
     return [*([title] if count else []), *lines, *([f"  and {more} more; the manifest has them all"] if more else [])]
 
 
-def worst(records: Iterable[ManifestRecord], figure: Figure) -> list[ManifestRecord]:
-    """Return the lines of clips, those with the largest figure first."""
-    return sorted(records, key=lambda record: -value(record, figure))
+def worst(records: Iterable[ManifestRecord], metric: Metric) -> list[ManifestRecord]:
+    """Return the lines of clips, those with the largest metric first."""
+    return sorted(records, key=lambda record: -value(record, metric))
 
 
-def value(record: ManifestRecord, figure: Figure, of: Variant = "result") -> float:
-    """Return a figure of a clip, 0 where nothing was to be measured."""
-    return record["figures"].get(of, {}).get(figure.key) or 0.0
+def value(record: ManifestRecord, metric: Metric, of: Variant = "result") -> float:
+    """Return a metric of a clip, 0 where nothing was to be measured."""
+    return record["metrics"].get(of, {}).get(metric.key) or 0.0

@@ -1,4 +1,4 @@
-"""The workers that retarget clips: texts in, texts and figures out, without access to files.
+"""The workers that retarget clips: texts in, texts and metrics out, without access to files.
 
 They are processes on this machine or a Dask cluster (`cluster`); both have an executor of `concurrent.futures`.
 """
@@ -144,13 +144,13 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     )
     clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
     names = (job.record["output"], *job.others)
-    # Texts are made by other workers, if the mapper has any, while figures are made.
+    # Texts are made by other workers, if the mapper has any, while metrics are made.
     texts = {name: bvh_parts(clip.motion, mapper) for name in names if OUTPUTS[PurePath(name).suffix] == "BVH"}
     refused = refusals(clip.motion.skeleton) if texts else ()
     record = job.record | {
         "status": "done",
         "frames": len(result.motion),
-        "figures": result.figures,
+        "metrics": result.metrics,
         "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "warnings": [*lost, *result.warnings],
         "alignment": alignment_text(result.matching),

@@ -37,7 +37,7 @@ from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, OutputSettings, output_kind
 from distretarget.io.target_file import TargetFile
-from distretarget.measure.figures import FIGURES
+from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import Options
 
@@ -130,19 +130,19 @@ def of_condition(text: str) -> Condition:
     show_default=True,
     metavar="WHICH",
     help="With --report, the clips that get a report of their own: worst:N for the N with the largest "
-    f"{FIGURES[0].label}, all or none.",
+    f"{METRICS[0].label}, all or none.",
 )
 @click.option(
     "--table",
     type=PATH,
     metavar="FILE",
-    help="Write a table, .csv or .parquet, with a row for each clip: its figures, verdict, warnings, and hashes.",
+    help="Write a table, .csv or .parquet, with a row for each clip: its metrics, verdict, warnings, and hashes.",
 )
 @click.option(
     "--keep",
     type=of_condition,
     metavar="CONDITION",
-    help="Leave out clips that fail a condition on their figures, such as 'contact_error < 0.01 and snap == 0'. It has "
+    help="Leave out clips that fail a condition on their metrics, such as 'contact_error < 0.01 and pop == 0'. It has "
     "the names that --table has, numbers, < <= > >= == !=, and, or, not.",
 )
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")

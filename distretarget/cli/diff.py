@@ -14,23 +14,23 @@ from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read
 from distretarget.errors import counted, quoted
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion, read_scene
-from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
+from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page
-from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
+from distretarget.report.diff_document import DiffContact, DiffDocument, MetricValues, csv_text, document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR
 
 MOST = 5  # frames and contacts that are printed
-RATIOS = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
+RATIOS = " and ".join(metric.key for metric in METRICS if metric.judged == "ratio")
 FAIL_OVER_HELP = (
-    f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the value "
+    f"Exit with status 1 if a metric is over a limit. METRIC is one of {', '.join(BY_KEY)}. The limit is for the value "
     f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; a whole scene has the "
-    f"figure {GAP_ERROR}: the error of the gaps between what touches in A, in % of a leg. May be given several times."
+    f"metric {GAP_ERROR}: the error of the gaps between what touches in A, in % of a leg. May be given several times."
 )
 
 
-def of_figure(text: str) -> tuple[str, float]:
-    """The key of a figure and its limit, a number from 0 up, in a text FIGURE=LIMIT."""
+def of_metric(text: str) -> tuple[str, float]:
+    """The key of a metric and its limit, a number from 0 up, in a text METRIC=LIMIT."""
     name, _, number = text.partition("=")
     known = (*BY_KEY, GAP_ERROR)
     if name not in known:
@@ -42,14 +42,14 @@ def of_figure(text: str) -> tuple[str, float]:
 @click.argument("a", type=FileOrStandard())
 @click.argument("b", type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The HTML report to write: one file, no network.")
-@click.option("--json", "json_path", type=FileOrStandard(), help="Write all figures to this file.")
-@click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the figures to this file, a row for each frame.")
+@click.option("--json", "json_path", type=FileOrStandard(), help="Write all metrics to this file.")
+@click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the metrics to this file, a row for each frame.")
 @click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
 @map_option(
     'A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names or '
     "shape."
 )
-@click.option("--fail-over", "limits", type=of_figure, multiple=True, metavar="FIGURE=LIMIT", help=FAIL_OVER_HELP)
+@click.option("--fail-over", "limits", type=of_metric, multiple=True, metavar="METRIC=LIMIT", help=FAIL_OVER_HELP)
 @click.option(
     "--world-scale",
     type=positive,
@@ -83,7 +83,7 @@ def diff_command(
     \b
     distretarget diff walk.bvh walk_hero.bvh
     distretarget diff walk.bvh walk_hero.bvh -o walk_hero.html --csv walk_hero.csv
-    distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over slide=1.1
+    distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over foot_skate=1.1
     distretarget diff scene.json duet -o duet.html --fail-over gap_error=2
     """  # noqa: D301
     outputs = (output, json_path, csv_path)
@@ -112,14 +112,14 @@ def _measure_clips(
     a_text, b_text = read_input(a), read_input(b)
     first, second = (_motion(file, clip) for file in (a_text, b_text))
     result = measure(first, second, a_text.path, b_text.path, map_path)
-    figures = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
+    metrics = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
     return Account(
         path=b_text.path,
-        document=figures,
-        page=lambda: diff_page(result, figures),
-        csv=lambda: csv_text(figures["frames"]),
-        lines=[*_lines(figures)],
-        faults=[*over(figures["limits"])],
+        document=metrics,
+        page=lambda: diff_page(result, metrics),
+        csv=lambda: csv_text(metrics["frames"]),
+        lines=[*_lines(metrics)],
+        faults=[*over(metrics["limits"])],
     )
 
 
@@ -129,28 +129,28 @@ def _motion(file: InputFile, clip: str | None) -> Motion:
     return parse_motion(file, clip if several else None)[0]
 
 
-def _lines(figures: DiffDocument) -> Iterator[str]:
+def _lines(metrics: DiffDocument) -> Iterator[str]:
     """The lines that are printed."""
-    for name, body in (("A", figures["a"]), ("B", figures["b"])):
+    for name, body in (("A", metrics["a"]), ("B", metrics["b"])):
         named = f", named as in {body['convention']}" if body["convention"] else ""
         yield f"{name}: {body['file']}, {body['joints']} joints{named}"
-    yield f"{counted(figures['frame_count'], 'frame')} compared, {1 / figures['frame_time']:.4g} a second"
-    yield from figures["notes"]
-    yield from ("", *_table(figures["figures"]["source"], figures["figures"]["result"]), "")
-    for figure in figures_at("worst clips"):
-        yield _worst_frames(figure, figures["frames"])
-    yield from _contacts(figures["contacts"])
-    for name, other, joints in (("B", "A", figures["unmatched_b"]), ("A", "B", figures["unmatched_a"])):
+    yield f"{counted(metrics['frame_count'], 'frame')} compared, {1 / metrics['frame_time']:.4g} a second"
+    yield from metrics["notes"]
+    yield from ("", *_table(metrics["metrics"]["source"], metrics["metrics"]["result"]), "")
+    for metric in metrics_at("worst clips"):
+        yield _worst_frames(metric, metrics["frames"])
+    yield from _contacts(metrics["contacts"])
+    for name, other, joints in (("B", "A", metrics["unmatched_b"]), ("A", "B", metrics["unmatched_a"])):
         if joints:
             yield f"joints of {name} without a counterpart in {other}: {quoted(joints, LISTED)}"
 
 
-def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
-    """A line for each figure, with its values in A and B."""
-    rows = [("figure", "A", "B", "")]
-    for figure in FIGURES:
-        own = _number(a[figure.key]) if figure.of_source else ""
-        rows.append((figure.label, own, _number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
+def _table(a: MetricValues, b: MetricValues) -> Iterator[str]:
+    """A line for each metric, with its values in A and B."""
+    rows = [("metric", "A", "B", "")]
+    for metric in METRICS:
+        own = _number(a[metric.key]) if metric.of_source else ""
+        rows.append((metric.label, own, _number(b[metric.key]), _meaning(metric, a.get(metric.key), b[metric.key])))
     return aligned(rows, "<>><")
 
 
@@ -158,21 +158,21 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
-    """What a figure means, its unit and, if its ratio is judged, the ratio of B to A."""
-    meaning = figure.meaning.format(source="A", result="B") + (f" [{figure.unit}]" if figure.unit else "")
-    judged = figure.judgement(b, a)
-    if not figure.of_source or judged is None or a is None or a <= figure.still:
+def _meaning(metric: Metric, a: float | None, b: float | None) -> str:
+    """What a metric means, its unit and, if its ratio is judged, the ratio of B to A."""
+    meaning = metric.meaning.format(source="A", result="B") + (f" [{metric.unit}]" if metric.unit else "")
+    judged = metric.judgement(b, a)
+    if not metric.of_source or judged is None or a is None or a <= metric.still:
         return meaning
-    return f"{meaning}; {figure.comparison('A', 'B')} {judged:.4g}"
+    return f"{meaning}; {metric.comparison('A', 'B')} {judged:.4g}"
 
 
-def _worst_frames(figure: Figure, frames: Sequence[FigureValues]) -> str:
-    """The worst frames by a figure, with its values."""
-    key = figure.key
+def _worst_frames(metric: Metric, frames: Sequence[MetricValues]) -> str:
+    """The worst frames by a metric, with its values."""
+    key = metric.key
     ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -(frame[key] or 0.0))
     worst = ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
-    return f"worst frames by {figure.label}: {worst or 'none'}"
+    return f"worst frames by {metric.label}: {worst or 'none'}"
 
 
 def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:

@@ -22,8 +22,8 @@ from distretarget.report.scene_diff_document import (
     GAP_ERROR,
     SceneDiffDocument,
     Table,
-    figure_table,
     gap_table,
+    metric_table,
     scene_csv,
     scene_document,
 )
@@ -53,14 +53,14 @@ class Account:
     page: Callable[[], str]  # makes the HTML report
     csv: Callable[[], str]
     lines: Sequence[str]
-    faults: Sequence[str]  # figures over their limits
+    faults: Sequence[str]  # metrics over their limits
 
 
 def over(limits: Iterable[DiffLimit]) -> Iterator[str]:
-    """Yield a clause for each figure that is over its limit."""
+    """Yield a clause for each metric that is over its limit."""
     for limit in limits:
         if limit["over"]:
-            yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"
+            yield f"{limit['metric']} is {limit['value']:.6g}, over {limit['limit']:g}"
 
 
 def is_scene(path: Path) -> bool:
@@ -123,15 +123,15 @@ def measure_scenes(
         name: document(one, replace(run, a=a.files[name].name, b=b.files[name].name, limits=of_each))
         for name, one in performers.items()
     }
-    figures = scene_document(result, documents, props, replace(run, limits=of_scene))
+    metrics = scene_document(result, documents, props, replace(run, limits=of_scene))
     faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
     return Account(
         path=b_path,
-        document=figures,
-        page=lambda: scene_diff_page(result, figures),
-        csv=lambda: scene_csv(figures),
-        lines=[*_lines(figures)],
-        faults=[*over(figures["limits"]), *faults],
+        document=metrics,
+        page=lambda: scene_diff_page(result, metrics),
+        csv=lambda: scene_csv(metrics),
+        lines=[*_lines(metrics)],
+        faults=[*over(metrics["limits"]), *faults],
     )
 
 
@@ -172,26 +172,26 @@ def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_pa
         raise error.in_file(b_file) from None
 
 
-def _lines(figures: SceneDiffDocument) -> Iterator[str]:
+def _lines(metrics: SceneDiffDocument) -> Iterator[str]:
     """The lines that are printed."""
-    performers = figures["performers"]
+    performers = metrics["performers"]
     first = next(iter(performers.values()))
-    yield f"A: {figures['a']}, B: {figures['b']}; performers: {', '.join(performers)}"
-    if figures["props"]:
-        yield f"props: {', '.join(figures['props'])}"
+    yield f"A: {metrics['a']}, B: {metrics['b']}; performers: {', '.join(performers)}"
+    if metrics["props"]:
+        yield f"props: {', '.join(metrics['props'])}"
     frames = min(one["frame_count"] for one in performers.values())
     yield f"{counted(frames, 'frame')} compared, {1 / first['frame_time']:.4g} a second"
     for name, one in performers.items():
         for note in one["notes"]:
             yield f"{name}: {note}"
-    yield from ("", *_table_lines(figure_table(figures)), "")
-    gaps = gap_table(figures)
+    yield from ("", *_table_lines(metric_table(metrics)), "")
+    gaps = gap_table(metrics)
     if not gaps["rows"]:
         yield "nothing touches between them in A"
         return
     yield (
-        f"what touches between them in A: {figures['gap_a']:.1f} % of a leg apart in A, {figures['gap_b']:.1f} in B, "
-        f"off by {figures['gap_error']:.1f} on average; a unit of A's world is {figures['world_scale']:.3g} of B's"
+        f"what touches between them in A: {metrics['gap_a']:.1f} % of a leg apart in A, {metrics['gap_b']:.1f} in B, "
+        f"off by {metrics['gap_error']:.1f} on average; a unit of A's world is {metrics['world_scale']:.3g} of B's"
     )
     yield from _table_lines(gaps, MOST)
     if (more := len(gaps["rows"]) - MOST) > 0:

@@ -55,7 +55,7 @@ from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
-from distretarget.report.run_summary import figures_json, figures_line, summary_line
+from distretarget.report.run_summary import metrics_json, metrics_line, summary_line
 
 
 @click.command("retarget")
@@ -77,7 +77,7 @@ from distretarget.report.run_summary import figures_json, figures_line, summary_
 )
 @writing
 @STRIP_NAMESPACE_OPTION
-@click.option("--json", "figures", type=FileOrStandard(), help="Write the figures of each frame to this file.")
+@click.option("--json", "metrics", type=FileOrStandard(), help="Write the metrics of each frame to this file.")
 @click.option(
     "--report",
     type=FileOrStandard(),
@@ -100,7 +100,7 @@ def retarget_command(
     contacts_path: Path | None,
     options: Options,
     skins: SkinFiles,
-    figures: Path | None,
+    metrics: Path | None,
     report: Path | None,
     strip_namespace: bool,
     verbose: bool,
@@ -116,14 +116,14 @@ def retarget_command(
     distretarget walk.bvh hero.glb -o hero_walk.glb
     distretarget dance.fbx hero.vrm -o hero_dance.vrm
     distretarget run.glb child.json -o run_child.bvh --clip Run
-    distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.figures.json
+    distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.metrics.json
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --report walk_hero.html
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
     inputs = [source, target, map_path, rest_path, contacts_path, skins.source, skins.target]
-    check_outputs([output, figures, report], inputs, overwrite)
+    check_outputs([output, metrics, report], inputs, overwrite)
     started = time.perf_counter()
     source_file, target_file, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
     contacts = load_contacts(contacts_path) if contacts_path else NO_CONTACTS
@@ -157,7 +157,7 @@ def retarget_command(
     seconds = reading + time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
-        figures: lambda: figures_json(result),
+        metrics: lambda: metrics_json(result),
         report: lambda: run_page(result, about(Path(source_file.path), output), body.target),
     }
     write_outputs(contents, overwrite)
@@ -214,7 +214,7 @@ def _account(result: RetargetResult) -> Iterator[str]:
     yield f"up: {source_up} in the source, {target_up}"
     yield _root_offset(result)
     yield f"root scale: {result.root_scale:.6g} target units per source unit"
-    yield figures_line(result)
+    yield metrics_line(result)
 
 
 def _root_offset(result: RetargetResult) -> str:

@@ -64,7 +64,7 @@ class Effort:
         return cls(*log[1:].astype(np.int64))
 
     @property
-    def unsolved(self) -> NDArray[np.intp]:
+    def not_converged(self) -> NDArray[np.intp]:
         """The frames that did not converge."""
         return np.flatnonzero(self.reasons != Reason.CONVERGED)
 

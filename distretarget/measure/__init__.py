@@ -1,1 +1,1 @@
-"""How good a motion is: figures against the source, and two motions against each other."""
+"""How good a motion is: metrics against the source, and two motions against each other."""

@@ -16,8 +16,8 @@ from distretarget.checks import check_kind
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError, counted
 from distretarget.matching.matching import Matching, match
-from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
-from distretarget.measure.metrics import Comparison, Reference
+from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
 from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, check_reach
 from distretarget.skeleton import JointMap
@@ -39,7 +39,7 @@ class Diff:
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
         comparison: what else was measured in each frame.
         notes: what was done before comparing: resampled, cut, turned.
-        run_tracks: the snaps, pops and unsolved frames of B, if B was made here.
+        run_tracks: the pops and frames not converged of B, if B was made here.
     """
 
     a: Motion
@@ -61,13 +61,13 @@ class Diff:
 
     @property
     def tracks(self) -> Tracks:
-        """What the figures of B are taken from."""
+        """What the metrics of B are taken from."""
         return {**self.comparison.tracks, "stress": Track(self.stress), **self.run_tracks}
 
     @cached_property
-    def figures(self) -> dict[Variant, dict[str, float | None]]:
-        """The figures of the whole clip by key, with A as source and B as result; None where nothing was measured."""
-        return {"source": clip_figures(self.comparison.source_tracks), "result": clip_figures(self.tracks)}
+    def metrics(self) -> dict[Variant, dict[str, float | None]]:
+        """The metrics of the whole clip by key, with A as source and B as result; None where nothing was measured."""
+        return {"source": clip_metrics(self.comparison.source_tracks), "result": clip_metrics(self.tracks)}
 
 
 def diff(

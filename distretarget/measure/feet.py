@@ -85,8 +85,8 @@ class Feet:
 
     joints: NDArray[np.intp]  # (foot joints,), the target's left ankle and toe, then the right ones
     stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
-    slide_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
-    slide: Array  # the same of the result
+    skate_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
+    skate: Array  # the same of the result
     foot_height: Array  # (frames, legs), of the sole while ankle or toe rests [% of leg length]
     foot_pitch: Array  # (frames, legs), from the flat sole, while ankle and toe rest and the sole is down [degrees]
     ankle_height: Array  # (frames, legs), over the source's floor, while the foot rests flat [% of leg length]
@@ -97,7 +97,7 @@ class Feet:
 class _FootTracks:
     """The feet of one body over time."""
 
-    slide: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
+    skate: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
     sole: Array  # (frames, legs), the height of the lowest joint of the foot or of the heel [leg lengths]
     level: Flags  # (frames, legs), whether the sole, not the tip or the back of the foot, faces the floor
     pitch: Array  # (frames, legs), of the foot from its flat sole [degrees]
@@ -128,8 +128,8 @@ class SourceFeet:
         return Feet(
             joints=_foot_joints([sole.leg for sole in self.soles]),
             stance=self.stance,
-            slide_source=source.slide,
-            slide=own.slide,
+            skate_source=source.skate,
+            skate=own.skate,
             foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(sole - self.belongs), np.nan),
             foot_pitch=np.where(on_sole, np.abs(own.pitch - source.pitch), np.nan),
             ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
@@ -188,7 +188,7 @@ def _foot_tracks(motion: Motion, soles: Sequence[FlatFoot], length: float, up: A
         return np.reshape(values, (len(soles), len(motion))).T
 
     return _FootTracks(
-        slide=speeds_along(level(_foot_paths(motion, legs, length), up), motion.frame_time),
+        skate=speeds_along(level(_foot_paths(motion, legs, length), up), motion.frame_time),
         sole=columns([np.fmin(sole.lowest(positions, up), heel @ up) for sole, heel in zip(soles, heels, strict=True)])
         / length,
         level=~(columns([normal @ up for normal in normals]) < LEVEL),

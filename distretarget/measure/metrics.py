@@ -1,208 +1,271 @@
-"""Measure a motion against the motion that it was made from, with code that shares nothing with the solvers."""
+"""The metrics: their names and meanings, how they are computed from a clip, and their limits.
+
+Everything that prints, writes or draws metrics takes them from `METRICS`, the entries of `metrics.toml`. To add one,
+add its entry there and its track to `comparison.Comparison`, or to `RetargetResult.tracks` if it takes more than source
+and result, and run `tools/make_docs.py`.
+"""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.body import Body
-from distretarget.distances import differences_of_distances
-from distretarget.matching.matching import Matching
-from distretarget.matching.undersides import Undersides
-from distretarget.measure.contacts import Contacts, find_contacts
-from distretarget.measure.directions import direction_error, expected_directions, shared_bones
-from distretarget.measure.feet import Feet, find_feet
-from distretarget.measure.figures import Track, Tracks
-from distretarget.measure.jumps import INSTANT
-from distretarget.measure.posture import errors_of, find_posture
-from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
-from distretarget.measure.supports import SupportsMeasured, find_supports
-from distretarget.motion import Motion
-from distretarget.numerics.kinematics import stretch_of, thirds_along, turns_along
-from distretarget.skeleton import Skeleton
-
 Array = NDArray[np.float64]
-Joints = NDArray[np.intp]
+Variant = Literal["source", "rotation_copy", "result"]
+
+# What follows a key where the metrics of several motions stand in one list.
+SUFFIXES: dict[Variant, str] = {"source": "_source", "rotation_copy": "_copy", "result": ""}
+SYMBOLS = {  # short forms of units
+    "degrees": "°",
+    "degrees in 1/60 s": "°",
+    "% of leg length": "% leg",
+    "leg lengths/s": "legs/s",
+    "% of height": "% height",
+    "% of frames": "% frames",
+    "body sizes/s³": "sizes/s³",
+}
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Comparison:
-    """What was measured of a result and its source in each frame.
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What was measured over the frames of a clip."""
+
+    values: Array  # (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does
+    counts: NDArray[np.intp] | NDArray[np.bool_] | None = None  # the measurements in each value; None for one in each
+    parts: tuple[str, ...] = ()  # the names of the columns, such as joints
+
+    @property
+    def weights(self) -> NDArray[np.intp]:
+        """The number of measurements in each value, in the shape of `values`."""
+        return np.ones(self.values.shape, np.intp) if self.counts is None else self.counts.astype(np.intp)
+
+
+Tracks = Mapping[str, Track]  # by the key of what was measured
+NOT_RUN: Tracks = {key: Track(np.zeros(0)) for key in ("pop", "not_converged")}  # of a motion that was not solved here
+Metrics = Mapping[Variant, Mapping[str, float | None]]  # of whole clips, by key; None where nothing was measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """The value above which a metric of a result needs a look: `factor` times that of another motion, plus `margin`."""
+
+    margin: float = 0.0  # in the unit of the metric
+    factor: float = 0.0  # 0 if the limit is the margin alone
+    of: Literal["source", "rotation_copy"] = "source"  # the other motion
+    reason: str  # what a value above the limit means
+    cause: str  # the most likely cause
+
+    def value(self, key: str, metrics: Metrics) -> float | None:
+        """The limit of the metric with this key; None where the other motion has no such metric."""
+        other = metrics.get(self.of, {}).get(key) if self.factor else 0.0
+        return None if other is None else self.factor * other + self.margin
+
+    def formula(self, unit: str) -> str:
+        """The limit in words, with the unit of the metric."""
+        margin = f"{self.margin:g} {unit}".rstrip()
+        if not self.factor:
+            return margin
+        times = "" if self.factor == 1 else f"{self.factor:g} times "
+        return f"{times}the {self.of.replace('_', ' ')}'s" + (f" + {margin}" if self.margin else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric:
+    """One metric. Texts call the two motions `{source}` and `{result}`; documents replace these by names.
 
     Attributes:
-        contacts: the self-contacts of the source, and how well the result keeps them.
-        contact_gap: (frames,), how much farther apart the joints of a contact are than in the source, the largest of
-            each frame [% of leg length].
-        skin: how far hands and forearms sink in, and how well the gaps between skins are kept.
-        feet: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
-        supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
-        posture: how head, palms and feet are held and legs spread, by the key of the figure: the joints that name the
-            parts, and errors (frames, parts) [degrees].
-        skeleton: that of the result.
-        distance_error: (frames,), mean |D_source - D_result| over all pairs of joints.
-        bones: (bones,), the lower joints of the bones that both bodies have.
-        direction_error: (frames, bones), angle between bones and their expected directions [degrees].
-        bone_error: (frames,), the largest relative error of a bone's length against the target.
-        jerk_source, jerk: (frames - 3,), mean norm of the third difference of positions over joints
-            [body sizes / s^3].
-        turned: (turned joints,), the joints that both bodies have.
-        turn: (frames - 1, turned joints), how much more these turn to the next frame than in the source; 0 at cuts
-            [degrees in 1/60 s].
+        key: its name in JSON, CSV and `--fail-over`, and that of its track.
+        label: its name in prose.
+        unit: of the number in files and limits; empty for a plain number.
+        meaning: what it measures.
+        missing: why a clip may have no value; empty if every clip has one.
+        track: the key of the track if another metric has the same.
+        reduction: how the track's values become the metric: the mean, the largest (at least 0), the 99th percentile, or
+            the number of frames in which any value is above 0.
+        judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
+        still: for a ratio, source values up to this are rounding errors; `--fail-over` divides by at least this.
+        limit: the value above which a run needs a look; None for no limit.
+        rivals_copy: whether a run warns if it is worse than the rotation copy by more than `least`; false where the
+            rotation copy is best by definition.
+        instead: the key of the metric that judges instead of this one, where that is known.
+        factor: pages and the line of a run show the number times this.
+        decimals: of the number in the line of a run.
+        least: values up to this are too small to look at.
+        places: where the metric is shown besides the lists of all metrics: in the line of a run; in a report as a card,
+            a curve, or with pictures of its worst frames; as a column of the page over clips; in the lists of the worst
+            frames of a diff and the worst clips of a batch.
     """
 
-    contacts: Contacts
-    contact_gap: Array
-    skin: SkinMeasured
-    feet: Feet
-    supports: SupportsMeasured
-    posture: Mapping[str, tuple[Joints, Array]]
-    skeleton: Skeleton
-    distance_error: Array
-    bones: Joints
-    direction_error: Array
-    bone_error: Array
-    jerk_source: Array
-    jerk: Array
-    turned: Joints
-    turn: Array
+    key: str
+    label: str
+    meaning: str
+    unit: str = ""
+    missing: str = ""
+    track: str = ""
+    reduction: Literal["mean", "largest", "percentile 99", "frames"] = "mean"
+    judged: Literal["value", "ratio"] = "value"
+    still: float = 0.0
+    limit: Limit | None = None
+    rivals_copy: bool = False
+    instead: str = ""
+    factor: float = 1.0
+    decimals: int = 2
+    least: float = 0.0
+    places: tuple[Literal["line", "card", "curve", "worst frames", "page over clips", "worst clips"], ...] = ()
 
     @property
-    def tracks(self) -> Tracks:
-        """The values of the result's figures, without stress, and jumps and unsolved frames, which only a run has."""
-        feet, supports = self.feet, self.supports
-        return {
-            "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
-            "contact_gap": Track(self.contact_gap, self.contacts.counts > 0),
-            **self.skin.tracks,
-            "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
-            "hips_height": self._of_feet(feet.hips_height),
-            "foot_pitch": self._of_feet(feet.foot_pitch),
-            "ankle_height": self._of_feet(feet.ankle_height),
-            "foot_height": self._of_feet(feet.foot_height),
-            "slide": self._track(feet.slide, feet.joints, feet.stance),
-            "support_slide": self._track(supports.slide, supports.joints, supports.rest),
-            "support_height": self._track(supports.height, supports.joints, supports.on_floor),
-            **{key: self._track(error, joints, np.isfinite(error)) for key, (joints, error) in self.posture.items()},
-            "distance_error": Track(self.distance_error),
-            "jerk": Track(self.jerk),
-            "turn": self._track(self.turn, self.turned),
-            "bone_error": Track(self.bone_error),
-        }
-
-    def _track(self, values: Array, joints: Joints, counts: NDArray[np.bool_] | None = None) -> Track:
-        return Track(values, counts, tuple(self.skeleton.keys[joint] for joint in joints))
-
-    def _of_feet(self, values: Array) -> Track:
-        """The track of values (frames, legs), nan where nothing was measured, named by the ankles."""
-        return self._track(values, self.feet.joints[::2], np.isfinite(values))
+    def symbol(self) -> str:
+        """The unit in which pages and the line of a run show the number."""
+        return SYMBOLS.get(self.unit) or {100.0: "%", 1000.0: "\N{MULTIPLICATION SIGN} 1000"}.get(self.factor, "")
 
     @property
-    def source_tracks(self) -> Tracks:
-        """What the figures of the source are taken from."""
-        return {
-            "slide": Track(self.feet.slide_source, self.feet.stance),
-            "support_slide": Track(self.supports.slide_source, self.supports.rest),
-            "jerk": Track(self.jerk_source),
-        }
+    def of_source(self) -> bool:
+        """Whether the source has a value of its own."""
+        return self.judged != "value"
 
+    @property
+    def of_frames(self) -> bool:
+        """Whether it has a value in each frame, from a track of its own."""
+        return not self.track
 
-class Reference:
-    """A source that results on a target are measured against; what concerns the source alone is measured once."""
+    def of_clip(self, tracks: Tracks) -> float | None:
+        """The metric of the whole clip; None where nothing was to be measured."""
+        track = tracks[self.track or self.key]
+        counted = track.values.size if track.counts is None else track.counts.sum()
+        values = track.values if track.counts is None else track.values[track.counts > 0]
+        if not values.size:
+            return None
+        if self.reduction == "frames":
+            positive = (track.values > 0.0) & (True if track.counts is None else track.counts > 0)
+            return float(np.count_nonzero(positive.reshape(len(positive), -1).any(axis=1)))
+        if self.reduction == "largest":
+            return float(values.max(initial=0.0))
+        if self.reduction == "percentile 99":
+            return float(np.percentile(values, 99))
+        return float(values.sum() / counted)
 
-    def __init__(
-        self,
-        source: Motion,
-        matching: Matching,
-        up: Array,
-        skins: tuple[Skin, Skin] | None = None,
-        undersides: Undersides | None = None,
-    ) -> None:
-        """Measure the source; `up`, (3,), is the unit vector up in source and results, `skins` those of both bodies if
-        their thickness is known.
+    def over_time(self, tracks: Tracks, frames: int) -> Array:
+        """(frames,), the metric of each frame; nan where nothing was to be measured, as in rows that are missing."""
+        track = tracks[self.track or self.key]
+        values, weights = (a if a.ndim == 2 else a[:, None] for a in (track.values, track.weights))
+        values = np.where(weights > 0, values, 0.0)
+        if self.reduction in ("largest", "frames"):
+            reduced = values.max(axis=1, initial=0.0)
+            reduced = np.sign(reduced) if self.reduction == "frames" else reduced
+        else:
+            reduced = values.sum(axis=1) / np.maximum(weights.sum(axis=1), 1)
+        column = np.full(frames, np.nan)
+        column[: len(values)] = np.where(weights.any(axis=1), reduced, np.nan)
+        return column
+
+    def worst(self, tracks: Tracks) -> tuple[int, str]:
+        """The frame of the largest value, and the name of its part, if any; something must have been measured."""
+        track = tracks[self.track or self.key]
+        values = np.where(track.weights > 0, track.values, -np.inf)
+        frame, *part = np.unravel_index(values.argmax(), values.shape)
+        return int(frame), track.parts[part[0]] if part and track.parts else ""
+
+    def judgement(self, value: float | None, source: float | None) -> float | None:
+        """The number that `--fail-over` limits, from the values of result and source; None if it is not known."""
+        if self.judged == "value" or value is None:
+            return value
+        least = 0.0 if source is None else max(source, self.still)
+        return value / least if least > 0 else None
+
+    def explanation(self, source: str, result: str) -> str:
+        """What it measures, its unit, and which value is best, in two sentences."""
+        meaning = self.meaning.format(source=source, result=result)
+        unit = f" [{self.unit}]" if self.unit else ""
+        best = f"The same as in {source} is best" if self.of_source else "0 is best"
+        return f"{meaning[0].upper()}{meaning[1:]}{unit}. {best}."
+
+    def comparison(self, source: str, result: str) -> str:
+        """The ratio that `--fail-over` limits, as a formula; empty if it limits the value itself."""
+        return f"{result} / {source}" if self.judged == "ratio" else ""
+
+    def needs_look(self, metrics: Metrics) -> bool:
+        """Whether the result's value is above the limit; false where either is missing, or another metric judges."""
+        if self._is_judged_by_another(metrics):
+            return False
+        value = metrics["result"].get(self.key)
+        limit = self.limit.value(self.key, metrics) if self.limit else None
+        return value is not None and limit is not None and value > limit
+
+    def worse_than_copy(self, metrics: Metrics) -> bool:
+        """Whether the result is clearly worse than the rotation copy though it should not be; false if unknown, or if
+        another metric judges.
         """
-        self.source, self.matching = source, matching
-        self._skin = find_source_skin(source, matching.source, up, *(skins or (no_skin(), no_skin())))
-        self._feet = find_feet(source, matching, up, undersides)
-        self._contacts = find_contacts(source, matching, self._feet.stance)
-        self._supports = find_supports(source, matching, up, undersides)
-        self._posture = find_posture(source, matching, up, self._feet.stance)
-        self._bones = shared_bones(matching)
-        self._directions = expected_directions(source, matching, self._bones)
-        self._turned = np.flatnonzero(matching.drivers >= 0)
-        self._turns = _turns(source, matching.drivers[self._turned])
-        self._cuts = np.diff(matching.source.shots_of(source)) > 0
-        self._jerk = _jerk(source, matching.source)
+        if self._is_judged_by_another(metrics):
+            return False
+        value, copy = (metrics.get(side, {}).get(self.key) for side in ("result", "rotation_copy"))
+        return self.rivals_copy and value is not None and copy is not None and value > copy + self.least
 
-    def compare(self, result: Motion) -> Comparison:
-        """Measure a result with the same number of frames."""
-        contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
-        further = _turns(result, self._turned)
-        further -= self._turns
-        further *= np.degrees(INSTANT / result.frame_time)
-        further[self._cuts] = 0.0
-        return Comparison(
-            contacts=contacts,
-            contact_gap=_contact_gap(contacts, self.matching),
-            skin=self._skin.in_result(result),
-            feet=self._feet.in_result(result, supports.carry(result.frame_time)),
-            supports=supports,
-            posture={key: errors_of(held, result) for key, held in self._posture.items()},
-            skeleton=result.skeleton,
-            distance_error=self._distance_error(result),
-            bones=self._bones,
-            direction_error=direction_error(self._directions, result, self._bones),
-            bone_error=_bone_error(result, self.matching.target),
-            jerk_source=self._jerk,
-            jerk=_jerk(result, self.matching.target),
-            turned=self._turned,
-            turn=further,
-        )
+    def _is_judged_by_another(self, metrics: Metrics) -> bool:
+        return metrics["result"].get(self.instead) is not None
 
-    def _distance_error(self, result: Motion) -> Array:
-        """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""
-        points = self._contacts.candidates.points
-        drivers = self.matching.drivers[points]
-        tau = result.rigid_skeleton.path_lengths[np.ix_(points, points)]
-        tau_source = self.source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
-        share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
-        share /= max(np.triu(share, 1).sum(), 1.0)
-        of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
-        of_result = result.positions, points, np.where(share > 0, tau, 1.0)
-        return differences_of_distances(of_source, of_result, share, 1)
+    def brief(self, value: float | None) -> str:
+        """The number as the line of a run has it."""
+        return "-" if value is None else f"{self.factor * value:.{self.decimals}f}"
 
 
-def _contact_gap(contacts: Contacts, matching: Matching) -> Array:
-    """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame; 0
-    where none are farther [% of leg length].
-    """
-    gaps = []
-    for body, joint_of, D in (
-        (matching.source, matching.drivers, contacts.distance_source),
-        (matching.target, np.arange(len(matching.drivers)), contacts.distance_result),
-    ):
-        tau = body.skeleton.path_lengths[joint_of[contacts.u], joint_of[contacts.v]]
-        gaps.append(D * tau / (0.5 * body.unit))
-    farthest = np.zeros(len(contacts.strides))
-    np.maximum.at(farthest, contacts.frame, 100.0 * (gaps[1] - gaps[0]))
-    return farthest
+def _metric(key: str, entry: dict[str, Any]) -> Metric:
+    """The metric in an entry of the registry."""
+    limit = Limit(**entry.pop("limit")) if "limit" in entry else None
+    return Metric(key=key, limit=limit, places=tuple(entry.pop("places", ())), **entry)
 
 
-def _bone_error(result: Motion, body: Body) -> Array:
-    """(frames,), the largest relative error of the length of a bone of the body."""
-    skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
-    lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
-    return stretch_of(result.positions, skeleton.parents[lower], lower, skeleton.lengths[lower])
+_REGISTRY = tomllib.loads(files(__package__).joinpath("metrics.toml").read_text("utf-8"))
+METRICS = tuple(_metric(key, entry) for key, entry in _REGISTRY.items())  # the most telling first
+BY_KEY = {metric.key: metric for metric in METRICS}
 
 
-def _jerk(motion: Motion, body: Body) -> Array:
-    """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
-    size = body.skeleton.path_lengths.max() * motion.frame_time**3
-    return np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size)
+def metrics_at(place: str) -> tuple[Metric, ...]:
+    """The metrics shown in one of the places."""
+    return tuple(metric for metric in METRICS if place in metric.places)
 
 
-def _turns(motion: Motion, joints: Joints) -> Array:
-    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad]."""
-    return turns_along(motion.skeleton.parents, motion.rotations, joints)
+def clip_metrics(tracks: Tracks) -> dict[str, float | None]:
+    """The metrics of a whole clip for which there are tracks, by key; None where nothing was to be measured."""
+    return {metric.key: metric.of_clip(tracks) for metric in METRICS if (metric.track or metric.key) in tracks}
+
+
+def clip_limits(metrics: Metrics) -> dict[str, float | None]:
+    """The values above which the metrics of a clip need a look, by key; None where there is no limit."""
+    return {one.key: one.limit.value(one.key, metrics) if one.limit else None for one in METRICS}
+
+
+def frame_metrics(sides: Mapping[Variant, Tracks], frames: int) -> dict[str, Array]:
+    """(frames,) for each metric of each side, by key and suffix; nan where nothing was to be measured."""
+    return {
+        metric.key + SUFFIXES[side]: metric.over_time(tracks, frames)
+        for metric in METRICS
+        for side, tracks in sides.items()
+        if metric.of_frames and metric.key in tracks
+    }
+
+
+def as_data(source: str, result: str) -> list[dict[str, Any]]:
+    """The metrics as JSON values for a page that calls the two motions by these names."""
+    return [
+        {
+            "key": metric.key,
+            "label": metric.label[0].upper() + metric.label[1:],
+            "symbol": metric.symbol,
+            "explanation": metric.explanation(source, result),
+            "missing": metric.missing.format(source=source),
+            "judged": metric.judged,
+            "instead": metric.instead,
+            "comparison": metric.comparison(source, result),
+            "whole": metric.reduction == "frames",
+            "factor": metric.factor,
+            "least": metric.least,
+            "places": metric.places,
+        }
+        for metric in METRICS
+    ]

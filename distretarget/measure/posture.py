@@ -51,7 +51,7 @@ class Held:
 
 Axes = tuple[Array, Array]
 """Up and forward, (3,) each, in the axes of a joint; zero where unknown."""
-Posture = Mapping[str, Sequence[Held]]  # by the key of the figure
+Posture = Mapping[str, Sequence[Held]]  # by the key of the metric
 
 
 def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -> Posture:

@@ -12,8 +12,8 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.arms import raised
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.figures import Track, Tracks
 from distretarget.measure.inner_balls import inner_balls
+from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.skin_clusters import Clusters, Patches, clusters_of, patches_of
 from distretarget.measure.skin_depths import find_depths
 from distretarget.measure.skin_points import LIMBS, SkinPoints, points_of_capsules, points_of_mesh
@@ -118,7 +118,7 @@ class SkinMeasured:
 
     @property
     def tracks(self) -> Tracks:
-        """The values of the figures of skin."""
+        """The values of the metrics of skin."""
         return {
             "skin_depth": Track(self.deepest, parts=LIMBS),
             "skin_frames": Track(np.where(self.inside > VISIBLE, 100.0, 0.0)),

@@ -39,8 +39,8 @@ class SupportsMeasured:
     joints: NDArray[np.intp]  # (joints,), of the target, that rest in some frame of the source
     on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
     holds: Flags  # (frames, joints), whether each holds on to something that stands still
-    slide_source: Array  # (frames, joints), horizontal speed in the source [leg lengths / s]
-    slide: Array  # the same in the result
+    skate_source: Array  # (frames, joints), horizontal speed in the source [leg lengths / s]
+    skate: Array  # the same in the result
     height: Array  # (frames, joints), error of the height in the result [% of leg length]
     height_source: Array  # (frames, joints), over the origin [leg lengths]
     skin_source: Array  # (frames, joints), how far the skin reaches below each, less than below soles [leg lengths]
@@ -67,12 +67,12 @@ class SupportsMeasured:
         is as high over the floor as the source's.
         """
         paths = result.positions[:, self.joints] / self.leg
-        slide = speeds_along(level(paths, self.up), result.frame_time)
+        skate = speeds_along(level(paths, self.up), result.frame_time)
         off = paths @ self.up - self.height_source
         if self.underside is not None:
             thicker = (self.underside.below(result, self.joints, self.up) - self.soles) / self.leg - self.skin_source
             off -= np.clip(off, np.minimum(thicker, 0.0), np.maximum(thicker, 0.0)) * self.on_floor
-        return replace(self, slide=slide, height=100.0 * np.abs(off))
+        return replace(self, skate=skate, height=100.0 * np.abs(off))
 
 
 def find_supports(
@@ -89,8 +89,8 @@ def find_supports(
     on_floor = low & (speeds_along(source.positions, source.frame_time, drivers) < SLOW * source_leg)
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
-    slide = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
-    soles, skin, underside = 0.0, np.zeros_like(slide), None
+    skate = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
+    soles, skin, underside = 0.0, np.zeros_like(skate), None
     if undersides is not None and matching.legs:
         underside, (source_sole, soles) = undersides.target, undersides.soles
         skin = (undersides.source.below(source, drivers[some], up) - source_sole) / source_leg
@@ -98,9 +98,9 @@ def find_supports(
         joints=joints[some],
         on_floor=on_floor[:, some],
         holds=holds[:, some],
-        slide_source=slide,
-        slide=slide,
-        height=np.zeros_like(slide),
+        skate_source=skate,
+        skate=skate,
+        height=np.zeros_like(skate),
         height_source=height[:, some],
         skin_source=skin,
         up=up,

@@ -37,7 +37,7 @@ from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports,
 
 Array = NDArray[np.float64]
 
-FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, figure 4.1) [leg lengths]
+FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, metric 4.1) [leg lengths]
 
 
 def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports:

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.measure.figures import FIGURES, clip_limits
+from distretarget.measure.metrics import METRICS, clip_limits
 from distretarget.numerics.vectors import lengths
 from distretarget.pipeline.result import RetargetResult
 
 Labels = dict[str, NDArray[Any]]
 
-JUDGED = tuple(figure for figure in FIGURES if figure.limit and figure.of_frames)  # those that flag frames
+JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
 
 def labels_of(result: RetargetResult) -> Labels:
@@ -24,12 +24,12 @@ def labels_of(result: RetargetResult) -> Labels:
     - `contact_names`, (pairs,), and `contact_gaps`, (frames, pairs): the regions of the body that can touch, and while
       they touch in the source how far their nearest joints are apart in the result [file units]; nan while they do not.
     - `shots`, (frames,): the number of the shot of each frame, from 0; it goes up at a cut.
-    - `unsolved`, (frames,): whether the solver did not converge.
-    - `flag_names`, (flags,), and `flags`, (frames, flags): the figures of quality with a limit, and whether a frame is
+    - `not_converged`, (frames,): whether the solver did not converge.
+    - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
       above it, of those that need a look in the clip as a whole.
     """
-    unsolved = np.zeros(len(result.motion), bool)
-    unsolved[result.effort.unsolved] = True
+    not_converged = np.zeros(len(result.motion), bool)
+    not_converged[result.effort.not_converged] = True
     keys, supports = result.motion.skeleton.keys, result.supports
     return {
         "support_names": np.array([keys[joint] for joint in supports.joints], np.str_),
@@ -37,8 +37,8 @@ def labels_of(result: RetargetResult) -> Labels:
         "contact_names": np.array(result.comparison.contacts.candidates.names, np.str_),
         "contact_gaps": _contact_gaps(result),
         "shots": result.matching.source.shots_of(result.source),
-        "unsolved": unsolved,
-        "flag_names": np.array([figure.key for figure in JUDGED], np.str_),
+        "not_converged": not_converged,
+        "flag_names": np.array([metric.key for metric in JUDGED], np.str_),
         "flags": _flags(result),
     }
 
@@ -52,10 +52,10 @@ def _contact_gaps(result: RetargetResult) -> NDArray[np.float64]:
 
 
 def _flags(result: RetargetResult) -> NDArray[np.bool_]:
-    frames, tracks, limits = len(result.motion), result.tracks["result"], clip_limits(result.figures)
+    frames, tracks, limits = len(result.motion), result.tracks["result"], clip_limits(result.metrics)
     flags = np.zeros((frames, len(JUDGED)), bool)
-    for column, figure in enumerate(JUDGED):
-        limit = limits[figure.key]
-        if limit is not None and figure.needs_look(result.figures):
-            flags[:, column] = figure.over_time(tracks, frames) > (0.0 if figure.reduction == "frames" else limit)
+    for column, metric in enumerate(JUDGED):
+        limit = limits[metric.key]
+        if limit is not None and metric.needs_look(result.metrics):
+            flags[:, column] = metric.over_time(tracks, frames) > (0.0 if metric.reduction == "frames" else limit)
     return flags

@@ -1,4 +1,4 @@
-"""The result of retargeting: the motion, its figures of quality, and warnings."""
+"""The result of retargeting: the motion, its metrics, and warnings."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
-from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
-from distretarget.measure.jumps import find_pops, find_snaps
-from distretarget.measure.metrics import Comparison, Reference
+from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
+from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import verdict, what_needs_a_look
 from distretarget.motion import Motion
@@ -51,7 +51,7 @@ class RetargetResult:
         distances: the points that source and target share, with their path lengths.
         skins: the surfaces of source and target; None for stick figures.
         unmet: what was asked of contacts and distances and could be met in part only, a line each.
-        mesh: of the target, by which the figures of skin are measured; None to measure them by its surface.
+        mesh: of the target, by which the metrics of skin are measured; None to measure them by its surface.
     """
 
     source: Motion
@@ -120,7 +120,7 @@ class RetargetResult:
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
-        """The values per frame from which the figures of source, rotation copy and result are made."""
+        """The values per frame from which the metrics of source, rotation copy and result are made."""
         comparison, baseline = self._comparisons
         return {
             "source": comparison.source_tracks,
@@ -130,31 +130,31 @@ class RetargetResult:
 
     @cached_property
     def run_tracks(self) -> Tracks:
-        """The values per frame that only a run knows: snaps and pops against the rotation copy, unconverged frames."""
-        unsolved = np.zeros(len(self.motion))
-        unsolved[self.effort.unsolved] = 1.0
+        """The values per frame that only a run knows: pops, and frames that did not converge."""
+        not_converged = np.zeros(len(self.motion))
+        not_converged[self.effort.not_converged] = 1.0
         given = self.rotation_copy, self.motion, self.matching.target, self.matching.source.shots_of(self.source)
-        snaps, pops = (Track(find(*given), parts=self.motion.skeleton.keys) for find in (find_snaps, find_pops))
-        return {"snap": snaps, "pop": pops, "unsolved": Track(unsolved)}
+        pops = Track(find_pops(*given), parts=self.motion.skeleton.keys)
+        return {"pop": pops, "not_converged": Track(not_converged)}
 
     @cached_property
-    def figures(self) -> dict[Variant, dict[str, float | None]]:
-        """The figures of quality of the whole clip, by key (`measure.figures.FIGURES`), of source, rotation copy and
+    def metrics(self) -> dict[Variant, dict[str, float | None]]:
+        """The metrics of the whole clip, by key (`measure.metrics.METRICS`), of source, rotation copy and
         result; None where there was nothing to measure.
         """
-        return {side: clip_figures(tracks) for side, tracks in self.tracks.items()}
+        return {side: clip_metrics(tracks) for side, tracks in self.tracks.items()}
 
     @cached_property
     def verdict(self) -> str:
-        """What was kept and what changed, in a plain sentence, with the names of figures over their limits."""
-        return verdict(self.figures, self.tracks)
+        """What was kept and what changed, in a plain sentence, with the names of metrics over their limits."""
+        return verdict(self.metrics, self.tracks)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings, one line each: figures over their limits, figures worse than the rotation copy's, and resting
+        """Warnings, one line each: metrics over their limits, metrics worse than the rotation copy's, and resting
         joints that do not reach their places.
         """
-        return (*what_needs_a_look(self.figures, self.tracks), *self._missed_places(), *self.unmet)
+        return (*what_needs_a_look(self.metrics, self.tracks), *self._missed_places(), *self.unmet)
 
     def _missed_places(self) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys

@@ -1,4 +1,4 @@
-"""Retarget one clip: source motion and target in, target motion and figures out; with errors that name files."""
+"""Retarget one clip: source motion and target in, target motion and metrics out; with errors that name files."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 // The report on a clip: head, cards, curves and contacts below the player.
 
 import {$, counted, element, embedded, followTheme, onTheme, showFacts, shown, terms} from './dom.js';
-import {FIGURES, figuresAt, nameOf} from './registry.js';
+import {METRICS, metricsAt, nameOf} from './registry.js';
 import {showCards} from './cards.js';
 import {showCurve} from './curves.js';
 import {clock, goTo, repaint} from './playback.js';
@@ -17,7 +17,7 @@ function buildHead() {
   const body = ({file, joints, convention}) => `${file}, ${joints} joints${convention ? `, ${convention}` : ''}`;
   const seconds = shown(report.frame_count * report.frame_time);
   const frames = `${counted(report.frame_count, 'frame')} of ${shown(1000 * report.frame_time)} ms, ${seconds} s`;
-  const ofRun = report.figures.rotation_copy !== null;
+  const ofRun = report.metrics.rotation_copy !== null;
   const [roleA, roleB] = ofRun ? ['the source', 'the result'] : ['the reference', 'measured'];
   const [nameA, nameB] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
   $('title').append(...ofRun ? ['result ', nameB, ' against source ', nameA] : [nameB, ' against ', nameA]);
@@ -30,8 +30,8 @@ function buildHead() {
     (word, k) => [k ? ' ' : '', element('span', {}, word)]);
   $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
     element('dd', {}, element('code', {}, ...words), ` version ${report.program.version}`)));
-  $('terms').append(...terms([...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS],
-    ['Contact', report.touching], ...report.figures.rotation_copy ? [['Copy', COPY_MEANS]] : []]));
+  $('terms').append(...terms([...METRICS.map(metric => [nameOf(metric), metric.explanation]), ['D', D_MEANS],
+    ['Contact', report.touching], ...report.metrics.rotation_copy ? [['Copy', COPY_MEANS]] : []]));
 }
 
 function buildNotes() {
@@ -71,7 +71,7 @@ async function start() {
   $('contacts').append(contacts.rows.length ? tableOf(contacts)
     : element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
   const columns = embedded('columns');
-  for (const figure of figuresAt('curve')) await showCurve(figure, columns);
+  for (const metric of metricsAt('curve')) await showCurve(metric, columns);
   buildWorst();
 }
 

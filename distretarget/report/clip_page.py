@@ -1,4 +1,4 @@
-"""The report on a clip: an HTML page that plays a source and its result, or A and B of a diff, with their figures."""
+"""The report on a clip: an HTML page that plays a source and its result, or A and B of a diff, with their metrics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from distretarget.checks import check_kind
 from distretarget.io.files import write_whole
 from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
-from distretarget.measure.figures import BY_KEY, as_data, figures_at
+from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Actor, Role, lowest_skin, packed, thinned, upright
@@ -115,10 +115,10 @@ def _page(
     """The page on a diff that plays motions, first that of A; the others are those of B's body."""
     actors = [*_actors(diff, moving, skins, mesh)]
     rows = rows_of(diff, skins[1], range(len(actors)))
-    source, result = ("source ", "result ") if document["figures"]["rotation_copy"] else ("", "")
+    source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
     frames = document["frames"]
-    keys = [key for figure in figures_at("curve") for key in (figure.key, f"{figure.key}_source") if key in frames[0]]
+    keys = [key for metric in metrics_at("curve") for key in (metric.key, f"{metric.key}_source") if key in frames[0]]
     stage = {
         "sides": [title for title, _, _ in moving],
         "frames": len(diff),
@@ -185,13 +185,13 @@ def contact_table(document: DiffDocument) -> Table:
 
 
 def _worst(document: DiffDocument) -> Iterator[dict[str, Any]]:
-    """The worst frame of each figure that has one."""
+    """The worst frame of each metric that has one."""
     for key, frame in document["worst"].items():
-        figure = BY_KEY[key]
+        metric = BY_KEY[key]
         value = None if frame is None else document["frames"][frame][key]
-        if value is not None and value > figure.least:
-            name = f"{figure.label[0].upper()}{figure.label[1:]}"
-            text = f"{name} {figure.factor * value:.3g} {figure.symbol}".rstrip()
+        if value is not None and value > metric.least:
+            name = f"{metric.label[0].upper()}{metric.label[1:]}"
+            text = f"{name} {metric.factor * value:.3g} {metric.symbol}".rstrip()
             yield {"frame": frame, "kind": "Worst frames", "text": f"{text} \u00b7 {frame}"}
 
 

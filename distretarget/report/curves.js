@@ -1,4 +1,4 @@
-// The figures of each frame as curves over time.
+// The metrics of each frame as curves over time.
 
 import {$, clamp, colourOf, element, onTheme, shown, term} from './dom.js';
 import {clock, dragFrames, onFrame} from './playback.js';
@@ -33,15 +33,15 @@ function axisTop(values, most, least) {
   return usual > least && most > 5 * usual ? 1.5 * usual : most;
 }
 
-/** Shows the curve of a figure; `columns` are its packed values in the frames, of A and of B. */
-export async function showCurve(figure, columns) {
-  const {key, factor, judged, missing} = figure, least = figure.least * factor;
+/** Shows the curve of a metric; `columns` are its packed values in the frames, of A and of B. */
+export async function showCurve(metric, columns) {
+  const {key, factor, judged, missing} = metric, least = metric.least * factor;
   const lines = await Promise.all([...judged === 'value' ? [] : [[`${key}_source`, 'a']], [key, 'b']].map(
     async ([field, name]) => ({name, values: (await unpacked(columns[field], Float32Array)).map(x => x * factor)})));
   const known = lines.flatMap(({values}) => [...values]).filter(value => !Number.isNaN(value));
   const most = known.reduce((p, q) => Math.max(p, q), least), top = axisTop(known, most, least);
   const end = top < most ? `${shown(top)}+` : shown(top);
-  const canvas = element('canvas', {role: 'img', 'aria-label': `${nameOf(figure)} over time, axis to ${end}`});
+  const canvas = element('canvas', {role: 'img', 'aria-label': `${nameOf(metric)} over time, axis to ${end}`});
   const readout = element('output', {class: 'readout'}), line = element('i', {class: 'line'});
   const draw = () => {
     const {clientWidth: width, clientHeight: height} = canvas, context = canvas.getContext('2d');
@@ -57,7 +57,7 @@ export async function showCurve(figure, columns) {
   };
   const none = known.length ? '' : element('span', {class: 'none'}, missing || 'nothing to measure');
   $('curves').append(element('figure', {class: 'curve'},
-    element('figcaption', {}, term(nameOf(figure), figure.explanation), readout),
+    element('figcaption', {}, term(nameOf(metric), metric.explanation), readout),
     element('div', {class: 'plot'}, canvas, line, none),
     element('div', {class: 'axis', 'aria-hidden': 'true'},
       ...(known.length ? [end, '0'] : []).map(text => element('span', {}, text)))));

@@ -1,7 +1,7 @@
 """The numbers of a diff as one document, for JSON, or CSV with a row for each frame.
 
-`diff.schema.json` describes every key; the types here have the same keys. `measure.figures.FIGURES` has the keys of
-figures.
+`diff.schema.json` describes every key; the types here have the same keys. `measure.metrics.METRICS` has the keys of
+metrics.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
 from distretarget.measure.diff import Diff
-from distretarget.measure.figures import BY_KEY, Tracks, Variant, clip_figures, clip_limits, figures_at, frame_figures
+from distretarget.measure.metrics import BY_KEY, Tracks, Variant, clip_limits, clip_metrics, frame_metrics, metrics_at
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
-FigureValues = Mapping[str, float | None]
-"""Figures of quality by key; None where nothing was to be measured."""
+MetricValues = Mapping[str, float | None]
+"""Metrics by key; None where nothing was to be measured."""
 
 DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
 VERSION = version("distretarget")
@@ -46,19 +46,19 @@ class Program(TypedDict):
     command: str
 
 
-class DiffFigures(TypedDict):
-    """The figures of the whole clip: of A, of the rotation copy if B was made from A, of B; and the limits for B."""
+class DiffMetrics(TypedDict):
+    """The metrics of the whole clip: of A, of the rotation copy if B was made from A, of B; and the limits for B."""
 
-    source: FigureValues
-    rotation_copy: FigureValues | None
-    result: FigureValues
-    needs_look_above: FigureValues
+    source: MetricValues
+    rotation_copy: MetricValues | None
+    result: MetricValues
+    needs_look_above: MetricValues
 
 
 class DiffLimit(TypedDict):
     """A limit as given to `--fail-over`, and the value it is for."""
 
-    figure: str
+    metric: str
     limit: float
     value: float | None
     over: bool
@@ -93,10 +93,10 @@ class DiffDocument(TypedDict):
     unmatched_b: list[str]
     unmatched_a: list[str]
     contact_frames: int
-    figures: DiffFigures
+    metrics: DiffMetrics
     limits: list[DiffLimit]
     worst: dict[str, int | None]
-    frames: list[FigureValues]
+    frames: list[MetricValues]
     contacts: list[DiffContact]
 
 
@@ -111,7 +111,7 @@ class About:
     rotation_copy: Tracks | None = None  # this and the next two are of the run, if B was made from A
     verdict: str = ""
     warnings: tuple[str, ...] = ()
-    limits: tuple[tuple[str, float], ...] = ()  # keys of figures, each with the largest value allowed
+    limits: tuple[tuple[str, float], ...] = ()  # keys of metrics, each with the largest value allowed
 
 
 def document(diff: Diff, about: About) -> DiffDocument:
@@ -135,14 +135,14 @@ def document(diff: Diff, about: About) -> DiffDocument:
         "unmatched_b": [b.keys[joint] for joint in b.joints if drivers[joint] < 0],
         "unmatched_a": [a.keys[joint] for joint in a.joints if joint not in drivers],
         "contact_frames": int(np.count_nonzero(diff.comparison.contacts.counts)),
-        "figures": {
+        "metrics": {
             "source": source,
             "rotation_copy": copy,
             "result": result,
             "needs_look_above": clip_limits({"source": source, "rotation_copy": copy or {}, "result": result}),
         },
         "limits": [_limit(key, limit, result[key], source.get(key)) for key, limit in about.limits],
-        "worst": {figure.key: _worst(frames[figure.key]) for figure in figures_at("worst frames")},
+        "worst": {metric.key: _worst(frames[metric.key]) for metric in metrics_at("worst frames")},
         "frames": [dict(zip(frames, row, strict=True)) for row in zip(*frames.values(), strict=True)],
         "contacts": _contacts(diff),
     }
@@ -176,14 +176,14 @@ def _body(file: str, skeleton: Skeleton) -> DiffBody:
     return {"file": file, "joints": len(skeleton.joints), "convention": convention_of(skeleton)}
 
 
-def _of_clip(tracks: Tracks) -> FigureValues:
-    return {key: _known(value) for key, value in clip_figures(tracks).items()}
+def _of_clip(tracks: Tracks) -> MetricValues:
+    return {key: _known(value) for key, value in clip_metrics(tracks).items()}
 
 
 def _limit(key: str, limit: float, value: float | None, source: float | None) -> DiffLimit:
-    """A limit of a figure, and whether the number it is for is over it."""
+    """A limit of a metric, and whether the number it is for is over it."""
     number = _known(BY_KEY[key].judgement(value, source))
-    return {"figure": key, "limit": limit, "value": number, "over": number is not None and number > limit}
+    return {"metric": key, "limit": limit, "value": number, "over": number is not None and number > limit}
 
 
 def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float | None]]:
@@ -195,7 +195,7 @@ def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float
         "contacts": diff.comparison.contacts.counts.tolist(),
         "stance": diff.comparison.feet.stance.sum(axis=1).tolist(),
         "supports": diff.comparison.supports.rest.sum(axis=1).tolist(),
-        **{key: [*map(_known, values)] for key, values in frame_figures(sides, len(diff)).items()},
+        **{key: [*map(_known, values)] for key, values in frame_metrics(sides, len(diff)).items()},
     }
 
 

@@ -1,7 +1,7 @@
-// The page over all clips: head, figures over the clips, failures, and the table with its filters.
+// The page over all clips: head, metrics over the clips, failures, and the table with its filters.
 
 import {$, counted, element, embedded, followTheme, showFacts, shown, term, terms} from './dom.js';
-import {figuresAt, nameOf} from './registry.js';
+import {metricsAt, nameOf} from './registry.js';
 
 const batch = embedded('batch');
 const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
@@ -13,7 +13,7 @@ const LONG = 240; // characters of a reason from which only its beginning shows 
 const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
   + '“source”.';
 const COPY = 'rotation copy';
-const SHOWN = figuresAt('page over clips').map(columnOf);
+const SHOWN = metricsAt('page over clips').map(columnOf);
 const COLUMNS = [
   {name: 'Clip', of: clip => clip.clip, text: true},
   ...batch.targets.length > 1 ? [{name: 'Target', of: targetOf, text: true, cell: clip => [targetOf(clip)]}] : [],
@@ -34,7 +34,7 @@ const STATUSES = [
 const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
 
 /**
- * The column of a figure: its name, its explanation, `of` for its value of a clip, and `beside`, which has names and
+ * The column of a metric: its name, its explanation, `of` for its value of a clip, and `beside`, which has names and
  * functions for the values to compare it with; the table shows the first of these.
  */
 function columnOf({key, label, symbol, explanation, judged, factor}) {
@@ -45,7 +45,7 @@ function columnOf({key, label, symbol, explanation, judged, factor}) {
     of: scaled(''),
     beside: [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]],
   };
-  return {...column, cell: clip => figureCell(column, clip)};
+  return {...column, cell: clip => metricCell(column, clip)};
 }
 
 function targetOf(clip) {
@@ -96,7 +96,7 @@ function buildHead() {
   $('terms').append(...terms([...SHOWN.map(({name, explanation}) => [name, explanation]), ['Medians', MEDIANS]]));
 }
 
-function buildFigure({name, explanation, of, beside}) {
+function buildMetric({name, explanation, of, beside}) {
   const numbers = ordered(done.map(of));
   const rows = [['worst', quantile(numbers, 1)]];
   for (const [other, its] of beside) {
@@ -104,15 +104,15 @@ function buildFigure({name, explanation, of, beside}) {
     rows.push([other, quantile(others, 0.5)]);
     if (other === COPY) rows.push(['copy’s worst', quantile(others, 1)]);
   }
-  return element('div', {class: 'figure'},
+  return element('div', {class: 'metric'},
     element('h3', {}, term(name, explanation)),
     element('p', {class: 'big'}, shown(quantile(numbers, 0.5)), element('small', {}, ' median')),
     element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))));
 }
 
-function buildFigures() {
-  $('figures').hidden = !done.length;
-  $('figures').append(...SHOWN.map(buildFigure));
+function buildMetrics() {
+  $('metrics').hidden = !done.length;
+  $('metrics').append(...SHOWN.map(buildMetric));
 }
 
 // ---- failures
@@ -152,8 +152,8 @@ function statusCell(clip) {
   return [element('span', {class: clip.done ? 'within' : 'over'}, mark, statusOf(clip))];
 }
 
-/** The value of a figure, and beside it the first that it is compared with. */
-function figureCell({of, beside}, clip) {
+/** The value of a metric, and beside it the first that it is compared with. */
+function metricCell({of, beside}, clip) {
   const other = beside.slice(0, 1).map(([, its]) => element('small', {}, shown(its(clip))));
   return [shown(of(clip)), ...other];
 }
@@ -173,7 +173,7 @@ function warningsCell(clip) {
   return [button];
 }
 
-/** The cells of a clip; of one that failed the reason is in place of the figures. */
+/** The cells of a clip; of one that failed the reason is in place of the metrics. */
 function buildRow(clip) {
   const first = COLUMNS.findIndex(({beside}) => beside);
   const cells = COLUMNS.slice(1).filter(({beside}) => clip.done || !beside).map(({name, text, cell}) => (
@@ -271,7 +271,7 @@ function buildFilters() {
 
 function start() {
   buildHead();
-  buildFigures();
+  buildMetrics();
   buildFailures();
   buildFilters();
   buildHeads();

@@ -9,18 +9,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, TypedDict
 from urllib.parse import quote
 
-from distretarget.measure.figures import SUFFIXES, Variant, as_data, figures_at
+from distretarget.measure.metrics import SUFFIXES, Variant, as_data, metrics_at
 from distretarget.report.page import html_page
 
 ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
-# The columns of figures: of source, where it has one, rotation copy and result.
-FIGURE_COLUMNS: dict[str, tuple[Variant, str]] = {
-    figure.key + suffix: (side, figure.key)
-    for figure in figures_at("page over clips")
+# The columns of metrics: of source, where it has one, rotation copy and result.
+METRIC_COLUMNS: dict[str, tuple[Variant, str]] = {
+    metric.key + suffix: (side, metric.key)
+    for metric in metrics_at("page over clips")
     for side, suffix in SUFFIXES.items()
-    if side != "source" or figure.of_source
+    if side != "source" or metric.of_source
 }
-FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *FIGURE_COLUMNS)
+FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
 
 
 class ClipRecord(TypedDict):
@@ -31,7 +31,7 @@ class ClipRecord(TypedDict):
     target: str  # path of the target's file
     frames: int  # retargeted
     seconds: float  # that this took [s]
-    figures: Mapping[Variant, Mapping[str, float | None]]  # by key; None where nothing was measured; empty if it failed
+    metrics: Mapping[Variant, Mapping[str, float | None]]  # by key; None where nothing was measured; empty if it failed
     warnings: list[str]  # what needs a look, a line each
     status: Literal["done", "failed"]
     error: str | None  # why it failed
@@ -62,7 +62,7 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
             *((1, record["frames"], _number(record["seconds"])) if record["status"] == "done" else (0, None, None)),
             [warning_at[text] for text in record["warnings"]],
             _reason(record),
-            *(_number((record["figures"].get(side) or {}).get(key)) for side, key in FIGURE_COLUMNS.values()),
+            *(_number((record["metrics"].get(side) or {}).get(key)) for side, key in METRIC_COLUMNS.values()),
         ]
         for record in records
     ]

@@ -1,14 +1,14 @@
-// The figures of quality, whose registry the page has as data.
+// The metrics, whose registry the page has as data.
 
 import {embedded} from './dom.js';
 
-export const FIGURES = embedded('registry');
+export const METRICS = embedded('registry');
 
-export function figuresAt(place) {
-  return FIGURES.filter(({places}) => places.includes(place));
+export function metricsAt(place) {
+  return METRICS.filter(({places}) => places.includes(place));
 }
 
-/** What a figure is called, with the unit that the page shows it in. */
+/** What a metric is called, with the unit that the page shows it in. */
 export function nameOf({label, symbol}) {
   return symbol ? `${label}, ${symbol}` : label;
 }

@@ -1,4 +1,4 @@
-"""The diff of two scenes as one document, for JSON, CSV with a row for each frame, and tables of gaps and figures.
+"""The diff of two scenes as one document, for JSON, CSV with a row for each frame, and tables of gaps and metrics.
 
 `scene_diff.schema.json` describes every key; the types here have the same keys.
 """
@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict
 
-from distretarget.measure.figures import FIGURES
+from distretarget.measure.metrics import METRICS
 from distretarget.measure.scene_gaps import Gap, SceneDiff
 from distretarget.report.diff_document import About, DiffDocument, DiffLimit, Program, csv_text, rounded
 
-GAP_ERROR = "gap_error"  # the figure of a whole scene
+GAP_ERROR = "gap_error"  # the metric of a whole scene
 
 
 class DiffGaps(TypedDict):
@@ -30,7 +30,7 @@ class DiffGaps(TypedDict):
 
 
 class SceneDiffDocument(TypedDict):
-    """The numbers of a diff of two scenes; performers have the limits of figures other than `GAP_ERROR`."""
+    """The numbers of a diff of two scenes; performers have the limits of metrics other than `GAP_ERROR`."""
 
     format: Literal["distretarget-scene-diff"]
     version: Literal[1]
@@ -75,7 +75,7 @@ def scene_document(
         "gap_b": gap_b,
         "gap_error": error,
         "limits": [
-            {"figure": key, "limit": limit, "value": error, "over": error is not None and error > limit}
+            {"metric": key, "limit": limit, "value": error, "over": error is not None and error > limit}
             for key, limit in about.limits
         ],
         "performers": dict(performers),
@@ -109,16 +109,16 @@ def gap_table(document: SceneDiffDocument) -> Table:
     }
 
 
-def figure_table(document: SceneDiffDocument) -> Table:
-    """The figures of all performers: of A, where it has one, and of B."""
-    sides = [one["figures"][side] for one in document["performers"].values() for side in ("source", "result")]
+def metric_table(document: SceneDiffDocument) -> Table:
+    """The metrics of all performers: of A, where it has one, and of B."""
+    sides = [one["metrics"][side] for one in document["performers"].values() for side in ("source", "result")]
     rows: list[list[str | int]] = []
-    for figure in FIGURES:
-        values = [side.get(figure.key) for side in sides]
-        name = f"{figure.label} [{figure.unit}]" if figure.unit else figure.label
+    for metric in METRICS:
+        values = [side.get(metric.key) for side in sides]
+        name = f"{metric.label} [{metric.unit}]" if metric.unit else metric.label
         rows.append([name, *("" if value is None else f"{value:.4g}" for value in values)])
-    columns = ["figure", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
-    return {"title": "Figures of each performer", "columns": columns, "rows": rows}
+    columns = ["metric", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
+    return {"title": "Metrics of each performer", "columns": columns, "rows": rows}
 
 
 def _touching(gaps: DiffGaps) -> str:

@@ -1,4 +1,4 @@
-"""The report on a scene, or on the diff of two: a player of both sides, and tables of gaps and figures.
+"""The report on a scene, or on the diff of two: a player of both sides, and tables of gaps and metrics.
 
 Rows of its timeline say what touches between performers and props.
 """
@@ -20,7 +20,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff
-from distretarget.measure.figures import BY_KEY
+from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
@@ -29,7 +29,7 @@ from distretarget.report.actors import Actor, lowest_skin, thinned, upright
 from distretarget.report.clip_page import contact_jumps, run_diff
 from distretarget.report.diff_document import About, document
 from distretarget.report.page import html_page
-from distretarget.report.scene_diff_document import SceneDiffDocument, Table, figure_table, gap_table, scene_document
+from distretarget.report.scene_diff_document import SceneDiffDocument, Table, gap_table, metric_table, scene_document
 from distretarget.report.timeline_rows import Row, rows_of
 from distretarget.scene.retargeting import SceneResult
 from distretarget.skin.capsules import Capsules
@@ -139,7 +139,7 @@ def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
     ]
     bodies += [ShownBody.of_prop(name, a, b) for name, (a, b) in zip(document["props"], diff.props, strict=True)]
     title, sides = f"{document['b']} against {document['a']}", (f"A: {document['a']}", f"B: {document['b']}")
-    tables = [gap_table(document), figure_table(document)]
+    tables = [gap_table(document), metric_table(document)]
     return _player_page(title, sides, bodies, diff.performers[0], diff.world_scale, tables)
 
 

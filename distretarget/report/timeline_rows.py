@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.body.segments import find_segments
 from distretarget.measure.contacts import CONTACT_DISTANCE
 from distretarget.measure.diff import Diff
-from distretarget.measure.figures import BY_KEY
+from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.skin import TOUCHABLE
 from distretarget.measure.skin_points import LIMBS
 from distretarget.numerics.time_series import spans_of
@@ -120,7 +120,7 @@ def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
 
 
 def _limit_of(key: str) -> float:
-    """The value up to which nobody minds a figure."""
+    """The value up to which nobody minds a metric."""
     limit = BY_KEY[key].limit
     assert limit is not None
     return limit.margin

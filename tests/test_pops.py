@@ -1,11 +1,11 @@
-"""Snaps of a result, of which the rotation copy is calm, and pops, in which it may move."""
+"""Pops: jumps of a result, of which the rotation copy is calm, or goes on moving as before."""
 
 import numpy as np
 import pytest
 from bodies import body_of, person, posed, with_bone
 
-from distretarget.measure.figures import BY_KEY, Track
-from distretarget.measure.jumps import find_pops, find_snaps
+from distretarget.measure.metrics import BY_KEY, Track
+from distretarget.measure.pops import find_pops
 
 PERSON = person()
 LEG = 0.435 + 0.453
@@ -16,68 +16,62 @@ def carried(path, body=PERSON, frame_time="0.0166666667"):
     return posed(body, {}, np.outer(np.asarray(path) * LEG, [1.0, 0, 0]), frame_time)
 
 
-def snaps_of(copy, result, body=PERSON):
-    return find_snaps(copy, result, body_of(body), body_of(body).shots_of(copy))
+def jumps_of(copy, result, body=PERSON):
+    return find_pops(copy, result, body_of(body), body_of(body).shots_of(copy))
 
 
 @pytest.mark.parametrize(
-    ("copy_step", "step", "snaps"),
+    ("copy_step", "step", "pops"),
     [(0.0, 0.05, True), (0.0, 0.03, False), (0.014, 0.05, True), (0.02, 0.05, False), (0.05, 0.05, False)],
 )
-def test_a_snap_is_far_and_not_in_the_copy(copy_step, step, snaps):
-    found = snaps_of(carried([0, copy_step, copy_step]), carried([0, step, step]))
+def test_a_pop_is_far_and_not_in_the_copy(copy_step, step, pops):
+    found = jumps_of(carried([0, copy_step, copy_step]), carried([0, step, step]))
     assert found.shape == (2, len(PERSON))
     assert not found[1].any()
-    np.testing.assert_allclose(found[0], 100 * step if snaps else 0.0, rtol=1e-6)
+    np.testing.assert_allclose(found[0], 100 * step if pops else 0.0, rtol=1e-6)
 
 
-def test_snaps_are_counted_by_frames():
-    found = snaps_of(carried([0] * 5), carried([0, 0.1, 0.1, 0.2, 0.2]))
-    assert BY_KEY["snap"].of_clip({"snap": Track(found)}) == 2
-    np.testing.assert_array_equal(BY_KEY["snap"].over_time({"snap": Track(found)}, 5), [1, 0, 1, 0, np.nan])
+def test_pops_are_counted_by_frames():
+    found = jumps_of(carried([0] * 5), carried([0, 0.1, 0.1, 0.2, 0.2]))
+    assert BY_KEY["pop"].of_clip({"pop": Track(found)}) == 2
+    np.testing.assert_array_equal(BY_KEY["pop"].over_time({"pop": Track(found)}, 5), [1, 0, 1, 0, np.nan])
 
 
 def test_steps_are_over_the_same_time_at_any_frame_rate():
-    assert not snaps_of(carried([0, 0], frame_time="0.0333333"), carried([0, 0.07], frame_time="0.0333333")).any()
-    assert snaps_of(carried([0, 0], frame_time="0.0083333"), carried([0, 0.03], frame_time="0.0083333")).any()
+    assert not jumps_of(carried([0, 0], frame_time="0.0333333"), carried([0, 0.07], frame_time="0.0333333")).any()
+    assert jumps_of(carried([0, 0], frame_time="0.0083333"), carried([0, 0.03], frame_time="0.0083333")).any()
 
 
-def test_what_is_no_part_of_the_body_does_not_snap():
+def test_what_is_no_part_of_the_body_does_not_pop():
     body = with_bone(PERSON, "Tail", "Hips")
     assert body_of(body).regions.of_joint[-1] == -1
     turns = {"Tail": np.array([[0.0, 0, 0], [np.pi / 2, 0, 0]])}
     longer = with_bone(body, "Tip", "Tail")
     result = posed(longer, turns, np.zeros((2, 3)))
-    assert not snaps_of(posed(longer, {}, np.zeros((2, 3))), result, longer).any()
+    assert not jumps_of(posed(longer, {}, np.zeros((2, 3))), result, longer).any()
 
 
-def test_no_joint_snaps_at_a_cut():
+def test_no_joint_pops_at_a_cut():
     """Nor does one that happens to be in the same place before and after it, as the hips of a body turned about are."""
     about = {"Hips": np.array([[0.0, 0, 0], [0, 0, 0], [0, np.pi, 0], [0, np.pi, 0]])}
     copy, step = posed(PERSON, about, np.zeros((4, 3))), np.outer([0, 0, 0.05, 0.05], [LEG, 0, 0])
-    assert not snaps_of(copy, posed(PERSON, about, step)).any()
-    assert snaps_of(posed(PERSON, {}, np.zeros((4, 3))), posed(PERSON, {}, step)).any()
+    assert not jumps_of(copy, posed(PERSON, about, step)).any()
+    assert jumps_of(posed(PERSON, {}, np.zeros((4, 3))), posed(PERSON, {}, step)).any()
 
 
-def test_one_frame_has_no_snaps():
-    found = snaps_of(carried([0]), carried([0]))
+def test_one_frame_has_no_pops():
+    found = jumps_of(carried([0]), carried([0]))
     assert found.shape == (0, len(PERSON))
-    assert BY_KEY["snap"].of_clip({"snap": Track(found)}) is None
+    assert BY_KEY["pop"].of_clip({"pop": Track(found)}) is None
 
 
-WALKED = 0.05 * np.arange(10.0)  # too fast for a snap
-
-
-def popped(copy, result):
-    body = body_of(PERSON)
-    return find_pops(copy, result, body, body.shots_of(copy))
+WALKED = 0.05 * np.arange(10.0)  # too fast for a pop in calm
 
 
 def pops_of(path, frame_time="0.0166666667"):
     """The frames in which a body pops whose path should be `WALKED`, and goes elsewhere by a path [leg lengths]."""
     copy, result = (carried(each, frame_time=frame_time) for each in (WALKED, WALKED + path))
-    assert not snaps_of(copy, result).any()
-    found = popped(copy, result)
+    found = jumps_of(copy, result)
     assert found.shape == (9, len(PERSON))
     return np.flatnonzero(found.any(axis=1)).tolist()
 
@@ -109,6 +103,6 @@ def test_nothing_pops_at_a_cut_or_in_one_frame():
     about = {"Hips": np.repeat([[0.0, 0, 0], [0, np.pi, 0]], 4, axis=0)}
     step = np.outer(np.repeat([0.0, 0.1], 4), [LEG, 0, 0])
     copy, result = posed(PERSON, about, np.zeros((8, 3))), posed(PERSON, about, step)
-    assert not popped(copy, result).any()
-    assert popped(posed(PERSON, {}, np.zeros((8, 3))), posed(PERSON, {}, step)).any()
-    assert popped(carried([0]), carried([0])).shape == (0, len(PERSON))
+    assert not jumps_of(copy, result).any()
+    assert jumps_of(posed(PERSON, {}, np.zeros((8, 3))), posed(PERSON, {}, step)).any()
+    assert jumps_of(carried([0]), carried([0])).shape == (0, len(PERSON))

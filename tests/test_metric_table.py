@@ -10,7 +10,7 @@ from bodies import other_lengths, person, swaying
 from program import run
 
 from distretarget import write_bvh
-from distretarget.batch import figure_table
+from distretarget.batch import metric_table
 from distretarget.errors import MissingPackageError
 from distretarget.io.target_file import skeleton_to_json
 
@@ -36,9 +36,9 @@ def manifest(folder):
 
 
 def test_a_row_has_what_the_manifest_says(folder):
-    done = batch("in", "body.json", "-o", "out", "--table", "figures.csv")
+    done = batch("in", "body.json", "-o", "out", "--table", "metrics.csv")
     assert done.returncode == 1
-    rows = pd.read_csv("figures.csv").set_index("output")
+    rows = pd.read_csv("metrics.csv").set_index("output")
     assert rows.index.tolist() == ["a.bvh", "b.bvh", "broken.bvh"]
     assert rows["status"].tolist() == ["done", "done", "failed"]
     for name, record in manifest(folder / "out").items():
@@ -46,9 +46,9 @@ def test_a_row_has_what_the_manifest_says(folder):
         assert row["frames"] == record["frames"]
         assert row["input_hash"] == record["input_hash"]
         if record["status"] == "done":
-            assert row["direction_error"] == record["figures"]["result"]["direction_error"]
-            assert row["direction_error_copy"] == record["figures"]["rotation_copy"]["direction_error"]
-            assert row["jerk_source"] == record["figures"]["source"]["jerk"]
+            assert row["direction_error"] == record["metrics"]["result"]["direction_error"]
+            assert row["direction_error_copy"] == record["metrics"]["rotation_copy"]["direction_error"]
+            assert row["jerk_source"] == record["metrics"]["source"]["jerk"]
             assert row["verdict"].endswith(".")
     assert "in/broken.bvh" in rows.loc["broken.bvh", "error"]
 
@@ -75,31 +75,31 @@ def test_a_table_of_other_origin_is_left_alone(folder):
 @pytest.mark.skipif(find_spec("pyarrow") is None, reason="pyarrow is not installed")
 @pytest.mark.usefixtures("folder")
 def test_parquet_has_the_same_rows_as_csv():
-    for name in ("figures.csv", "figures.parquet", "figures.parquet"):
+    for name in ("metrics.csv", "metrics.parquet", "metrics.parquet"):
         batch("in", "body.json", "-o", "out", "--table", name)
-    both = pd.read_csv("figures.csv"), pd.read_parquet("figures.parquet")
+    both = pd.read_csv("metrics.csv"), pd.read_parquet("metrics.parquet")
     assert both[1]["direction_error"].dtype == "float64"
     pd.testing.assert_frame_equal(*both, check_dtype=False)
 
 
 def test_without_pyarrow_a_line_says_what_to_install(monkeypatch):
-    monkeypatch.setattr(figure_table, "find_spec", lambda _: None)
+    monkeypatch.setattr(metric_table, "find_spec", lambda _: None)
     with pytest.raises(MissingPackageError, match="pip install pyarrow"):
-        figure_table.check_table(Path("figures.parquet"))
+        metric_table.check_table(Path("metrics.parquet"))
 
 
-def test_clips_that_fail_a_condition_are_left_out_with_their_figures(folder):
+def test_clips_that_fail_a_condition_are_left_out_with_their_metrics(folder):
     (folder / "in/broken.bvh").unlink()
     batch("in", "body.json", "-o", "all", "--npz")
-    errors = {name: one["figures"]["result"]["direction_error"] for name, one in manifest(folder / "all").items()}
+    errors = {name: one["metrics"]["result"]["direction_error"] for name, one in manifest(folder / "all").items()}
     best, worst = sorted(errors, key=errors.get)
     condition = f"direction_error < {(errors[best] + errors[worst]) / 2}"
-    done = batch("in", "body.json", "-o", "out", "--npz", "--keep", condition, "--table", "figures.csv")
+    done = batch("in", "body.json", "-o", "out", "--npz", "--keep", condition, "--table", "metrics.csv")
     assert done.returncode == 0
     assert "2 clips: 1 converted, 0 done before, 0 failed, 1 left out" in done.stdout
     assert f"left out:\n  in/{worst}: direction_error is " in done.stdout
     assert sorted(path.name for path in (folder / "out").glob("*.[bn]*")) == [best, best.replace("bvh", "npz")]
-    rows = pd.read_csv("figures.csv").set_index("output")
+    rows = pd.read_csv("metrics.csv").set_index("output")
     assert rows["status"].to_dict() == {best: "done", worst: "left out"}
     assert rows.loc[worst, "direction_error"] == errors[worst]
     again = batch("in", "body.json", "-o", "out", "--npz", "--keep", condition)

@@ -1,4 +1,4 @@
-"""A table of a batch: a row for each clip with its figures, warnings and what it was made from, as CSV or Parquet."""
+"""A table of a batch: a row for each clip with its metrics, warnings and what it was made from, as CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from distretarget.batch.keep import FIGURE_NAMES
+from distretarget.batch.keep import METRIC_NAMES
 from distretarget.batch.manifest import ManifestRecord
 from distretarget.errors import FileError, MissingPackageError
 
 KINDS = (".csv", ".parquet")
 TEXTS = ("output", "status", "input", "target", "verdict", "warnings", "error")
 HASHES = ("input_hash", "target_hash", "output_hash", "version")
-COLUMNS = (*TEXTS, "frames", *HASHES, *FIGURE_NAMES)
+COLUMNS = (*TEXTS, "frames", *HASHES, *METRIC_NAMES)
 BETWEEN = " | "  # warnings of a clip
 MARK = b"distretarget_version"  # in the metadata of a Parquet file
 HEAD = ",".join(TEXTS).encode()  # the beginning of a CSV file
@@ -59,12 +59,12 @@ def table(path: Path, records: Iterable[ManifestRecord], version: str) -> bytes:
 
 def _row(record: ManifestRecord) -> dict[str, Any]:
     """The row of a clip, by column; None for what it does not have."""
-    figures = {name: record["figures"].get(side, {}).get(key) for name, (side, key) in FIGURE_NAMES.items()}
+    metrics = {name: record["metrics"].get(side, {}).get(key) for name, (side, key) in METRIC_NAMES.items()}
     return {
         **{name: record.get(name) for name in (*TEXTS, "frames", *HASHES)},
         "status": "left out" if "left_out" in record else record["status"],
         "warnings": BETWEEN.join(record["warnings"]) or None,
-        **figures,
+        **metrics,
     }
 
 
@@ -72,7 +72,7 @@ def _parquet(rows: list[dict[str, Any]], version: str) -> bytes:
     import pyarrow
     from pyarrow import parquet
 
-    kinds = {"frames": pyarrow.int64(), **dict.fromkeys(FIGURE_NAMES, pyarrow.float64())}
+    kinds = {"frames": pyarrow.int64(), **dict.fromkeys(METRIC_NAMES, pyarrow.float64())}
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.string())) for name in COLUMNS], {MARK: version})
     columns = {name: list(_texts(rows, name)) if name not in kinds else [row[name] for row in rows] for name in COLUMNS}
     content = io.BytesIO()

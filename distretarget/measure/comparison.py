@@ -1,0 +1,208 @@
+"""Measure a motion against the motion that it was made from, with code that shares nothing with the solvers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.body import Body
+from distretarget.distances import differences_of_distances
+from distretarget.matching.matching import Matching
+from distretarget.matching.undersides import Undersides
+from distretarget.measure.contacts import Contacts, find_contacts
+from distretarget.measure.directions import direction_error, expected_directions, shared_bones
+from distretarget.measure.feet import Feet, find_feet
+from distretarget.measure.metrics import Track, Tracks
+from distretarget.measure.pops import INSTANT
+from distretarget.measure.posture import errors_of, find_posture
+from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
+from distretarget.measure.supports import SupportsMeasured, find_supports
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import stretch_of, thirds_along, turns_along
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Comparison:
+    """What was measured of a result and its source in each frame.
+
+    Attributes:
+        contacts: the self-contacts of the source, and how well the result keeps them.
+        contact_gap: (frames,), how much farther apart the joints of a contact are than in the source, the largest of
+            each frame [% of leg length].
+        skin: how far hands and forearms sink in, and how well the gaps between skins are kept.
+        feet: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
+        supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
+        posture: how head, palms and feet are held and legs spread, by the key of the metric: the joints that name the
+            parts, and errors (frames, parts) [degrees].
+        skeleton: that of the result.
+        distance_error: (frames,), mean |D_source - D_result| over all pairs of joints.
+        bones: (bones,), the lower joints of the bones that both bodies have.
+        direction_error: (frames, bones), angle between bones and their expected directions [degrees].
+        bone_error: (frames,), the largest relative error of a bone's length against the target.
+        jerk_source, jerk: (frames - 3,), mean norm of the third difference of positions over joints
+            [body sizes / s^3].
+        turned: (turned joints,), the joints that both bodies have.
+        turn: (frames - 1, turned joints), how much more these turn to the next frame than in the source; 0 at cuts
+            [degrees in 1/60 s].
+    """
+
+    contacts: Contacts
+    contact_gap: Array
+    skin: SkinMeasured
+    feet: Feet
+    supports: SupportsMeasured
+    posture: Mapping[str, tuple[Joints, Array]]
+    skeleton: Skeleton
+    distance_error: Array
+    bones: Joints
+    direction_error: Array
+    bone_error: Array
+    jerk_source: Array
+    jerk: Array
+    turned: Joints
+    turn: Array
+
+    @property
+    def tracks(self) -> Tracks:
+        """The values of the result's metrics, without those that only a run has: stress, pops, frames not converged."""
+        feet, supports = self.feet, self.supports
+        return {
+            "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
+            "contact_gap": Track(self.contact_gap, self.contacts.counts > 0),
+            **self.skin.tracks,
+            "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
+            "hips_height": self._of_feet(feet.hips_height),
+            "foot_pitch": self._of_feet(feet.foot_pitch),
+            "ankle_height": self._of_feet(feet.ankle_height),
+            "foot_height": self._of_feet(feet.foot_height),
+            "foot_skate": self._track(feet.skate, feet.joints, feet.stance),
+            "support_skate": self._track(supports.skate, supports.joints, supports.rest),
+            "support_height": self._track(supports.height, supports.joints, supports.on_floor),
+            **{key: self._track(error, joints, np.isfinite(error)) for key, (joints, error) in self.posture.items()},
+            "distance_error": Track(self.distance_error),
+            "jerk": Track(self.jerk),
+            "turn": self._track(self.turn, self.turned),
+            "bone_error": Track(self.bone_error),
+        }
+
+    def _track(self, values: Array, joints: Joints, counts: NDArray[np.bool_] | None = None) -> Track:
+        return Track(values, counts, tuple(self.skeleton.keys[joint] for joint in joints))
+
+    def _of_feet(self, values: Array) -> Track:
+        """The track of values (frames, legs), nan where nothing was measured, named by the ankles."""
+        return self._track(values, self.feet.joints[::2], np.isfinite(values))
+
+    @property
+    def source_tracks(self) -> Tracks:
+        """What the metrics of the source are taken from."""
+        return {
+            "foot_skate": Track(self.feet.skate_source, self.feet.stance),
+            "support_skate": Track(self.supports.skate_source, self.supports.rest),
+            "jerk": Track(self.jerk_source),
+        }
+
+
+class Reference:
+    """A source that results on a target are measured against; what concerns the source alone is measured once."""
+
+    def __init__(
+        self,
+        source: Motion,
+        matching: Matching,
+        up: Array,
+        skins: tuple[Skin, Skin] | None = None,
+        undersides: Undersides | None = None,
+    ) -> None:
+        """Measure the source; `up`, (3,), is the unit vector up in source and results, `skins` those of both bodies if
+        their thickness is known.
+        """
+        self.source, self.matching = source, matching
+        self._skin = find_source_skin(source, matching.source, up, *(skins or (no_skin(), no_skin())))
+        self._feet = find_feet(source, matching, up, undersides)
+        self._contacts = find_contacts(source, matching, self._feet.stance)
+        self._supports = find_supports(source, matching, up, undersides)
+        self._posture = find_posture(source, matching, up, self._feet.stance)
+        self._bones = shared_bones(matching)
+        self._directions = expected_directions(source, matching, self._bones)
+        self._turned = np.flatnonzero(matching.drivers >= 0)
+        self._turns = _turns(source, matching.drivers[self._turned])
+        self._cuts = np.diff(matching.source.shots_of(source)) > 0
+        self._jerk = _jerk(source, matching.source)
+
+    def compare(self, result: Motion) -> Comparison:
+        """Measure a result with the same number of frames."""
+        contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
+        further = _turns(result, self._turned)
+        further -= self._turns
+        further *= np.degrees(INSTANT / result.frame_time)
+        further[self._cuts] = 0.0
+        return Comparison(
+            contacts=contacts,
+            contact_gap=_contact_gap(contacts, self.matching),
+            skin=self._skin.in_result(result),
+            feet=self._feet.in_result(result, supports.carry(result.frame_time)),
+            supports=supports,
+            posture={key: errors_of(held, result) for key, held in self._posture.items()},
+            skeleton=result.skeleton,
+            distance_error=self._distance_error(result),
+            bones=self._bones,
+            direction_error=direction_error(self._directions, result, self._bones),
+            bone_error=_bone_error(result, self.matching.target),
+            jerk_source=self._jerk,
+            jerk=_jerk(result, self.matching.target),
+            turned=self._turned,
+            turn=further,
+        )
+
+    def _distance_error(self, result: Motion) -> Array:
+        """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""
+        points = self._contacts.candidates.points
+        drivers = self.matching.drivers[points]
+        tau = result.rigid_skeleton.path_lengths[np.ix_(points, points)]
+        tau_source = self.source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
+        share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
+        share /= max(np.triu(share, 1).sum(), 1.0)
+        of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
+        of_result = result.positions, points, np.where(share > 0, tau, 1.0)
+        return differences_of_distances(of_source, of_result, share, 1)
+
+
+def _contact_gap(contacts: Contacts, matching: Matching) -> Array:
+    """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame; 0
+    where none are farther [% of leg length].
+    """
+    gaps = []
+    for body, joint_of, D in (
+        (matching.source, matching.drivers, contacts.distance_source),
+        (matching.target, np.arange(len(matching.drivers)), contacts.distance_result),
+    ):
+        tau = body.skeleton.path_lengths[joint_of[contacts.u], joint_of[contacts.v]]
+        gaps.append(D * tau / (0.5 * body.unit))
+    farthest = np.zeros(len(contacts.strides))
+    np.maximum.at(farthest, contacts.frame, 100.0 * (gaps[1] - gaps[0]))
+    return farthest
+
+
+def _bone_error(result: Motion, body: Body) -> Array:
+    """(frames,), the largest relative error of the length of a bone of the body."""
+    skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
+    lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
+    return stretch_of(result.positions, skeleton.parents[lower], lower, skeleton.lengths[lower])
+
+
+def _jerk(motion: Motion, body: Body) -> Array:
+    """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
+    size = body.skeleton.path_lengths.max() * motion.frame_time**3
+    return np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size)
+
+
+def _turns(motion: Motion, joints: Joints) -> Array:
+    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad]."""
+    return turns_along(motion.skeleton.parents, motion.rotations, joints)

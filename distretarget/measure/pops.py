@@ -1,0 +1,68 @@
+"""Pops: joints of a result that jump from one frame to the next, and do not in the rotation copy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.body import Body
+from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.time_series import Shots
+
+Array = NDArray[np.float64]
+
+INSTANT = 1 / 60  # the time over which turns and pops are measured [s]
+FAR = 4.0  # a joint pops if it moves farther than this ...
+CALM = 1.5  # ... while it moves less than this in the rotation copy [both % of leg length in INSTANT]; ...
+SUDDEN = 4.0  # ... or if its deviation from the copy goes as far, and this many times its usual way
+
+
+def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
+    """(frames - 1, joints), how far each joint of a result pops on the way to the next frame [% of leg length in
+    `INSTANT`]; 0 where it does not pop.
+
+    A joint pops if it moves farther than `FAR` while it hardly moves in the rotation copy, or if its deviation from the
+    copy does, `SUDDEN` times the median of the two steps before and the two after it. Joints outside the body, such as
+    a root on the floor, do not pop, and no joint pops at a cut of the source between `shots`, (frames,).
+    """
+    before, after = (read_only(np.ascontiguousarray(motion.positions)) for motion in (copy, result))
+    scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
+    pops = np.zeros((max(len(result) - 1, 0), len(result.skeleton)))
+    joints = np.flatnonzero(body.regions.of_joint >= 0)
+    _write_pops(before, after, joints, np.diff(shots) == 0, scale, pops)
+    return pops
+
+
+@compiled()
+def _write_pops(copy, result, joints, going_on, scale, pops):  # type: ignore[no-untyped-def]
+    """Write the steps that are pops, in % of leg length in `INSTANT`."""
+    last = len(pops) - 1
+    for frame in range(len(pops)):
+        if not going_on[frame]:
+            continue
+        for joint in joints:
+            step = _step(result, copy, frame, joint, 0.0) * scale
+            if step > FAR and _step(copy, copy, frame, joint, 0.0) * scale < CALM:
+                pops[frame, joint] = step
+                continue
+            step = _step(result, copy, frame, joint, 1.0) * scale
+            if step > FAR:
+                total, least, most = 0.0, np.inf, 0.0
+                for lag in (-2, -1, 1, 2):  # beyond the ends as in a mirror
+                    near = max(last - abs(last - abs(frame + lag)), 0)
+                    other = _step(result, copy, near, joint, 1.0) * scale
+                    total, least, most = total + other, min(least, other), max(most, other)
+                if step > SUDDEN * 0.5 * (total - least - most):
+                    pops[frame, joint] = step
+
+
+@inlined()
+def _step(motion: Array, copy: Array, frame: int, joint: int, share: float) -> float:
+    """How far a joint goes to the next frame, less a share of its way in the copy."""
+    square = 0.0
+    for i in range(3):
+        step = motion[frame + 1, joint, i] - motion[frame, joint, i]
+        step -= share * (copy[frame + 1, joint, i] - copy[frame, joint, i])
+        square += step * step
+    return float(np.sqrt(square))
