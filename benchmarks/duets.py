@@ -27,7 +27,7 @@ PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of le
 COLUMNS = (
     "take, bodies | frames that touch | gap, % of leg: source / rotation copy / each alone / scene | "
     "gap in the world, scene over source | foot skate (source, strides as in this world) | "
-    "foot height, % of leg | jerk / copy's | turn, degrees | pops | not_converged | "
+    "foot height, % of leg | jerk / copy's | turn, degrees | pops | not converged | "
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )

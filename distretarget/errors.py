@@ -21,7 +21,12 @@ class DistretargetError(Exception):
     Attributes:
         reason: the message without the place.
         path: the file at fault, or None.
+        performer: the number of the performer of a scene at fault, or None.
+        of_target: whether the fault is in its target, not in its source.
     """
+
+    performer: int | None = None
+    of_target: bool = False
 
     def __init__(self, reason: str, path: str | Path | None = None, within: str = "") -> None:
         self.reason = reason  # not passed to Exception: `args` must stay those of the subclass, for pickling

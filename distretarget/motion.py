@@ -19,7 +19,7 @@ from distretarget.numerics.kinematics import joint_positions, line_rotations, ma
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
 from distretarget.numerics.vectors import extent, lengths
-from distretarget.skeleton import LARGEST, Skeleton
+from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
 
 Array = NDArray[np.float64]
 
@@ -227,15 +227,18 @@ class Motion:
         over_blocks(place, *positions.shape[:2])
         return positions
 
+    def looking_ahead(self) -> Motion:
+        """Return the motion of a body that looks to +Z: turned round where it looked to -Z (`Skeleton.looks_back`)."""
+        return self.turned_round() if self.skeleton.looks_back else self
+
     def turned_round(self) -> Motion:
-        """Return the motion of the body turned half round about Y, in its rest pose as well, so that it looks to +Z
-        where it looked to -Z (`Skeleton.looks_back`), and the other way round.
+        """Return the motion of the body turned half round about Y, in its rest pose as well, as `Skeleton.turned_round`
+        is.
         """
-        flip = np.array([-1.0, 1.0, -1.0])
-        skeleton = replace(self.skeleton, offsets=self.skeleton.offsets * flip, looks_back=not self.skeleton.looks_back)
-        moving = self.moving and MovingBones(self.moving.joints, self.moving.translations * flip)
-        rotations = self.rotations * np.append(flip, 1.0)
-        return Motion(skeleton, self.root_positions * flip, rotations, self.frame_time_text, moving)
+        moving = self.moving and MovingBones(self.moving.joints, self.moving.translations * HALF_TURN)
+        rotations = self.rotations * np.append(HALF_TURN, 1.0)
+        path = self.root_positions * HALF_TURN
+        return Motion(self.skeleton.turned_round(), path, rotations, self.frame_time_text, moving)
 
     def resampled_frames(self, frame_time_text: str) -> int:
         """Return how many frames the motion has at another frame time."""

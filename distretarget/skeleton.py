@@ -20,6 +20,7 @@ POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 USUAL_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")  # of joints for which a file states no channels
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
+HALF_TURN = np.array([-1.0, 1.0, -1.0])  # what turns vectors half round about Y
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}  # length units [m]
 UNITS = tuple(METRES)  # length units a file may state
 # Bounds within which all computations stay finite and exact to a few digits [file units].
@@ -270,6 +271,12 @@ class Skeleton:
     def with_offsets(self, offsets: ArrayLike) -> Skeleton:
         """Return the same tree with other offsets, (joints, 3) [file units]; errors as in `Skeleton`."""
         return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked by the constructor
+
+    def turned_round(self) -> Skeleton:
+        """Return the skeleton turned half round about Y, so that it looks to +Z where it looked to -Z (`looks_back`),
+        and the other way round.
+        """
+        return replace(self, offsets=self.offsets * HALF_TURN, looks_back=not self.looks_back)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
         """Return the same tree and bone directions with other bone lengths, (joints,); bones of length 0 keep it.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import NoneType
 
@@ -53,6 +54,20 @@ class Target:
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
         """Return the target itself: it is the same for every source."""
         return self
+
+    def looking_ahead(self) -> Target:
+        """Return the target as a body that looks to +Z: turned round where it looks to -Z (`Skeleton.looks_back`)."""
+        if not self.skeleton.looks_back:
+            return self
+        return Target(
+            self.skeleton.turned_round(),
+            self.map,
+            self.name,
+            motion=self.motion and self.motion.looking_ahead(),
+            mesh=cache(lambda: (mesh := self.mesh()) and mesh.turned_round()),
+            radii=self.radii,
+            capsules=self.capsules and self.capsules.turned_round(),
+        )
 
 
 @dataclass(frozen=True)

@@ -54,9 +54,7 @@ def format_bvh(motion: Motion) -> str:
 def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Iterable[str]:
     """The text of `format_bvh` in parts, which `mapper` makes: `map`, or the `map` of an executor."""
     check_kind("motion", motion, Motion)
-    if motion.skeleton.looks_back:
-        motion = motion.turned_round()  # as readers of BVH expect it
-    motion = _with_channels(motion)
+    motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)

@@ -74,7 +74,7 @@ def match_performer(
     builds: Builds = OWN_BUILDS,
 ) -> Match:
     """Match a source to its target, with the parameters and errors of `retarget`."""
-    goal = _target_for(source, target)
+    goal = target_for(source, target)
     _check(source, goal.skeleton)
     of_source = Body.of_motion(source) if rest is None else Body.of_motion(source).standing_as(rest)
     of_target = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
@@ -187,8 +187,8 @@ def _body_at_rest(skeleton: Skeleton) -> Body:
     return Body.of(skeleton)
 
 
-def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:
-    """The target, whatever form it was given in."""
+def target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:
+    """Return the target, whatever form it was given in."""
     match target:
         case Motion():
             return Target(target.rigid_skeleton, {}, "", target)

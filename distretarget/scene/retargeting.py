@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import NoneType
 
@@ -12,7 +13,7 @@ from distretarget.baseline.rotation_copy import RootScale, find_root_scale, foll
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.contact_entries import NO_CONTACTS, ContactList
-from distretarget.errors import MotionError, SettingsError
+from distretarget.errors import DistretargetError, MatchingError, MotionError, SettingsError
 from distretarget.ik.poses import Mapper
 from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
 from distretarget.motion import Motion, same_time
@@ -23,7 +24,7 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.pipeline.asked_motion import as_asked, unmet
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
-from distretarget.pipeline.performer import Match, match_performer
+from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
 from distretarget.scene.skin import skins_in_company, with_skins
@@ -32,6 +33,7 @@ from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]
+AnyTarget = Motion | Skeleton | Target | SkeletonEdit
 
 SAME_UNITS = 5.0  # if root scales differ by more than this factor, the files have different units
 
@@ -66,7 +68,7 @@ class SceneResult:
 
 def retarget_scene(
     sources: Sequence[Motion],
-    targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
+    targets: Sequence[AnyTarget],
     props: Sequence[Prop] = (),
     *,
     joint_maps: Sequence[JointMap | None] | None = None,
@@ -87,6 +89,9 @@ def retarget_scene(
     on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
     prop to their places on it. Each performer is solved by itself, at first without the others, and all of them again
     while the gaps are off; their order does not matter.
+
+    Where only some bodies look to -Z by convention, as in VRM 0, these are turned round: all results look to +Z, and
+    files are written as their characters look.
 
     Args:
         sources: the performers' motions, in one world, with the same frames.
@@ -140,18 +145,20 @@ def retarget_scene(
     check_callable("progress", progress)
     options = Options(supports=supports, environment=environment)
     _check_times(sources, props)
-    first = match_performer(sources[0], targets[0], Options(skin=modes[0]), maps[0], stances[0], thick[0])
-    axes = [Options(source_up=first.world.source_up, target_up=first.world.up, skin=mode) for mode in modes]
-    given = sources, targets, axes, maps, stances, thick
-    performers = [first, *map(match_performer, *(each[1:] for each in given))]
-    if len({performer.world.half_turn for performer in performers}) > 1:
-        raise MotionError("some files have bodies that look to -Z, as in VRM 0, and others to +Z; use one kind")
+    sources, targets, props = _looking_alike(sources, targets, props)
+    performers, axes = list[Match](), Options()
+    for number, (mode, *given) in enumerate(zip(modes, sources, targets, maps, stances, thick, strict=True)):
+        with _performer(number):
+            source, target, *others = given
+            performers.append(match_performer(source, target, replace(axes, skin=mode), *others))
+        axes = Options(source_up=performers[0].world.source_up, target_up=performers[0].world.up)
     heights = [find_root_scale(performer.matching) for performer in performers]
     if max(heights) > SAME_UNITS * min(heights):
-        raise MotionError(
-            f"the targets' root scales go from {min(heights):.3g} to {max(heights):.3g}: their files seem to be in "
-            "different units; scale one of the targets"
-        )
+        with _performer(int(np.argmax(heights)), of_target=True):
+            raise MotionError(
+                f"the root scale of this target is {max(heights):.3g}, that of another {min(heights):.3g}: their files "
+                "seem to be in different units; scale one of the targets"
+            )
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
@@ -164,14 +171,14 @@ def retarget_scene(
     touching = find_contacts(prepared, placed)
     poses, sweeps, gap_error = solve_in_sweeps(touching, mapper, progress)
     moved = with_skins(touching, poses, skins_in_company(performers, modes))
-    bent = zip(touching.performers, poses, moved, strict=True)
-    results = tuple(
-        replace(one.result(pose, posed=posed), unmet=tuple(unmet(one, one.wishes, posed)) if one.wishes else ())
-        for one, pose, posed in bent
-    )
+    results = list[RetargetResult]()
+    for number, (one, pose, posed) in enumerate(zip(touching.performers, poses, moved, strict=True)):
+        with _performer(number):
+            found = tuple(unmet(one, one.wishes, posed)) if one.wishes else ()
+            results.append(replace(one.result(pose, posed=posed), unmet=found))
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
     return SceneResult(
-        results=results,
+        results=tuple(results),
         props=tuple(
             PropResult(prop.name, place.moved(each.motion), each.motion, place.scale, copied.moved(each.motion))
             for prop, each, place, copied in zip(
@@ -185,6 +192,31 @@ def retarget_scene(
         sweeps=sweeps,
         gap_error=gap_error,
     )
+
+
+@contextmanager
+def _performer(number: int, *, of_target: bool = False) -> Iterator[None]:
+    """Errors within are those of a performer."""
+    try:
+        yield
+    except DistretargetError as error:
+        error.performer, error.of_target = number, of_target or isinstance(error, MatchingError)
+        raise
+
+
+def _looking_alike(
+    sources: Sequence[Motion], targets: Sequence[AnyTarget], props: Sequence[Prop]
+) -> tuple[Sequence[Motion], Sequence[AnyTarget], Sequence[Prop]]:
+    """All as given; where bodies of some files look to -Z by convention and others do not, as those that look to +Z."""
+    goals = [target_for(*each) for each in zip(sources, targets, strict=True)]
+    if len({(a.skeleton.looks_back, b.skeleton.looks_back) for a, b in zip(sources, goals, strict=True)}) == 1:
+        return sources, targets, props
+    turned = [
+        given if isinstance(given, SkeletonEdit) else goal.looking_ahead()
+        for given, goal in zip(targets, goals, strict=True)
+    ]
+    moving = [replace(prop, motion=prop.motion.looking_ahead()) for prop in props]
+    return [each.looking_ahead() for each in sources], turned, moving
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:

@@ -152,11 +152,10 @@ class SceneSetup:
         skins = [self._skin_of(performer) for performer in self.performers]
         builds = [performer.builds(skin) for performer, skin in zip(self.performers, skins, strict=True)]
         for performer, source in zip(self.performers, sources, strict=True):
-            target = load_target(performer.target).for_source(source.rigid_skeleton)
-            map_file = load_map(performer.map_path)
-            maps.append(joint_map(source.rigid_skeleton, target, performer.target, map_file))
-            rests.append(map_file.rest.on(source.rigid_skeleton) if map_file.rest else None)
-            targets.append(target)
+            skeleton, map_file = source.rigid_skeleton, load_map(performer.map_path)
+            targets.append(load_target(performer.target))
+            maps.append(joint_map(skeleton, targets[-1].for_source(skeleton), performer.target, map_file))
+            rests.append(map_file.rest.on(skeleton) if map_file.rest else None)
         try:
             return retarget_scene(
                 sources,
@@ -172,7 +171,8 @@ class SceneSetup:
                 contacts=contacts,
             )
         except DistretargetError as error:
-            raise error.in_file(error.path or self.performers[0].file) from None
+            files = self.performers[error.performer or 0]
+            raise error.in_file(error.path or (files.target if error.of_target else files.file)) from None
 
     def _skin_of(self, performer: PerformerFiles) -> SkinMode:
         """How a performer is thick; "auto" where a file says it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, read_only
 from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import over_blocks
+from distretarget.skeleton import HALF_TURN
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,10 @@ class Capsules:
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    def turned_round(self) -> Capsules:
+        """Return the capsules turned half round about Y, as `Skeleton.turned_round` is."""
+        return replace(self, ends=self.ends * HALF_TURN)
 
     def posed(self, motion: Motion) -> Array:
         """Return the ends of the axes in each frame of a motion, (frames, capsules, 2, 3) [file units]."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
+from distretarget.skeleton import HALF_TURN
 
 Array = NDArray[np.float64]
 
@@ -84,6 +85,10 @@ class SkinnedMesh:
             places = np.einsum("fij,vj->fvi", matrices, bound) + motion.positions[:, None, joint]
             result[:, moved] += share[moved, None] * places
         return result
+
+    def turned_round(self) -> SkinnedMesh:
+        """Return the mesh turned half round about Y, as `Skeleton.turned_round` is."""
+        return replace(self, vertices=self.vertices * HALF_TURN, whole=self.whole and self.whole.turned_round())
 
 
 def no_mesh() -> SkinnedMesh | None:
