@@ -23,7 +23,7 @@ from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place
 
 Array = NDArray[np.float64]
 
-TURNS = 3  # tangents of a frame are found so many times
+TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
 SWEEPS = 12  # over all tangents
 SETTLED = 5e-4  # it ends where limbs move by less than this in sum [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not touch [body units]
@@ -96,13 +96,14 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
             if not acts[frame]:
                 continue
         asked = apart[frame], soft[frame], wanted[frame], firmness[frame]
-        for _ in range(TURNS):
+        for turn in range(TURNS):
             copy_to(before, d)
             place_displaced(balls, displaced, posed[frame], d, ends, placed)
             count = find_gaps(balls, displaced, placed, free[frame], d, asked, reach, rows)
             if count > 0:
                 count = find_lengths(limbs[frame], free[frame], d, rows, count)
-            copy_to(d, least)
+            if turn == 0:
+                copy_to(d, least)
             _push_all(rows, count, d)
             if _way_between(before, d) < SETTLED:
                 break
@@ -110,7 +111,7 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
 
 @inlined(fastmath=True)
 def _push_all(rows, count, d):  # type: ignore[no-untyped-def]
-    """Displace limbs by the least that keeps so many rows."""
+    """Displace limbs by the least that keeps so many tangents."""
     for _ in range(SWEEPS):
         moved = 0.0
         for row in range(count - 1, -1, -1):

@@ -30,8 +30,13 @@ def room_for(balls: Balls) -> Placed:
     """Return room for the balls and capsules of a frame."""
     capsules, (first, second) = len(balls.joints), balls.pairs.T
     most = np.diff(balls.of_ball)[first] * np.diff(balls.of_capsule)[second]
-    shapes = (len(balls.carriers), 3), (capsules, 8), (capsules, 4), (len(balls.of_capsule) - 1, 4)
-    return Placed(*map(np.zeros, shapes), np.zeros((most.max(initial=0), 2), np.intp))
+    return Placed(
+        centres=np.zeros((len(balls.carriers), 3)),
+        axes=np.zeros((capsules, 8)),
+        spheres=np.zeros((capsules, 4)),
+        of_segments=np.zeros((len(balls.of_capsule) - 1, 4)),
+        meetings=np.zeros((most.max(initial=0), 2), np.intp),
+    )
 
 
 @inlined(fastmath=True)
@@ -70,7 +75,7 @@ def _write_sphere(spheres: Array, around: Array) -> None:
 def _is_near(one: Array, other: Array, far: float) -> bool:
     """Whether two spheres, (4,), are nearer than this."""
     square = (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2
-    return square < max(one[3] + other[3] + far, 0.0) ** 2
+    return bool(square < max(one[3] + other[3] + far, 0.0) ** 2)
 
 
 @inlined(fastmath=True)

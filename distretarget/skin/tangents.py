@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 MARGIN = 0.01  # gaps that are larger have no tangent [body units]
-FIRMEST = 0.9  # of what touches
+GIVES = 0.18  # of what a push moves, it gives way: limbs that have no room to leave would else be pushed without end
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
 
@@ -83,7 +83,7 @@ def find_gaps(balls, displaced, placed, free, d, asked, reach, rows):  # type: i
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
             gap, t, x, y, z = gap_of(balls, ball, capsule, placed)
             if gap < far and _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
-                _write(rows, count, x, y, z, gap + soft[pair], 0.0, 0.0, d)
+                _write(rows, count, x, y, z, gap + soft[pair], GIVES, 0.0, d)
                 count += 1
             if gap < lowest:
                 lowest, nearest = gap, meeting
@@ -91,8 +91,7 @@ def find_gaps(balls, displaced, placed, free, d, asked, reach, rows):  # type: i
             ball, capsule = placed.meetings[nearest, 0], placed.meetings[nearest, 1]
             gap, t, x, y, z = gap_of(balls, ball, capsule, placed)
             if _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
-                f = min(firm[pair], FIRMEST)
-                _write(rows, count, x, y, z, gap - wanted[pair], (1.0 - f) / f, -NEVER, d)
+                _write(rows, count, x, y, z, gap - wanted[pair], (1.0 + GIVES) / firm[pair] - 1.0, -NEVER, d)
                 count += 1
     return count
 
