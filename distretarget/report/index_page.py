@@ -9,17 +9,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, TypedDict
 from urllib.parse import quote
 
-from distretarget.measure.metrics import SUFFIXES, Variant, as_data, metrics_at
+from distretarget.measure.metrics import COLUMNS, as_data
 from distretarget.report.page import html_page
 
 ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
-# The columns of metrics: of source, where it has one, rotation copy and result.
-METRIC_COLUMNS: dict[str, tuple[Variant, str]] = {
-    metric.key + suffix: (side, metric.key)
-    for metric in metrics_at("page over clips")
-    for side, suffix in SUFFIXES.items()
-    if side != "source" or metric.of_source
-}
+METRIC_COLUMNS = tuple(name for name, (_, metric) in COLUMNS.items() if "page over clips" in metric.places)
 FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
 
 
@@ -31,10 +25,10 @@ class ClipRecord(TypedDict):
     target: str  # path of the target's file
     frames: int  # retargeted
     seconds: float  # that this took [s]
-    metrics: Mapping[Variant, Mapping[str, float | None]]  # by key; None where nothing was measured; empty if it failed
-    warnings: list[str]  # what needs a look, a line each
+    metrics: Mapping[str, float | None]  # by `COLUMNS`; None where nothing was measured; empty if it failed
+    warnings: list[str]  # a line each
     status: Literal["done", "failed"]
-    error: str | None  # why it failed
+    error: str  # why it failed; empty if it did not
 
 
 def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: str, version: str) -> str:
@@ -62,7 +56,7 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
             *((1, record["frames"], _number(record["seconds"])) if record["status"] == "done" else (0, None, None)),
             [warning_at[text] for text in record["warnings"]],
             _reason(record),
-            *(_number((record["metrics"].get(side) or {}).get(key)) for side, key in METRIC_COLUMNS.values()),
+            *(_number(record["metrics"].get(name)) for name in METRIC_COLUMNS),
         ]
         for record in records
     ]

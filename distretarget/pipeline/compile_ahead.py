@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.batch.interrupts import interrupts_kept
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.resting import above_lowest, joint_speeds, still_joints
@@ -13,6 +12,7 @@ from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
 from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.motion import Motion
+from distretarget.numerics.interrupts import interrupts_kept
 from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import median_of_three
 from distretarget.objectives.skins import BodySkin
