@@ -34,7 +34,7 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
     """Look at motions and characters in the browser.
 
     FILES are BVH, glTF, VRM, VRMA, FBX and skeleton files, or folders of them. A character is shown with its mesh, any
-    other body as thick as an average adult. Of several animations in a file the first is shown. The page is one file
+    other body as thick as an average one. Of several animations in a file the first is shown. The page is one file
     that asks for nothing from the network. - stands for standard input or output.
 
     \b
