@@ -32,6 +32,7 @@ from distretarget.io.obj import capsules_to_obj
 from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
 from distretarget.matching.unmatched import parts_without_source
+from distretarget.numerics.compiled import uncompiled
 from distretarget.pipeline.performer import target_capsules
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
@@ -49,6 +50,7 @@ def of_bone(text: str) -> tuple[str, float]:
 @click.group("skeleton")
 def skeleton_group() -> None:
     """Show, edit and match skeletons, and write skeleton files. - stands for standard input or output."""
+    click.get_current_context().with_resource(uncompiled())
 
 
 @skeleton_group.command("show")
