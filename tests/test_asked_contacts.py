@@ -24,7 +24,8 @@ from distretarget import (
     retarget,
     retarget_scene,
 )
-from distretarget.io.contacts_file import contacts_to_json
+from distretarget.io.contacts_file import contacts_to_json, entry_to_json
+from distretarget.pipeline.found_contacts import marked_contacts
 from distretarget.skin.balls import segment_gaps
 
 FRAMES = (100, 150)
@@ -89,19 +90,33 @@ def test_what_was_found_changes_nothing_when_it_is_given_back(clap, child):
     assert not len(changed(without, given))
 
 
-def test_a_dropped_contact_leaves_the_result_of_the_clip_without_it(clap, child):
-    dropped = asked(clap, child, Contact(between=("left hand", "right hand"), keep=False))
+def test_dropped_contacts_leave_the_result_of_the_clip_without_them(clap, child):
+    """A drop is no repair of the result: the clip is solved without it, in all its spans as in the whole clip."""
+    claps = [entry for entry in find_contacts(clap) if isinstance(entry, Contact)]
+    spans = [Contact(between=entry.between, keep=False, frames=entry.frames) for entry in claps]
     none = retarget(clap, child, settings=ContactSettings(strength=0.0))
-    off = np.abs(dropped.motion.positions - none.motion.positions).max() / dropped.matching.target.unit
-    assert off < 1e-9
+    for dropped in ([Contact(between=("left hand", "right hand"), keep=False)], spans):
+        off = asked(clap, child, *dropped).motion.positions - none.motion.positions
+        assert np.abs(off).max() / none.matching.target.unit < 1e-9
 
 
-def test_only_frames_within_two_blends_change(clap, child):
+def test_one_dropped_contact_changes_what_is_near_it(clap, child):
     first = next(entry for entry in find_contacts(clap) if isinstance(entry, Contact))
+    before = retarget(clap, child)
     one = asked(clap, child, Contact(between=first.between, keep=False, frames=first.frames))
-    frames, reach = changed(retarget(clap, child), one), BLENDS / clap.frame_time
-    assert first.frames[0] - reach <= frames.min() < first.frames[0]
-    assert first.frames[1] < frames.max() <= first.frames[1] + reach
+    reach = round(BLENDS / clap.frame_time) + 2
+    assert changed(before, one).min() >= first.frames[0] - reach
+    off = np.linalg.norm(one.motion.positions - before.motion.positions, axis=-1).max(axis=1)
+    off /= one.matching.target.unit
+    assert off[first.frames[0] : first.frames[1]].max() > 1e-3
+    assert off[first.frames[1] + reach :].max() < 1e-5  # the solver's tolerance
+
+
+def test_only_frames_within_two_blends_of_a_made_contact_change(walk, child, walked):
+    frames = changed(walked, asked(walk, child, HAND_ON_HEAD))
+    reach = BLENDS / walk.frame_time
+    assert FRAMES[0] - reach <= frames.min() < FRAMES[0]
+    assert FRAMES[1] < frames.max() <= FRAMES[1] + reach
 
 
 @pytest.mark.parametrize(("other", "gap"), [("head", 0.0), ("right hand", 0.0), ("hips", 5.0)])
@@ -175,6 +190,7 @@ def test_what_cannot_be_reached_is_met_in_part_and_told(walk, child, walked):
     longest = skeleton.path_lengths[skeleton.index("LeftKnee"), skeleton.index("RightKnee")]
     far = asked(walk, child, Distance(distance=("LeftKnee", "RightKnee"), value=float(longest), frames=FRAMES))
     assert any("LeftKnee - RightKnee is up to" in warning for warning in far.warnings)
+    assert "What is asked is met in part: LeftKnee - RightKnee is up to" in far.verdict
 
 
 def test_a_distance_is_kept(walk, child):
@@ -283,3 +299,26 @@ def test_the_program_lists_writes_and_takes_contacts(tmp_path):
         f"distretarget: {listed}: contacts[{len(document['contacts']) - 1}].frames: frame 999 is beyond the clip, "
         "which has 277 frames, 0 to 276"
     )
+
+
+def test_marks_say_what_was_found_dropped_and_added(clap, child):
+    claps = [entry for entry in find_contacts(clap) if isinstance(entry, Contact)]
+    drop = Contact(between=("right hand", "left hand"), keep=False, frames=claps[1].frames)
+    marks = marked_contacts(asked(clap, child, drop, HAND_ON_HEAD))
+    hands = [each.mark for each in marks if each.entry.parts == ("left hand", "right hand")]
+    assert hands == ["found", "dropped", *["found"] * 4]
+    assert [each.entry for each in marks if each.mark == "added"] == [HAND_ON_HEAD]
+    line = next(entry_to_json(each.entry) for each in marks if each.mark == "dropped")
+    assert json.loads(line)["between"] == ["left hand", "right hand"]
+    assert not {each.mark for each in marked_contacts(retarget(clap, child))} - {"found"}
+
+
+def test_a_hand_on_the_own_knee_moves_with_it(walk, child):
+    """It is at the knee, and stays at the same place of it while the leg swings."""
+    held = asked(walk, child, Plant(plant="left hand", on="LeftKnee", frames=(100, 130)))
+    wrist, knee = (held.motion.skeleton.index(name) for name in ("LeftWrist", "LeftKnee"))
+    x = held.motion.positions[100:131]
+    off = np.linalg.norm(x[:, wrist] - x[:, knee], axis=1) / held.matching.target.height
+    if not held.unmet:
+        assert off.max() < 0.003
+    assert np.ptp(x[:, knee], axis=0).max() / held.matching.target.height > 0.05

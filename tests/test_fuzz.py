@@ -23,7 +23,10 @@ def test_findings_stay_mended(case):
     assert outcome in (fuzz.RIGHT, fuzz.REFUSED), known
 
 
-@pytest.mark.parametrize(("part", "count"), [("readers", 150), ("pipeline", 40), ("processes", 2)])
+@pytest.mark.parametrize(
+    ("part", "count"),
+    [("readers", 150), ("pipeline", 40), ("scenes", 15), ("contacts", 15), ("commands", 15), ("processes", 2)],
+)
 def test_generated_inputs(part, count):
     compile_all()
     action, cases = fuzz.PARTS[part]

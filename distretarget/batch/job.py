@@ -150,7 +150,7 @@ def _converted(job: Job) -> Result:
         "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "alignment": alignment_text(result.matching),
     }
-    return Result(record, outputs, run_page(result, job.about, target.target) if job.about else "")
+    return Result(record, outputs, run_page(result, job.about, target.target, job.source) if job.about else "")
 
 
 def _outputs(job: Job, target: TargetFile, result: RetargetResult) -> dict[str, Output]:

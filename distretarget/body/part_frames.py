@@ -77,7 +77,7 @@ def frames(body: Body) -> Iterator[tuple[str, Frame]]:
     for side in SIDES:
         for part, (upper, lower) in LIMBS.items():
             if (start := size.roles.get(side + upper)) is not None:
-                end = size.roles.get(side + lower, _farthest(body, start))
+                end = size.roles.get(side + lower, body.skeleton.farthest.item(start))
                 along = size.positions[end] - size.positions[start]
                 if along.any():
                     axes = size.across(along, side)
@@ -159,7 +159,7 @@ def _hand(size: _Size, side: str, segments: Segments, body: Body) -> Iterator[tu
     known = [size.roles[name] for finger in FINGERS[1:] if (name := f"{side}{finger}1") in size.roles]
     average = PALM * size.size
     is_known = len(known) >= KNUCKLES
-    tip = x[known].mean(axis=0) if is_known else x[_farthest(body, hand)]
+    tip = x[known].mean(axis=0) if is_known else x[body.skeleton.farthest[hand]]
     along = tip - x[hand]
     if not along.any():
         along = x[hand] - x[size.roles[f"{side}LowerArm"]]
@@ -197,11 +197,6 @@ def _both(roles: Mapping[str, int], part: str) -> list[int]:
     """The joints of a part on both sides; none where one of them is missing."""
     found = [roles[side + part] for side in SIDES if side + part in roles]
     return found if len(found) == len(SIDES) else []
-
-
-def _farthest(body: Body, joint: int) -> int:
-    """The joint below another, or itself, that is farthest along the bones."""
-    return max(body.skeleton.subtree(joint), key=lambda below: body.skeleton.path_lengths[joint, below])
 
 
 def _norm(vector: Array) -> float:

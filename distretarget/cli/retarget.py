@@ -158,7 +158,7 @@ def retarget_command(
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
         metrics: lambda: metrics_json(result),
-        report: lambda: run_page(result, about(Path(source_file.path), output), body.target),
+        report: lambda: run_page(result, about(Path(source_file.path), output), body.target, source_file),
     }
     write_outputs(contents, overwrite)
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))

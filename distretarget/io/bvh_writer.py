@@ -82,7 +82,7 @@ def _with_channels(motion: Motion) -> Motion:
 
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
     """The HIERARCHY, joints depth first."""
-    depths = skeleton.path_sizes[0] - 1
+    depths = skeleton.depths
     if (deepest := int(depths.max())) > MAX_DEPTH:
         raise SkeletonError(f"a joint is inside {deepest} others; BVH files have {MAX_DEPTH} at most")
     order = skeleton.depth_first
@@ -109,7 +109,7 @@ def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
 
 def _decimals(skeleton: Skeleton) -> list[int]:
     """The number of decimals of each channel, depth first; positions get those that 1e-8 of the longest path needs."""
-    longest = float(np.max(skeleton.path_lengths))
+    longest = skeleton.longest_path
     fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6
     channels = [channel for joint in skeleton.depth_first for channel in skeleton.channels[joint]]
     return [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]

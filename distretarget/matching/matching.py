@@ -81,7 +81,7 @@ class Matching:
         distances = []  # from all joints to the landmarks, relative to the largest between landmarks
         for body, own in zip((self.source, self.target), roles, strict=True):
             joints = [own[mark] for mark in marks]
-            tau = body.skeleton.path_lengths[:, joints]
+            tau = np.stack([body.skeleton.paths_from(joint) for joint in joints], axis=1)
             distances.append(tau / (tau[joints].max() or 1.0))
         difference = np.abs(distances[0][self.drivers] - distances[1]).mean(axis=1)
         return np.asarray(by_method * np.clip(1.0 - difference, 0.0, 1.0))

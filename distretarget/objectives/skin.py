@@ -20,7 +20,6 @@ from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.parallel import blocks_of, in_threads
 from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
-from distretarget.objectives.asked import Asked
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import Contacts
 from distretarget.objectives.settings import ContactSettings
@@ -74,34 +73,12 @@ def _displaced(
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     soft = softness(balls.pairs, in_source)
     firmness, aim = _firmness(clip, body, in_source, supports, settings, at), np.maximum(in_source, 0.0)
-    if clip.asked is not None:
-        firmness, aim = _as_asked(clip.asked, body, gaps, firmness, aim, at)
     wanted = gaps + firmness * (aim - gaps)
     acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
         return np.zeros((len(clip), len(body.limbs), 2, 3))
     given = ends, limb_places(body, posed), how_free(clip, body, supports, settings)
     return led(balls, body.displaced, given, (acts, gaps, soft, wanted, firmness), keys)
-
-
-def _as_asked(
-    asked: Asked, body: BodySkin, gaps: Array, firmness: Array, aim: Array, at: Numbers
-) -> tuple[Array, Array]:
-    """How firmly pairs of segments touch and the gaps they aim at, (keys, pairs), with the contacts that are asked for:
-    of all pairs of segments of the two parts, the nearest.
-    """
-    firmness, aim = np.array(firmness), np.array(aim)
-    for touch in asked.touches:
-        on, weight = body.between(touch.one, touch.other), touch.weight[at][:, None]
-        trunk = PLACE[body.balls.pairs[on, 1]] == PLACE[SEGMENTS.index("pelvis")]
-        on = on[~trunk] if touch.gap is not None else on  # only leaves a trunk that it is brought to by a spring
-        if len(on):
-            apart = gaps[:, on]
-            near = 1.0 - smoothstep((apart - apart.min(axis=1, keepdims=True)) / MARGIN)
-            firmness[:, on] += weight * (near - firmness[:, on])
-            if touch.gap is not None:
-                aim[:, on] += np.ceil(weight) * (touch.gap - aim[:, on])
-    return firmness, aim
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
@@ -230,7 +207,7 @@ def _meant(
     for segment in (number for number, name in enumerate(SEGMENTS) if "hand" in name):
         points = np.flatnonzero(of_point == segment)
         if len(points):
-            reach = clip.skeleton.path_lengths[targets[points[0]], targets[points]]
+            reach = clip.skeleton.paths_from(targets.item(points[0]))[targets[points]]
             chosen[points] = (points == points[0]) | (points == points[reach.argmax()])
     contacts, meant = Contacts.of(clip, settings, chosen), np.zeros(touching.shape)
     for block in blocks_of(len(clip)):

@@ -46,7 +46,7 @@ class BodySkin:
         balls = balls_of(scaled, posed / body.unit)
         own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))
         of_joint = [next((own[a] for a in skeleton.line(joint) if a in own), -1) for joint in range(len(skeleton))]
-        limbs = _limbs_of(body)
+        limbs = limbs_of(body)
         t, on = balls.places[:, None], balls.carriers
         centres = (1.0 - t) * posed[on, 0] + t * posed[on, 1]
         of_ball, ball_shares = shares_of(limbs, skeleton, pose.positions, capsules.joints[on], centres)
@@ -73,6 +73,11 @@ class BodySkin:
         on = (np.isin(first, a) & np.isin(second, b)) | (np.isin(first, b) & np.isin(second, a))
         return np.flatnonzero(on)
 
+    def thickness(self, joint: int) -> float:
+        """Return the mean radius of the part of the body that a joint belongs to [body units]."""
+        radii = self.balls.cap_radii[self.capsules.segments == self.of_joint[joint]]
+        return float(radii.mean()) if radii.size else 0.0
+
     def posed(self, motion: Motion) -> Array:
         """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""
         posed = self.capsules.posed(motion)
@@ -80,8 +85,8 @@ class BodySkin:
         return posed
 
 
-def _limbs_of(body: Body) -> tuple[Limb, ...]:
-    """The limbs whose three joints are known, arms before legs."""
+def limbs_of(body: Body) -> tuple[Limb, ...]:
+    """Return the limbs whose three joints are known, arms before legs."""
     roles = body.anatomy.roles if body.anatomy else {}
     named = [[side + part for part in parts] for parts in LIMBS for side in SIDES]
     known = [names for names in named if roles.keys() >= {*names}]

@@ -19,11 +19,9 @@ from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
-from distretarget.objectives.asking import Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_floor
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
-from distretarget.objectives.looks import with_looks
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
@@ -118,7 +116,6 @@ class Performer:
     clip: Clip  # the clip as the solvers take it
     supports: Supports  # the joints that rest on the world
     settings: ContactSettings  # of the contact objective
-    wishes: Wishes | None = None  # what the user says of contacts
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
@@ -137,8 +134,7 @@ class Performer:
 
     def posed(self, poses: Poses) -> Motion:
         """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
-        posed = posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
-        return with_looks(posed, self.wishes, self.match.matching.target) if self.wishes else posed
+        return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def with_own_skin(self, posed: Motion) -> Motion:
         """Return a motion with its limbs bent as the performer's skin asks; the same motion without skin."""

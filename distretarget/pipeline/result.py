@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.world import World
+from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
@@ -50,7 +51,8 @@ class RetargetResult:
         postures: the paper's solved points; None for the contact objective.
         distances: the points that source and target share, with their path lengths.
         skins: the surfaces of source and target; None for stick figures.
-        unmet: what was asked of contacts and distances and could be met in part only, a line each.
+        asked: what the user said of contacts.
+        unmet: what of that could be met in part only, a line each.
         mesh: of the target, by which the metrics of skin are measured; None to measure them by its surface.
     """
 
@@ -66,6 +68,7 @@ class RetargetResult:
     distances: DistanceProblem
     skins: Skins | None = None
     mesh: SkinnedMesh | None = None
+    asked: ContactList = NO_CONTACTS
     unmet: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -147,7 +150,8 @@ class RetargetResult:
     @cached_property
     def verdict(self) -> str:
         """What was kept and what changed, in a plain sentence, with the names of metrics over their limits."""
-        return verdict(self.metrics, self.tracks)
+        text = verdict(self.metrics, self.tracks)
+        return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -178,4 +182,4 @@ class RetargetResult:
             return False
         leg, motion = self.matching.legs[1][support // 2], self.motion
         reach = motion.positions[frame, leg.ankle] - motion.positions[frame, leg.hip]
-        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.path_lengths[leg.hip, leg.ankle])
+        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])

@@ -77,7 +77,7 @@ function buildSides(stage) {
       $('reset').click();
       label(stage);
       repaint();
-    }}}, ...stage.sides.map(({title}) => new Option(title))));
+    }}}, ...stage.sides.map(({title, shown}) => new Option(title, title, shown, shown))));
     return;
   }
   for (const side of stage.sides) {
