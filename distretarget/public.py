@@ -33,10 +33,10 @@ from distretarget.io.contacts_file import contacts_to_json as contacts_to_json
 from distretarget.io.contacts_file import load_contacts as load_contacts
 from distretarget.io.interop import from_bvhio as from_bvhio
 from distretarget.io.interop import to_bvhio as to_bvhio
-from distretarget.io.interop import write_npz as write_npz
 from distretarget.io.motion_file import read_motion as read_motion
 from distretarget.io.motion_writer import OutputSettings as OutputSettings
 from distretarget.io.motion_writer import write_motion as write_motion
+from distretarget.io.motion_writer import write_npz as write_npz
 from distretarget.io.target_file import load_target as load_target
 from distretarget.matching.matching import Matching as Matching
 from distretarget.matching.matching import match as match

@@ -18,6 +18,7 @@ from distretarget.numerics.kinematics import joint_positions
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 USUAL_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")  # of joints for which a file states no channels
+USUAL_ROOT = POSITION_CHANNELS + USUAL_ROTATIONS  # of such a root
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
 HALF_TURN = np.array([-1.0, 1.0, -1.0])  # what turns vectors half round about Y
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}  # length units [m]

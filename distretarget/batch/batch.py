@@ -25,7 +25,7 @@ from distretarget.io.contacts_file import SUFFIX as CONTACTS_SUFFIX
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import hash_of, hash_of_file, read_bytes
 from distretarget.io.gltf_writer import Parts
-from distretarget.io.input_file import InputFile, with_files_beside
+from distretarget.io.input_file import ARRAY_SUFFIXES, InputFile, with_files_beside
 from distretarget.io.motion_writer import with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
@@ -47,6 +47,7 @@ class Batch:
         recipe: how clips are retargeted.
         pages: what is made of all of them.
         contacts: a contact file for all clips, or `BESIDE`, for the one beside each clip.
+        joints: the skeleton for clips that are arrays.
         time_limit: of a clip [s].
         fail_fast: whether to end with the first failure.
     """
@@ -56,6 +57,7 @@ class Batch:
     recipe: Recipe
     pages: Pages
     contacts: Path | None = None
+    joints: InputFile | None = None
     time_limit: float | None = None
     fail_fast: bool = False
 
@@ -64,6 +66,8 @@ class Batch:
         settings = dict(self.recipe.of_animation(clip.animation).settings)
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
+        if self.joints and clip.path.suffix.lower() in ARRAY_SUFFIXES:
+            settings["joints"] = self.joints.hash
         return {**new_record(clip, settings), "input_hash": input_hash}
 
     def _contacts_path(self, clip: Clip) -> Path | None:
@@ -175,7 +179,7 @@ class Batch:
     def _job(self, source: InputFile, clip: Clip, record: ManifestRecord) -> Job:
         """The job of a clip; an error if a file cannot be read."""
         return Job(
-            with_files_beside(source),
+            replace(with_files_beside(source), joints=self.joints),
             self._packed[str(clip.target.path)],
             self.recipe.of_animation(clip.animation),
             record,

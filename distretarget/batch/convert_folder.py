@@ -19,6 +19,7 @@ from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import Processes
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_choice, check_kind, check_number, check_path
+from distretarget.io.input_file import load_file
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings
 from distretarget.numerics.parallel import cores
@@ -50,6 +51,7 @@ def convert_folder(
     reports: int | None = 10,
     table: str | Path | None = None,
     keep: str | None = None,
+    joints: str | Path | None = None,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
 
@@ -81,6 +83,7 @@ def convert_folder(
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
         keep: a condition on metrics, as `--keep` takes it; clips that fail it are left out.
+        joints: the skeleton for clips that are arrays, which folders are searched for then; see `read_motion`.
 
     Returns:
         The numbers of clips converted, skipped, failed and left out, and `lines` to print.
@@ -105,7 +108,7 @@ def convert_folder(
         check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
-    found, unread = find_clips(paths, (), include, exclude)
+    found, unread = find_clips(paths, (), include, exclude, arrays=joints is not None)
     if unread:
         raise unread[0]
     clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, formats, clip)
@@ -120,6 +123,7 @@ def convert_folder(
             Path(table) if table else None,
         ),
         checked_contacts(None if contacts is None else Path(contacts)),
+        load_file(joints) if joints else None,
         time_limit,
         fail_fast,
     )

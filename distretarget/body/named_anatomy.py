@@ -122,10 +122,11 @@ class _Rig:
                 if finger != "Thumb":
                     next_finger[self.parents[joint]] = finger
         chains = {finger: self._chain(own, stems) for finger, own in joints.items()}
+        thumb = len(chains["Thumb"])
         return {
             f"{finger}{number}": joint
             for finger, chain in chains.items()
-            for number, joint in enumerate(chain, start=_first_number(finger, [stems[joint] for joint in chain]))
+            for number, joint in enumerate(chain, start=_first_number(finger, [stems[joint] for joint in chain], thumb))
             if number <= LAST_BONE
         }
 
@@ -248,15 +249,15 @@ def _in_palm(stem: str) -> bool:
     return any(word in stem for word in vocabulary().palm)
 
 
-def _first_number(finger: str, stems: Sequence[str]) -> int:
+def _first_number(finger: str, stems: Sequence[str], thumb: int) -> int:
     """The number of a finger's first bone: 0 for a bone in the palm, else 1.
 
-    A bone is in the palm if its name says so, or if three others follow it and its number is not 1. A thumb of three
-    bones begins in the palm, but with 1.
+    A bone is in the palm if its name says so, or if three others follow it and its number is not 1, or the thumb has
+    three bones, none of them at its tip. A thumb of three bones begins in the palm, but with 1.
     """
     if not stems:
         return 1
-    longer = len(stems) > LAST_BONE and not stems[0].endswith("1")
+    longer = len(stems) > LAST_BONE and (thumb == LAST_BONE or not stems[0].endswith("1"))
     return 0 if longer or (finger != "Thumb" and _in_palm(stems[0])) else 1
 
 

@@ -196,6 +196,8 @@ def _leave(status: int) -> NoReturn:
 
 def _complain(message: str, status: int) -> int:
     """Print an error on one line and return the exit status."""
-    line = " ".join(message.split("\n"))
+    from distretarget.cli.outputs import as_options
+
+    line = as_options(" ".join(message.split("\n")))
     click.echo(shown(f"distretarget: {line}"), err=True)
     return status

@@ -39,6 +39,7 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, SettingsError, counted
 from distretarget.io.files import hash_of, is_folder, read_bytes
+from distretarget.io.input_file import load_file
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, OutputSettings, output_kind
 from distretarget.io.target_file import TargetFile
@@ -161,6 +162,7 @@ def batch_command(
     input_list: Iterator[str] | None,
     clip: str | None,
     fps: float | None,
+    joints_path: Path | None,
     kinds: tuple[str, ...] | None,
     npz: bool,
     settings: OutputSettings,
@@ -210,7 +212,7 @@ def batch_command(
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
-    found, unread = find_clips(sources, listed, include, exclude)
+    found, unread = find_clips(sources, listed, include, exclude, arrays=joints_path is not None)
     map_file = load_map(map_path, rest_path)
     if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
@@ -231,6 +233,7 @@ def batch_command(
         Recipe(options, map_file, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()),
         Pages(about, index, reports, table),
         checked_contacts(contacts_path),
+        load_file(joints_path) if joints_path else None,
         time_limit,
         fail_fast,
     )

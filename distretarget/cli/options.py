@@ -213,15 +213,24 @@ OPTIONS = (
 
 
 def reading(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options --clip and --fps to a command that reads a motion."""
+    """Add the options --clip, --fps and --skeleton to a command that reads a motion."""
     clip = click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
     fps = click.option(
         "--fps",
         type=of_rate,
         metavar="NUMBER",
-        help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys.",
+        help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys. Of .npy, its frame rate.",
     )
-    return clip(fps(command))
+    joints = click.option(
+        "--skeleton",
+        "--smpl-joints",
+        "joints_path",
+        type=PATH,
+        metavar="FILE",
+        help="Of .npz and .npy, the skeleton that the positions or parameters of SMPL in SOURCE are for: a skeleton, "
+        "BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
+    )
+    return clip(fps(joints(command)))
 
 
 def writing(command: Callable[..., None]) -> Callable[..., None]:

@@ -19,8 +19,18 @@ from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
 from distretarget.io.mesh_file import CharacterMesh, HeldMesh
 from distretarget.io.motion_file import parse_character
+from distretarget.io.smpl import array_skeleton
 from distretarget.motion import check_reach
-from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, USUAL_ROTATIONS, JointMap, Skeleton
+from distretarget.skeleton import (
+    AXES,
+    POSITION_CHANNELS,
+    ROTATION_CHANNELS,
+    UNITS,
+    USUAL_ROOT,
+    USUAL_ROTATIONS,
+    JointMap,
+    Skeleton,
+)
 from distretarget.target import SkeletonEdit, Target, with_bones
 
 FORMAT = "distretarget-skeleton"
@@ -28,7 +38,6 @@ VERSION = 1
 FULL_KEYS = ("joints", "units", "up", "map")
 SHORT_KEYS = ("scale", "lengths", "factors")
 ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
-ROOT_CHANNELS = POSITION_CHANNELS + USUAL_ROTATIONS  # of a root for which the file states none
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,6 +93,8 @@ def parse_target(file: InputFile) -> Target | SkeletonEdit:
             return _json_target(parse_json(file.path, file.text))
         case "BVH":
             return _bvh_target(file.text, file.path)
+        case "arrays":
+            return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
     character = parse_character(file)
     skeleton = with_bones(character.skeleton, file.path)
     return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character))
@@ -183,7 +194,7 @@ def _offset(node: Node) -> list[float]:
 def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
     """The channels of a joint: those that the file states, else the usual ones."""
     if "channels" not in joint:
-        usual = USUAL_ROTATIONS if joint["parent"].value is not None else ROOT_CHANNELS
+        usual = USUAL_ROTATIONS if joint["parent"].value is not None else USUAL_ROOT
         return () if end else usual
     channels: list[str] = []
     for node in joint["channels"].items():

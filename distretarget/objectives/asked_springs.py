@@ -153,7 +153,7 @@ def _spring(clip: Clip, pair: tuple[int, int], way: Array, firmness: Array) -> S
 def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
     """M: (frames, 3, 3), displacement of the first joint against the second per force, in some frames."""
     h = part_stiffness(clip)
-    bones, skeleton = clip.bones[on] / clip.unit, clip.skeleton
+    bones, skeleton = clip.copy.bones[on] / clip.unit, clip.skeleton
     arms = np.zeros((len(bones), len(h) - 1, 3))
     for end, sign in zip(pair, (1.0, -1.0), strict=True):
         for joint in skeleton.line(end):

@@ -130,12 +130,6 @@ class Clip:
         return lowest_heights(self.source.positions, self.up)
 
     @property
-    def bones(self) -> Array:
-        """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
-        bones = np.take(self.copy.positions, self.skeleton.parents, axis=1)
-        return np.subtract(self.copy.positions, bones, out=bones)
-
-    @property
     def loose_parts(self) -> Joints:
         """The parts without a shared point, such as undriven fingers: only the floor moves them."""
         return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.distances.targets)]])

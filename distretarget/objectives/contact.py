@@ -187,7 +187,7 @@ def _with_bent_knees(clip: Clip) -> Array:
     `SLIGHT`, as each foot points, and ankles stay in place. No force on a straight leg bends it, although its foot is
     to come nearer to the hips.
     """
-    bones = clip.bones
+    bones = clip.copy.bones
     for leg in (leg for leg in clip.target_legs or () if leg.toe != leg.ankle):
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
         down = normalised(shin)
