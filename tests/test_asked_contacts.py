@@ -19,6 +19,7 @@ from distretarget import (
     Options,
     Plant,
     find_contacts,
+    load_scene,
     load_target,
     read_motion,
     retarget,
@@ -275,6 +276,64 @@ def test_a_scene_takes_contacts_for_each_performer(walk, child):
         off.append(np.abs(np.linalg.norm(x[:, wrist] - x[:, head], axis=1) - 12.0).max())
     assert off[0] / scene.results[0].matching.target.height < 0.003
     assert off[1] > 20.0
+
+
+def scene_of(name, body, *entries):
+    """A sample scene on a body, and with what is asked of its first performer."""
+    sources, props = load_scene(SAMPLES / "scenes" / name / "scene.json").read()
+    lists = [ContactList(entries), *[ContactList()] * (len(sources) - 1)]
+    bodies = [body.for_source(source.rigid_skeleton) for source in sources]
+    return [retarget_scene(sources, bodies, props, contacts=given) for given in (None, lists)]
+
+
+def local_places(carrier, joint, motion, hand, frames):
+    """Where a hand is in the frame of a joint that it rests on."""
+    turn = Rotation.from_quat(carrier.world_rotations[:, joint]).inv()
+    return turn.apply(motion.positions[:, hand] - carrier.positions[:, joint])[frames[0] : frames[1] + 1]
+
+
+def test_in_a_scene_nobody_changes_farther_away_than_two_blends(child):
+    without, made = scene_of("high_five", child, Contact(between=("left hand", "hips"), gap=0.0, frames=(10, 20)))
+    last = 20 + BLENDS / made.results[0].motion.frame_time
+    assert changed(without.results[0], made.results[0]).max() > 20
+    for before, after in zip(without.results, made.results, strict=True):
+        assert changed(before, after).max(initial=0) <= last
+    assert apart(made.results[0], "left hand", "hips", (10, 20)).max() < 0.003
+
+
+def test_a_hand_rests_on_the_surface_of_a_prop(child):
+    span = (40, 60)
+    without, planted = scene_of("drum_on_table", child, Plant(plant="left hand", on="table", frames=span))
+    hand, table = planted.results[0].motion.skeleton.index("LeftWrist"), planted.props[0].motion
+    before, after = (local_places(table, 0, one.results[0].motion, hand, span) for one in (without, planted))
+    top = table.positions[0, :, 1].max() - table.positions[0, 0, 1]
+    assert np.ptp(before, axis=0).max() > 3.0
+    assert np.ptp(after, axis=0).max() / planted.results[0].matching.target.height < 0.003
+    assert not planted.results[0].unmet
+    assert after[:, 1].max() < max(top, before[:, 1].max()) + 1.0
+
+
+def test_a_hand_rests_on_another_performer_and_moves_with_it(child):
+    span = (50, 60)
+    _, planted = scene_of("high_five", child, Plant(plant="left hand", on="2: RightShoulder", frames=span))
+    one, other = (each.motion for each in planted.results)
+    places = local_places(other, other.skeleton.index("RightShoulder"), one, one.skeleton.index("LeftWrist"), span)
+    height = planted.results[0].matching.target.height
+    assert np.linalg.norm(places, axis=1).max() / height < 0.03
+    assert np.ptp(places, axis=0).max() / height < 0.003
+
+
+@pytest.mark.parametrize(
+    ("on", "message"),
+    [
+        ("tabel", "contacts[0].on: no joint or prop 'tabel'; did you mean 'table'"),
+        ("1: Haed", "contacts[0].on: performer 1 has no joint 'Haed'; did you mean 'Head'"),
+    ],
+)
+def test_what_nothing_can_rest_on_is_told(child, on, message):
+    with pytest.raises(ContactsError) as raised:
+        scene_of("drum_on_table", child, Plant(plant="left hand", on=on))
+    assert message in str(raised.value)
 
 
 def test_the_program_lists_writes_and_takes_contacts(tmp_path):

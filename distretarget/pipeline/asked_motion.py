@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.contact_entries import Plant
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
@@ -118,16 +117,9 @@ def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
 
 def _off(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[tuple[Wish, Array]]:
     """Yield wishes, and how far they are off in a motion where they are to be met, (frames,) [file units]."""
-    clip, supports = wishes.clip, performer.supports
+    clip = wishes.clip
     for wish in wishes.wishes:
-        if pair_of(clip, wish):
-            off = lengths(off_by(wishes, wish, posed, performer.match.skins)) * clip.unit
-        elif isinstance(wish.entry, Plant) and wish.entry.keep:
-            columns = np.isin(supports.joints, wish.joints[0])
-            away = lengths(posed.positions[:, supports.joints[columns]] - supports.places[:, columns])
-            off = away.max(axis=1, initial=0.0)
-        else:
-            continue
+        off = lengths(off_by(wishes, wish, posed, performer.supports, performer.match.skins)) * clip.unit
         yield wish, np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
 
 
