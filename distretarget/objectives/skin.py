@@ -25,10 +25,12 @@ from distretarget.objectives.contact import Contacts
 from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
-from distretarget.skin.balls import Balls, segment_gaps
+from distretarget.skin.balls import Balls
 from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS
-from distretarget.skin.displacement import REACH, Displaced, displacements
+from distretarget.skin.displacement import REACH, displacements
 from distretarget.skin.limbs import bent
+from distretarget.skin.meetings import segment_gaps
+from distretarget.skin.tangents import Displaced
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]

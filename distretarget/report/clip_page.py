@@ -124,7 +124,7 @@ def diff_page(diff: Diff, document: DiffDocument) -> str:
 
 
 def _skins(diff: Diff) -> tuple[Capsules, Capsules]:
-    """The surfaces of A and B; those of average adults."""
+    """The surfaces of A and B; those of average bodies."""
     return capsules_of(diff.matching.source), capsules_of(diff.matching.target)
 
 

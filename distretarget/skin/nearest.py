@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, read_only
-from distretarget.skin.balls import NEVER, Balls, gap_between, place_ball
-from distretarget.skin.closest import LEAST, place_on_axis
+from distretarget.skin.balls import NEVER, Balls
+from distretarget.skin.meetings import find_meetings, gap_of, place, room_for
 
 Array = NDArray[np.float64]
 
@@ -15,29 +15,19 @@ Array = NDArray[np.float64]
 def nearest_skin(balls: Balls, posed: Array, pairs: NDArray[np.intp]) -> tuple[Array, Array]:
     """Return the least gap of some `pairs` of segments in each frame, (frames,), and the direction there from the
     capsules to the balls, (frames, 3). Capsules end at `posed`, (frames, capsules, 2, 3); gaps are as in
-    `balls.segment_gaps`.
+    `meetings.segment_gaps`.
     """
     gaps, away = np.full(len(posed), NEVER), np.zeros((len(posed), 3))
-    _write_nearest(balls, read_only(posed), pairs, gaps, away, np.zeros(3))
+    _write_nearest(balls, read_only(posed), pairs, room_for(balls), gaps, away)
     return gaps, away
 
 
 @compiled()
-def _write_nearest(balls, posed, pairs, gaps, away, p):  # type: ignore[no-untyped-def]
+def _write_nearest(balls, posed, pairs, placed, gaps, away):  # type: ignore[no-untyped-def]
     for frame in range(len(posed)):
+        place(balls, posed[frame], placed)
         for pair in pairs:
-            a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
-            for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-                place_ball(balls, ball, posed[frame], p)
-                for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
-                    if balls.spare[ball, capsule] >= NEVER:
-                        continue
-                    ends, radii = posed[frame, capsule], balls.cap_radii[capsule]
-                    gap = gap_between(p, balls.radii[ball], ends, radii) - balls.spare[ball, capsule]
-                    if gap < gaps[frame]:
-                        gaps[frame], t, square = gap, place_on_axis(p, ends, radii), 0.0
-                        for i in range(3):
-                            away[frame, i] = p[i] - (1.0 - t) * ends[0, i] - t * ends[1, i]
-                            square += away[frame, i] ** 2
-                        for i in range(3):
-                            away[frame, i] /= max(np.sqrt(square), LEAST)
+            for meeting in range(find_meetings(balls, pair, gaps[frame], placed)):
+                gap, _, x, y, z = gap_of(balls, placed.meetings[meeting, 0], placed.meetings[meeting, 1], placed)
+                if gap < gaps[frame]:
+                    gaps[frame], away[frame, 0], away[frame, 1], away[frame, 2] = gap, x, y, z
