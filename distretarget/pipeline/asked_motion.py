@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.build import average_adult
+from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
@@ -97,7 +97,7 @@ def met(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
     skins, body = asked.match.skins, asked.match.matching.target
     given = wishes, asked.supports, limbs_of(body), skins
     motion = with_looks(motion, wishes, body)
-    thick = skins.target if skins else BodySkin.of(body, average_adult().on(body))
+    thick = skins.target if skins else BodySkin.of(body, average_for(body).on(body))
     motion = brought_out(motion, *given[:3], thick, body)
     motion = asked.with_own_skin(reached(motion, *given, STEADY[0]))
     for steady in STEADY:
