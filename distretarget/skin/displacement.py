@@ -24,6 +24,7 @@ from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place
 Array = NDArray[np.float64]
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
+AT_FIRST = 6  # the first frame, which has none before it, begins so many times more with its own
 SWEEPS = 12  # over all tangents
 SETTLED = 5e-4  # it ends where limbs move by less than this in sum [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not touch [body units]
@@ -81,12 +82,13 @@ def displacements(
 def _write_displacements(balls, displaced, posed, constraints, given, reach, room, result):  # type: ignore[no-untyped-def]
     limbs, free, soft, aims, firmness = constraints
     placed, rows, ends, least, before = room
-    for frame in range(len(posed)):
+    for step in range(0 if given else -AT_FIRST, len(posed)):
+        frame = max(step, 0)
         d = result[frame]
         if given:
             copy_to(least, d)
-        elif frame > 0:
-            copy_to(d, result[frame - 1])
+        else:
+            copy_to(d, result[max(frame - 1, 0)])
         if _size_of(d) < NOTHING:
             clear(d)
             if given:

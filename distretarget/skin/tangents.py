@@ -89,7 +89,7 @@ def find_gaps(balls, displaced, placed, free, d, asked, reach, rows):  # type: i
             ball, capsule = placed.meetings[nearest, 0], placed.meetings[nearest, 1]
             gap, t, x, y, z = gap_of(balls, ball, capsule, placed)
             if _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
-                _write(rows, count, x, y, z, gap - aims[pair], (1.0 + GIVES) / firm[pair] - 1.0, -NEVER, d)
+                _write(rows, count, x, y, z, gap - aims[pair], (1.0 + GIVES) / firm[pair] ** 2 - 1.0, -NEVER, d)
                 count += 1
     return count
 
