@@ -22,7 +22,7 @@ from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.looks import front_of
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
-from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.limbs import Limb, bent, reaching
 
 Array = NDArray[np.float64]
@@ -103,12 +103,12 @@ def _moving(
 
 
 def _way_out(skin: BodySkin, posed: Array, parts: NDArray[np.intp], front: Array) -> Array:
-    """(frames,), how far the balls of limbs' parts have to go along `front`, (frames, 3), to leave the trunk, or what
-    of it is not among the parts [body units].
+    """(frames,), how far the balls of limbs' parts have to go along `front`, (frames, 3), to leave the trunk or the
+    head, unless they are to touch it [body units].
     """
-    balls, segments, caps = skin.balls, {*skin.of_joint[parts].tolist()}, skin.capsules.segments
-    own = np.flatnonzero(np.isin(caps[balls.carriers], [s for s in segments if s not in TRUNK]))
-    others = np.flatnonzero(np.isin(caps, [s for s in TRUNK if s not in segments]))
+    balls, segments, caps = skin.balls, np.unique(skin.of_joint[parts]), skin.capsules.segments
+    own = np.flatnonzero(np.isin(caps[balls.carriers], np.setdiff1d(segments, TRUNK)))
+    others = np.flatnonzero(np.isin(caps, [each for each in TRUNK if PLACE[each] not in PLACE[segments]]))
     if not len(own) or not len(others):
         return np.zeros(len(posed))
     t = balls.places[own, None]

@@ -32,17 +32,10 @@ Ways = Sequence[Array | None]
 NOTICED = 0.003  # what is farther off than this is told [heights]
 SMOOTHING = 0.1  # what is asked changes is averaged over this time before and after [s]
 ROUNDS = 2  # in which what is between parts is found
-MET = 0.002  # limbs reach no further once all is nearer than this [heights]
-STEADY = (
-    0.1,
-    0.05,
-    0.05,
-    0.03,
-    0.03,
-    0.02,
-    0.0,
-    0.0,
-)  # in the end limbs close what is left, averaged over these times before and after [s]
+# In the end limbs close what is left, averaged over these times before and after [s], until all is nearer than `MET`
+# [heights], or until what is left does not become less.
+STEADY = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
+MET = 0.0025
 
 
 def dropping(performer: Performer, wishes: Wishes) -> Performer:
@@ -100,11 +93,18 @@ def met(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
     thick = skins.target if skins else BodySkin.of(body, average_for(body).on(body))
     motion = brought_out(motion, *given[:3], thick, body)
     motion = asked.with_own_skin(reached(motion, *given, STEADY[0]))
+    left, last = _farthest(asked, wishes, motion), np.inf
     for steady in STEADY:
-        if not any(off.max() > MET * body.height for _, off in _off(asked, wishes, motion)):
+        if left <= MET * body.height or left >= last:
             break
-        motion = reached(motion, *given, steady)
+        motion, last = reached(motion, *given, steady), left
+        left = _farthest(asked, wishes, motion)
     return with_looks(motion, wishes, body)
+
+
+def _farthest(performer: Performer, wishes: Wishes, posed: Motion) -> float:
+    """How far a motion is off what is asked, at most [file units]."""
+    return float(max((off.max() for _, off in _off(performer, wishes, posed)), default=0.0))
 
 
 def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
