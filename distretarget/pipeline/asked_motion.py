@@ -35,7 +35,7 @@ ROUNDS = 2  # in which what is between parts is found
 # In the end limbs close what is left, averaged over these times before and after [s], until all is nearer than `MET`
 # [heights], or until what is left does not become less.
 STEADY = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
-MET = 0.0025
+MET = 0.002
 
 
 def dropping(performer: Performer, wishes: Wishes) -> Performer:
