@@ -62,7 +62,7 @@ def brought_out(
     for wish in wishes.wishes:
         if isinstance(wish.entry, Contact):
             arms = [each for each in _moving(wishes, wish, supports, limbs) if limbs[each[0]].is_arm]
-            on = np.flatnonzero(wish.weight > 0.0)
+            on = np.flatnonzero(wish.frames)
             parts = np.concatenate(wish.joints)
             far = np.zeros(len(motion))
             far[on] = _way_out(skin, posed[on], parts, front[on])
