@@ -28,14 +28,14 @@ from distretarget.body.soles import Sole
 from distretarget.ik.springs import no_springs
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.time_series import averaged, by_shot, smoothed, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.floor import no_floor
 from distretarget.objectives.soles import LITTLE, ROLL, STEADY, Foot, on_mesh, steadied_offset
-from distretarget.objectives.supports import BLEND, ROOT_BLEND, Supports, no_supports
+from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
 
 Array = NDArray[np.float64]
 
@@ -145,8 +145,10 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
 
     def offset(longer: Array, wider: Array, weights: Array, paths: Array) -> Array:
         mean = steady(longer, weights, level(paths, up))
-        return mean + steady(wider, weights, level(paths, up)) + _about_ankle(paths, clip.frame_time, reach) * (
-            longer - mean
+        return (
+            mean
+            + steady(wider, weights, level(paths, up))
+            + _about_ankle(paths, clip.frame_time, reach) * (longer - mean)
         )
 
     longer = level(scale.height * source.bone - copy.bone, up)
