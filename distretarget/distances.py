@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.parallel import over_blocks
 from distretarget.skeleton import Skeleton
 
@@ -156,7 +156,7 @@ def differences_of_distances(
     """
     sums = np.empty(len(y[0]))
     (of_x, points_x, tau_x), (of_y, points_y, tau_y) = x, y
-    of_x, of_y = (read_only(np.ascontiguousarray(positions)) for positions in (of_x, of_y))
+    of_x, of_y = (contiguous(positions) for positions in (of_x, of_y))
     scales = 1.0 / tau_x, 1.0 / tau_y
 
     def write(block: slice) -> None:

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from distretarget.numerics.joint_paths import angles_to_bones, stretch_of, thirds_along, turns_along
 from distretarget.numerics.kinematics import (
-    angles_to_bones,
     forward_kinematics,
     line_rotations,
     make_local,
     rotation_products,
-    stretch_of,
-    thirds_along,
     turn_parts,
     turned_by,
-    turns_along,
     world_rotations,
 )
 from distretarget.numerics.vectors import angles_between

@@ -11,7 +11,7 @@ from distretarget.body.resting import feet_at_rest, feet_resting
 from distretarget.body.soles import floor_height, sole_height
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 
 LOW = 0.2  # the lowest joints of feet on the floor are lower than this [leg lengths]
 

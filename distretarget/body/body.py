@@ -20,7 +20,7 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import lowest_heights
+from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
 from distretarget.skeleton import Skeleton
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined, read_only
-from distretarget.numerics.kinematics import heights_of, lowest_heights
+from distretarget.numerics.joint_paths import heights_of, lowest_heights
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.resting import feet_at_rest
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import lengths, normalised

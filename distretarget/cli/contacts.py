@@ -38,7 +38,7 @@ def contacts_command(
     """List the contacts that are found in CLIP.
 
     These are parts that touch, and parts that rest on the world. Frames count from 0. Gaps are those of an average
-    adult's skin on the performer's bones. TARGET is the body to which CLIP is to be retargeted, if its parts have other
+    body's skin on the performer's bones. TARGET is the body to which CLIP is to be retargeted, if its parts have other
     names. Edit the file that -o writes, and give it to --contacts.
 
     \b

@@ -15,7 +15,7 @@ from distretarget.body.segments import find_segments
 from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules

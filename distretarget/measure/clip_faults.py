@@ -15,7 +15,7 @@ from distretarget.body.body import Body
 from distretarget.body.legs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import heights_of, steps_along
+from distretarget.numerics.joint_paths import heights_of, steps_along
 from distretarget.numerics.time_series import Shots, spans_of
 from distretarget.numerics.vectors import lengths, level
 

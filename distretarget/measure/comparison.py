@@ -21,7 +21,7 @@ from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import SupportsMeasured, find_supports
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import stretch_of, thirds_along, turns_along
+from distretarget.numerics.joint_paths import stretch_of, thirds_along, turns_along
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from distretarget.body.arms import hanging_distances
 from distretarget.body.legs import passing_regions
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, read_only
+from distretarget.numerics.compiled import compiled, contiguous
 from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import lengths
 
@@ -53,7 +53,7 @@ class Candidates:
         tau = motion.rigid_skeleton.path_lengths[u, v]
         nearest = np.empty((len(motion), len(self.first)), np.int32)
         ends = np.append(self.first, len(u))
-        _write_nearest(read_only(np.ascontiguousarray(motion.positions)), u, v, (self.limits * tau) ** 2, ends, nearest)
+        _write_nearest(contiguous(motion.positions), u, v, (self.limits * tau) ** 2, ends, nearest)
         rows = np.stack([*np.nonzero(nearest >= 0), nearest[nearest >= 0]])
         return np.asarray(rows[:, ~(self.passing[rows[1]] & strides[rows[0]])])
 

@@ -10,7 +10,8 @@ from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled
-from distretarget.numerics.kinematics import angles_to_bones, turned
+from distretarget.numerics.joint_paths import angles_to_bones
+from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import in_blocks
 
 Array = NDArray[np.float64]

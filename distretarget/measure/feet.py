@@ -19,7 +19,8 @@ from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import lowest_heights, speeds_along, turned_by
+from distretarget.numerics.joint_paths import lowest_heights, speeds_along
+from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import over_runs
 from distretarget.numerics.vectors import lengths, level
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.time_series import Shots
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
     copy does, `SUDDEN` times the median of the two steps before and the two after it. Joints outside the body, such as
     a root on the floor, do not pop, and no joint pops at a cut of the source between `shots`, (frames,).
     """
-    before, after = (read_only(np.ascontiguousarray(motion.positions)) for motion in (copy, result))
+    before, after = (contiguous(motion.positions) for motion in (copy, result))
     scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
     pops = np.zeros((max(len(result) - 1, 0), len(result.skeleton)))
     joints = np.flatnonzero(body.regions.of_joint >= 0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from distretarget.measure.skin_clusters import Clusters, Patches
 from distretarget.measure.skin_points import LIMBS
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.kinematics import turned
 from distretarget.skin.capsules import SEGMENTS
 
@@ -47,7 +47,7 @@ def find_depths(
     fixed = positions, motion.world_rotations_in(frames), *of_points, *of_body
     near, placed = np.empty((4, len(clusters.balls)), np.intp), np.empty((len(clusters.balls), 4))
     scratch = near, placed, np.empty((len(patches.balls) + 2, 4))
-    given: list[Any] = [*(read_only(np.ascontiguousarray(each)) for each in fixed), grazing, *scratch, depths, inside]
+    given: list[Any] = [*(contiguous(each) for each in fixed), grazing, *scratch, depths, inside]
     _find(*given)
     return Depths(np.where(depths == np.inf, -np.inf, depths), inside)
 

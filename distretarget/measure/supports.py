@@ -15,7 +15,7 @@ from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Underside, Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import heights_of, lowest_heights, speeds_along
+from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import lengths, level
 

@@ -166,6 +166,11 @@ def read_only(array: NDArray[Value]) -> NDArray[Value]:
     return view
 
 
+def contiguous(array: NDArray[Value]) -> NDArray[Value]:
+    """Return a `read_only` view of an array, or of a contiguous copy of it."""
+    return read_only(np.ascontiguousarray(array))
+
+
 @cache
 def code_folder() -> Path | None:
     """Return the folder for the compiled code of this version of the sources; None if no folder can be written to.

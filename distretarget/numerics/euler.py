@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.parallel import blocks_of
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ def _write_blocks(
     state = np.zeros((len(joints), 11))
     for block in blocks_of(len(rotations)):
         halves = np.empty((6, block.stop - block.start, len(joints)))
-        _write_half_sums(read_only(np.ascontiguousarray(rotations[block])), joints, order, parity, halves)
+        _write_half_sums(contiguous(rotations[block]), joints, order, parity, halves)
         halves[4:] = np.hypot(halves[:4:2], halves[1:4:2])
         halves[:3] = np.arctan2(halves[::2], halves[1::2])
         _write_angles(halves, parity, state, unit, columns, values[block])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from distretarget.numerics.compiled import compiled, inlined, read_only
-from distretarget.numerics.kinematics import steps_along
+from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.loops import clear
 
 Array = NDArray[np.float64]

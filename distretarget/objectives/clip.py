@@ -18,7 +18,7 @@ from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.ik.rigid_parts import part_of_joint
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import lowest_heights
+from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots
 from distretarget.objectives.dropped import Dropped
 from distretarget.skeleton import Skeleton

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.kinematics import steps_along
+from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.time_series import Shots, averaged, slices_of, widened
 from distretarget.numerics.vectors import lengths
 

@@ -17,7 +17,7 @@ from distretarget.ik.articulation import Scratch
 from distretarget.ik.springs import NEGLIGIBLE, Springs
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import largest
 from distretarget.objectives.clip import Clip
 

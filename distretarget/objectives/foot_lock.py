@@ -28,17 +28,18 @@ from distretarget.body.soles import Sole
 from distretarget.ik.springs import no_springs
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.time_series import averaged, by_shot, smoothed, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.floor import no_floor
 from distretarget.objectives.soles import LITTLE, ROLL, STEADY, Foot, on_mesh, steadied_offset
-from distretarget.objectives.supports import BLEND, ROOT_BLEND, Supports, no_supports
+from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
 
 Array = NDArray[np.float64]
 
+REST_BLEND = 0.06  # where feet stand on their mesh, the hips bend over this time from the height of one rest [s]
 FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, metric 4.1) [leg lengths]
 
 
@@ -101,10 +102,13 @@ def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies
     return np.asarray((1.0 - both * (1.0 - share))[:, None] * d / 2.0)
 
 
-def hips_rise(clip: Clip, feet: Supports) -> Array:
+def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) -> Array:
     """Return how far to raise the hips above the source's height, scaled, because the target's ankles are higher,
     (frames,) [target file units]: what the resting ankles are higher on average, smoothed. A foot that stands flat
     counts more than one on its toes. A shot in which no foot rests takes the difference of the soles' ankle heights.
+
+    Feet on their mesh are higher by another amount in each rest: those that have left the floor do not count, and the
+    hips follow from one rest to the next.
     """
     if not clip.legs:
         return np.zeros(len(clip))
@@ -114,11 +118,13 @@ def hips_rise(clip: Clip, feet: Supports) -> Array:
     lifts = [_heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
     rests, flat = feet.weights[:, ::2], 1.0 / (1.0 + np.abs(lifts).T / (ROLL * clip.leg_lengths[0]))
     usual = np.mean([pair.target_sole.ankle - clip.scale.height * pair.source_sole.ankle for pair in clip.legs])
+    on_mesh = undersides is not None and undersides.feet_have_mesh
+    rests, blend = (np.where(rests >= RESTS, rests, 0.0), REST_BLEND) if on_mesh else (rests, ROOT_BLEND)
 
     def rise(higher: Array, rests: Array, flat: Array) -> Array:
         total, weights = rests.sum(axis=1), rests * flat + LITTLE
         mean = np.where(total > 0.0, (weights * higher).sum(axis=1) / weights.sum(axis=1), usual)
-        return smoothed(mean[:, None], total, ROOT_BLEND / clip.frame_time)[:, 0]
+        return smoothed(mean[:, None], total, blend / clip.frame_time)[:, 0]
 
     return by_shot(rise, clip.shots, higher, rests, flat)
 

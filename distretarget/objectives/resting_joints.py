@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.matching.undersides import Undersides
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, smoothed, spans_of, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip

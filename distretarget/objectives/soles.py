@@ -19,7 +19,7 @@ from distretarget.body.legs import Leg
 from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_height
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import averaged, by_shot, median_of_three, steadied
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.clip import Clip

@@ -121,7 +121,7 @@ class Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
         undersides = self.match.undersides
         feet = find_foot_lock(self.clip, undersides)
-        clip = self.clip.raised(np.outer(hips_rise(self.clip, feet), self.clip.up))
+        clip = self.clip.raised(np.outer(hips_rise(self.clip, feet, undersides), self.clip.up))
         supports = feet
         if options.supports == "hold":
             if resting := find_resting_joints(clip, feet, options.environment, undersides):

@@ -1,0 +1,185 @@
+"""Heights, steps and turns of joints over the frames of a motion.
+
+Frames are the first axis of arrays; quaternions are x y z w, as in scipy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import compiled, contiguous, read_only
+from distretarget.numerics.kinematics import Parents, multiply
+
+Array = NDArray[np.float64]
+
+
+def heights_of(positions: Array, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
+    """(frames, joints), heights of joints along the unit vector up; `positions` are (frames, all joints, 3)."""
+    heights = np.empty((len(positions), len(joints)))
+    _write_heights(read_only(positions), np.array(joints, np.intp), read_only(up), heights)
+    return heights
+
+
+@compiled()
+def _write_heights(positions: Array, joints: NDArray[np.intp], up: Array, heights: Array) -> None:
+    for frame in range(len(positions)):
+        for n in range(len(joints)):
+            x = positions[frame, joints[n]]
+            heights[frame, n] = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
+
+
+def lowest_heights(positions: Array, up: Array, joints: NDArray[np.intp] | None = None) -> Array:
+    """(frames,), the height of the lowest joint along the unit vector up, of all joints if none are given; `positions`
+    are (frames, all joints, 3).
+    """
+    joints = np.arange(positions.shape[1]) if joints is None else joints
+    lowest = np.empty(len(positions))
+    _write_lowest(read_only(positions), joints, read_only(up), lowest)
+    return lowest
+
+
+@compiled()
+def _write_lowest(positions: Array, joints: NDArray[np.intp], up: Array, lowest: Array) -> None:
+    for frame in range(len(positions)):
+        lowest[frame] = np.inf
+        for joint in joints:
+            x = positions[frame, joint]
+            height = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
+            if height < lowest[frame]:
+                lowest[frame] = height
+
+
+def steps_along(paths: Array, joints: NDArray[np.intp] | None = None, lag: int = 1) -> Array:
+    """(frames - lag, joints), distance of each joint from its place `lag` frames earlier, in the units of `paths`,
+    (frames, all joints, 3); of all joints if none are given.
+    """
+    joints = np.arange(paths.shape[1]) if joints is None else joints
+    steps = np.empty((max(len(paths) - lag, 0), len(joints)))
+    _write_steps(contiguous(paths), joints, lag, steps)
+    return steps
+
+
+@compiled()
+def _write_steps(paths: Array, joints: NDArray[np.intp], lag: int, steps: Array) -> None:
+    for frame in range(len(steps)):
+        for n in range(len(joints)):
+            start, end = paths[frame, joints[n]], paths[frame + lag, joints[n]]
+            x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+            steps[frame, n] = np.sqrt(x * x + y * y + z * z)
+
+
+def stretch_of(positions: Array, upper: NDArray[np.intp], lower: NDArray[np.intp], lengths: Array) -> Array:
+    """(frames,), the largest relative difference of bones from their `lengths`, (bones,), and 0 without bones; a bone
+    is from the joint `upper` to the joint `lower`, (bones,) each, of `positions`, (frames, joints, 3).
+    """
+    largest = np.empty(len(positions))
+    _write_stretch(contiguous(positions), upper, lower, lengths, largest)
+    return largest
+
+
+@compiled()
+def _write_stretch(positions, upper, lower, lengths, largest):  # type: ignore[no-untyped-def]
+    for frame in range(len(positions)):
+        largest[frame] = 0.0
+        for n in range(len(lower)):
+            a, b = positions[frame, upper[n]], positions[frame, lower[n]]
+            bone = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+            largest[frame] = max(largest[frame], abs(bone / lengths[n] - 1.0))
+
+
+def angles_to_bones(vectors: Array, positions: Array, upper: NDArray[np.intp], lower: NDArray[np.intp]) -> Array:
+    """(frames, bones), the angles between `vectors`, (frames, bones, 3), and bones as in `stretch_of` [rad]; as
+    `vectors.angles_between`.
+    """
+    angles = np.empty(vectors.shape[:2])
+    _write_half_tangents(contiguous(vectors), contiguous(positions), upper, lower, angles)
+    np.arctan(angles, out=angles)
+    angles *= 2.0
+    return angles
+
+
+@compiled()
+def _write_half_tangents(vectors, positions, upper, lower, tangents):  # type: ignore[no-untyped-def]
+    """Write the tangents of half the angles; 0 for a zero vector."""
+    for frame in range(len(vectors)):
+        for n in range(len(lower)):
+            a, p, q = vectors[frame, n], positions[frame, upper[n]], positions[frame, lower[n]]
+            x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            size, bone = np.sqrt(a[0] ** 2 + a[1] ** 2 + a[2] ** 2), np.sqrt(x * x + y * y + z * z)
+            u, v, w = bone * a[0], bone * a[1], bone * a[2]
+            x, y, z = size * x, size * y, size * z
+            across = np.sqrt((u - x) ** 2 + (v - y) ** 2 + (w - z) ** 2)
+            along = np.sqrt((u + x) ** 2 + (v + y) ** 2 + (w + z) ** 2)
+            tangents[frame, n] = across / along if across > 0.0 else 0.0
+
+
+def thirds_along(paths: Array, joints: NDArray[np.intp]) -> Array:
+    """(frames - 3,), the mean over joints of the length of the third difference of their positions, in the units of
+    `paths`, (frames, all joints, 3); 0 without joints.
+    """
+    means = np.empty(max(len(paths) - 3, 0))
+    _write_thirds(contiguous(paths), joints, means)
+    return means
+
+
+@compiled()
+def _write_thirds(paths: Array, joints: NDArray[np.intp], means: Array) -> None:
+    for frame in range(len(means)):
+        total = 0.0
+        for joint in joints:
+            square = 0.0
+            for i in range(3):
+                a, b, c, d = (
+                    paths[frame, joint, i],
+                    paths[frame + 1, joint, i],
+                    paths[frame + 2, joint, i],
+                    paths[frame + 3, joint, i],
+                )
+                third = (d - a) - 3.0 * (c - b)
+                square += third * third
+            total += np.sqrt(square)
+        means[frame] = total / max(len(joints), 1)
+
+
+def turns_along(parents: Parents, rotations: Array, joints: NDArray[np.intp]) -> Array:
+    """(frames - 1, joints), the angle by which joints turn in the world to the next frame [rad]; `rotations`, (frames,
+    all joints, 4), are relative to the parents.
+
+    The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
+    """
+    apart = np.empty((max(len(rotations) - 1, 0), len(joints)))
+    _write_apart(read_only(parents), contiguous(rotations), joints, np.empty((2, len(parents), 4)), apart)
+    apart *= 0.5
+    np.arcsin(np.minimum(apart, 1.0, out=apart), out=apart)
+    apart *= 4.0
+    return apart
+
+
+@compiled()
+def _write_apart(parents, rotations, joints, world, apart):  # type: ignore[no-untyped-def]
+    """Write the distances of quaternions to those of the next frame; `world`, (2, all joints, 4), is scratch."""
+    for frame in range(len(rotations)):
+        now, before = world[frame % 2], world[1 - frame % 2]
+        for i in range(4):
+            now[0, i] = rotations[frame, 0, i]
+        for joint in range(1, len(parents)):
+            p = now[parents[joint]]
+            multiply(p[0], p[1], p[2], p[3], rotations[frame, joint], now[joint])
+        if frame:
+            for n in range(len(joints)):
+                p, q, less, more = before[joints[n]], now[joints[n]], 0.0, 0.0
+                for i in range(4):
+                    less += (q[i] - p[i]) ** 2
+                    more += (q[i] + p[i]) ** 2
+                apart[frame - 1, n] = np.sqrt(min(less, more))
+
+
+def speeds_along(paths: Array, frame_time: float, joints: NDArray[np.intp] | None = None) -> Array:
+    """(frames, joints), speeds of joints by central differences, in units of `paths`, (frames, all joints, 3), per unit
+    of `frame_time`; of all joints if none are given. A single frame has speed 0.
+    """
+    if len(paths) < 2:
+        return np.zeros((len(paths), paths.shape[1] if joints is None else len(joints)))
+    first, last = (2.0 * steps_along(paths[ends], joints) for ends in (slice(2), slice(-2, None)))
+    return np.concatenate([first, steps_along(paths, joints, lag=2), last]) / (2.0 * frame_time)
