@@ -372,12 +372,41 @@ def test_marks_say_what_was_found_dropped_and_added(clap, child):
     assert not {each.mark for each in marked_contacts(retarget(clap, child))} - {"found"}
 
 
-def test_a_hand_on_the_own_knee_moves_with_it(walk, child):
-    """It is at the knee, and stays at the same place of it while the leg swings."""
-    held = asked(walk, child, Plant(plant="left hand", on="LeftKnee", frames=(100, 130)))
-    wrist, knee = (held.motion.skeleton.index(name) for name in ("LeftWrist", "LeftKnee"))
-    x = held.motion.positions[100:131]
-    off = np.linalg.norm(x[:, wrist] - x[:, knee], axis=1) / held.matching.target.height
-    if not held.unmet:
-        assert off.max() < 0.003
-    assert np.ptp(x[:, knee], axis=0).max() / held.matching.target.height > 0.05
+@pytest.mark.parametrize(("on", "thick"), [("RightElbow", False), ("Chest3", True)])
+def test_a_hand_that_rests_on_the_own_body_moves_with_it(walk, child, on, thick):
+    """It is at the joint, or on the skin about it, and stays at the same place of it."""
+    options = Options(skin="average" if thick else "none")
+    held = asked(walk, child, Plant(plant="left hand", on=on, frames=(100, 130)), options=options)
+    wrist, joint = (held.motion.skeleton.index(name) for name in ("LeftWrist", on))
+    places = local_places(held.motion, joint, held.motion, wrist, (100, 130)) / held.matching.target.height
+    assert np.ptp(places, axis=0).max() < 0.003
+    apart = np.linalg.norm(places, axis=1)
+    assert (apart.min() > 0.05) == thick
+    assert apart.max() < 0.2
+    assert np.ptp(held.motion.positions[100:131, joint], axis=0).max() / held.matching.target.height > 0.05
+
+
+@pytest.mark.parametrize("skin", ["auto", "average"])
+def test_hands_meet_in_front_of_the_body(walk, child, skin):
+    """The straight way between hands that hang leads through the hips."""
+    hands = Contact(between=("left hand", "right hand"), gap=0.0, frames=FRAMES)
+    meet = asked(walk, child, hands, options=Options(skin=skin))
+    body, motion = meet.matching.target, meet.motion[FRAMES[0] : FRAMES[1] + 1]
+    wrists = motion.positions[:, [motion.skeleton.index(f"{side}Wrist") for side in ("Left", "Right")]]
+    forward = body.reference.axes[:, 2]
+    ahead = (wrists.mean(axis=1) - motion.positions[:, meet.matching.pelvis]) @ forward
+    assert ahead.min() / body.height > 0.05
+
+
+@pytest.mark.parametrize(("other", "gap"), [("right hand", 0.0), ("right hand", 5.0), ("head", 0.0), ("hips", 3.0)])
+def test_gaps_on_a_character_are_those_of_skins(walk, other, gap):
+    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    made = asked(walk, target, Contact(between=("left hand", other), gap=gap, frames=FRAMES))
+    skin, regions, without = made.skins.target, made.matching.regions, retarget(walk, target)
+    parts = [np.flatnonzero(regions.of_joint == regions.names.index(name)) for name in ("left hand", other)]
+    on = skin.between(*parts)
+    gaps = segment_gaps(skin.balls, skin.posed(made.motion[FRAMES[0] : FRAMES[1] + 1]), 1.0)[:, on].min(axis=1)
+    cm = 100.0  # the file is in m
+    assert np.abs(gaps * skin.unit * cm - gap).max() / (made.matching.target.height * cm) < 0.003
+    assert jerk(made) < 1.2 * jerk(without)
+    assert not made.unmet

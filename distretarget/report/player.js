@@ -25,6 +25,7 @@ const KEYS = [
   ['O', 'o', 'lay bodies over each other', () => $('overlaid').click()],
   ['F', 'f', 'follow the body', () => $('follow').click()],
   ['T', 't', 'paths of hands and feet', () => $('trails').click()],
+  ['C', 'c', 'copy the contact below the timeline, for a contact file', () => $('copy').click()],
   ['M', 'm', 'marks of contacts and supports', () => $('marks').click()],
   ['R', 'r', 'reset the view', () => $('reset').click()],
   ['P', 'p', 'save a picture', () => $('picture').click()],
