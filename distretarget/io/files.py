@@ -73,8 +73,6 @@ def _open_at_once(path: str, flags: int) -> int:
 
 def text_of(content: bytes, path: str | Path) -> str:
     """Return the text in the content of a file as `read_text` does; `path` is for errors."""
-    if Path(path).suffix.lower() == ".npz" and content.startswith(b"PK"):
-        raise FileError(path, "has arrays, which are written but not read; expected BVH, glTF, VRM or FBX")
     if other := OTHER_FORMATS.get(Path(path).suffix.lower()):
         advice = "convert it first, for example with Blender: File > Import, then File > Export > glTF (.glb)"
         raise FileError(path, f"is {other}, expected BVH, glTF, VRM or FBX; {advice}")
