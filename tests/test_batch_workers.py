@@ -1,5 +1,6 @@
 """The conversion of one clip by a worker: its result is that of `retarget`, or says what went wrong."""
 
+import errno
 import os
 import threading
 import time
@@ -7,6 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePath
 
+import pytest
 from bodies import other_lengths, person, swaying
 from input_files import file_of, target_of
 
@@ -17,6 +19,7 @@ from distretarget.batch.job import Job, Packed, convert
 from distretarget.batch.plan import Clip
 from distretarget.batch.recipe import Recipe
 from distretarget.batch.record import new_record
+from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.target_file import skeleton_to_json
@@ -95,3 +98,13 @@ def test_a_worker_of_another_version_refuses(monkeypatch):
     job = job_of("")
     monkeypatch.setattr(batch_job, "VERSION", "0")
     assert error_of(job) == f"in.bvh: a worker runs version 0, this is {job.record['version']}"
+
+
+def test_a_machine_without_shared_memory_says_so_in_one_line(monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(workers, "ProcessPoolExecutor", refuse)
+    monkeypatch.setattr(workers, "warm_for_others", lambda _: None)
+    with pytest.raises(BatchError, match="/dev/shm: Read-only file system; make it writable"):
+        _ = workers.Processes(2, "contact").executor

@@ -73,7 +73,7 @@ def row(output, name):
 
 
 def test_the_metrics_are_printed():
-    status, output, errors = run("diff straight.bvh bent.bvh")
+    status, output, errors = run("diff straight.bvh bent.bvh -v")
     assert (status, errors) == (0, "")
     assert "12 frames compared, 50 a second" in output
     bones = diff(bent(0), bent(10)).comparison.direction_error.shape[1]
@@ -84,8 +84,31 @@ def test_the_metrics_are_printed():
     assert "contacts: none" in output
 
 
+def test_without_verbose_the_verdict_and_the_worst_frames_are_printed():
+    _, output, _ = run("diff straight.bvh straight.bvh")
+    assert "B is within all limits" in output
+    _, output, _ = run("diff a.bvh b.bvh")
+    over = [line for line in output.splitlines() if line.startswith("over a limit: ")]
+    assert over
+    assert all(", limit " in line and "; worst in frame " in line and "likely cause" not in line for line in over)
+    assert "worst frames by contact error: " in output
+    assert len(output.splitlines()) < 20
+
+
+def test_a_report_is_named_alike_in_all_commands(tmp_path):
+    for option in ("-o", "--report"):
+        status, _, _ = run(f"diff a.bvh b.bvh {option} page{option}.html")
+        assert status == 0
+        assert "</html>" in Path(f"page{option}.html").read_text("utf-8")
+    status, _, _ = run("scene a.bvh -t body.json -o out --report scene.html")
+    assert status == 0
+    assert "</html>" in (tmp_path / "scene.html").read_text("utf-8")
+
+
 def test_a_motion_does_not_differ_from_itself():
-    status, output, _ = run("diff a.bvh a.bvh --fail-over contact_error=0 --fail-over foot_skate=1 --fail-over jerk=1")
+    status, output, _ = run(
+        "diff a.bvh a.bvh -v --fail-over contact_error=0 --fail-over foot_skate=1 --fail-over jerk=1"
+    )
     assert status == 0
     for name in ("stress", "distance error", "contact error", "direction error", "bone error", "turn"):
         assert row(output, name) == [0]
@@ -93,7 +116,7 @@ def test_a_motion_does_not_differ_from_itself():
 
 
 def test_the_worst_frames_and_pairs_are_printed():
-    _, output, _ = run("diff a.bvh b.bvh --json d.json")
+    _, output, _ = run("diff a.bvh b.bvh -v --json d.json")
     metrics = json.loads(Path("d.json").read_text())
     (line,) = (line for line in output.splitlines() if line.startswith("worst frames by contact error: "))
     assert line.split(": ")[1].startswith(f"{metrics['worst']['contact_error']} (")

@@ -50,7 +50,7 @@ def test_a_folder_of_scenes_goes_on_where_it_stopped(folder):
 def test_a_scene_that_has_changed_is_made_again_and_other_files_stay(folder):
     run("scene", "scenes", "-o", "out")
     write_bvh("clip.bvh", swaying(person(), frames=5), overwrite=True)
-    done = run("scene", "scenes", "-o", "out", "--report")
+    done = run("scene", "scenes", "-o", "out", "--report", "report.html")
     assert done.stdout.endswith("1 scene: 1 converted, 0 done before, 0 failed\n")
     assert "Frames: 5" in (folder / "out" / "one" / "lead.bvh").read_text()
     (folder / "out" / "one" / "lead.bvh").write_text("mine")

@@ -106,6 +106,35 @@ def test_code_is_kept_in_the_first_place_that_can_be_written_to(places):
     assert chosen() is None
 
 
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions of POSIX systems")
+def test_code_is_not_taken_from_a_folder_that_others_can_write_to(places):
+    """Whoever writes there could have prepared code, which would be run."""
+    first, second, _ = places
+    folder = chosen()
+    assert folder.stat().st_mode & 0o077 == 0
+    folder.chmod(0o777)
+    assert chosen().is_relative_to(second)
+    folder.chmod(0o700)
+    first.chmod(0o777)  # others could replace the folder in it
+    assert chosen().is_relative_to(second)
+    first.chmod(0o1777)
+    assert chosen() == folder
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions of POSIX systems")
+def test_a_folder_of_somebody_else_is_not_private(tmp_path, monkeypatch):
+    owners = {tmp_path: 12345}
+    stat = type(tmp_path).stat
+
+    def owned(path, **options):
+        status = stat(path, **options)
+        return os.stat_result((*status[:4], owners.get(path, status.st_uid), *status[5:]))
+
+    assert module.is_private(tmp_path)
+    monkeypatch.setattr(type(tmp_path), "stat", owned)
+    assert not module.is_private(tmp_path)
+
+
 def test_functions_are_compiled_also_where_no_code_can_be_kept(monkeypatch):
     lines = []
     monkeypatch.setattr(module, "code_folder", lambda: None)

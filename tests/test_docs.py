@@ -22,7 +22,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 WITH_EXAMPLES = [page for page in PAGES if page.name != "CONTRIBUTING.md"]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 HEADING = re.compile(r"^#", re.MULTILINE)
-PROGRAM = re.compile(r"(?:^|\.venv/bin/)distretarget (.+)$")
+PROGRAM = re.compile(r"(?:^|&& )distretarget (.+)$")
 
 
 def each(pages):

@@ -55,7 +55,7 @@ def test_a_row_holds_while_hands_touch():
 
 
 def test_the_command_writes_it(tmp_path):
-    done = run("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report")
+    done = run("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report", tmp_path / "report.html")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "report.html").read_text("utf-8") == page("staff")
 

@@ -24,6 +24,7 @@ from typing import Protocol
 
 from distretarget.batch.job import Job, Result, convert
 from distretarget.errors import BatchError
+from distretarget.io.files import reason_of
 from distretarget.numerics.interrupts import interrupts_held
 from distretarget.pipeline.compile_ahead import warm_for_others
 from distretarget.pipeline.options import Objective
@@ -76,7 +77,11 @@ class Processes:
             started = time.perf_counter()
             warm_for_others(self._objective)
             with _worker_environment():
-                self._executor = ProcessPoolExecutor(self.count, self._context, _start_worker, (get_temp_dir(),))
+                try:
+                    self._executor = ProcessPoolExecutor(self.count, self._context, _start_worker, (get_temp_dir(),))
+                except (OSError, ImportError) as error:  # no semaphores
+                    reason = f"processes cannot share their work here: /dev/shm: {reason_of(error)}"
+                    raise BatchError(f"{reason}; make it writable, or retarget clip by clip") from error
                 wait([self._executor.submit(os.getpid) for _ in range(self.count)])  # starts the processes
             self.start_seconds += time.perf_counter() - started
         return self._executor

@@ -8,8 +8,16 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over
-from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, limit_of, map_option, positive, quiet
+from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over, over_limits
+from distretarget.cli.options import (
+    OVERWRITE_OPTION,
+    FileOrStandard,
+    limit_of,
+    map_option,
+    positive,
+    quiet,
+    report_option,
+)
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
 from distretarget.io.input_file import InputFile
@@ -41,7 +49,7 @@ def of_metric(text: str) -> tuple[str, float]:
 @click.command("diff")
 @click.argument("a", type=FileOrStandard())
 @click.argument("b", type=FileOrStandard())
-@click.option("-o", "--output", type=FileOrStandard(), help="The HTML report to write: one file, no network.")
+@report_option("Write an HTML report to this file: one file, no network.", None, "-o")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all metrics to this file.")
 @click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the metrics to this file, a row for each frame.")
 @click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
@@ -58,11 +66,12 @@ def of_metric(text: str) -> tuple[str, float]:
     "folder of results, else what `distretarget scene` would choose.",
 )
 @OVERWRITE_OPTION
+@click.option("-v", "--verbose", is_flag=True, help="Print all metrics and what they mean, and contacts.")
 @quiet
 def diff_command(
     a: Path,
     b: Path,
-    output: Path | None,
+    report: Path | None,
     json_path: Path | None,
     csv_path: Path | None,
     clip: str | None,
@@ -70,6 +79,7 @@ def diff_command(
     limits: tuple[tuple[str, float], ...],
     world_scale: float | None,
     overwrite: bool,
+    verbose: bool,
 ) -> None:
     """Measure the motion of B against that of A, the reference. Both are files with motions: BVH,
     glTF, VRM, VRMA or FBX.
@@ -86,18 +96,18 @@ def diff_command(
     distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over foot_skate=1.1
     distretarget diff scene.json duet -o duet.html --fail-over gap_error=2
     """  # noqa: D301
-    outputs = (output, json_path, csv_path)
+    outputs = (report, json_path, csv_path)
     if is_scene(a) or is_scene(b):
         if clip:
             raise click.UsageError("--clip chooses an animation of a file; leave it out to compare two scenes.")
-        account = measure_scenes(a, b, outputs, map_path, limits, world_scale, overwrite)
+        account = measure_scenes(a, b, outputs, map_path, limits, world_scale, overwrite, verbose)
     else:
         if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
             option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
             raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
         check_outputs(outputs, [a, b, map_path], overwrite)
-        account = _measure_clips(a, b, clip, map_path, limits)
-    texts = {output: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
+        account = _measure_clips(a, b, clip, map_path, limits, verbose)
+    texts = {report: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
     write_outputs(texts, overwrite)
     for line in account.lines:
         say(line)
@@ -106,7 +116,7 @@ def diff_command(
 
 
 def _measure_clips(
-    a: Path, b: Path, clip: str | None, map_path: Path | None, limits: tuple[tuple[str, float], ...]
+    a: Path, b: Path, clip: str | None, map_path: Path | None, limits: tuple[tuple[str, float], ...], verbose: bool
 ) -> Account:
     """Measure clip B against clip A."""
     a_text, b_text = read_input(a), read_input(b)
@@ -118,7 +128,7 @@ def _measure_clips(
         document=metrics,
         page=lambda: diff_page(result, metrics),
         csv=lambda: csv_text(metrics["frames"]),
-        lines=[*_lines(metrics)],
+        lines=[*_lines(metrics, [] if verbose else [*over_limits(result)], verbose)],
         faults=[*over(metrics["limits"])],
     )
 
@@ -129,17 +139,20 @@ def _motion(file: InputFile, clip: str | None) -> Motion:
     return parse_motion(file, clip if several else None)[0]
 
 
-def _lines(metrics: DiffDocument) -> Iterator[str]:
-    """The lines that are printed."""
+def _lines(metrics: DiffDocument, verdict: Sequence[str], verbose: bool) -> Iterator[str]:
+    """The lines that are printed, with the lines of the verdict, or if `verbose` all metrics and contacts."""
     for name, body in (("A", metrics["a"]), ("B", metrics["b"])):
         named = f", named as in {body['convention']}" if body["convention"] else ""
         yield f"{name}: {body['file']}, {body['joints']} joints{named}"
     yield f"{counted(metrics['frame_count'], 'frame')} compared, {1 / metrics['frame_time']:.4g} a second"
     yield from metrics["notes"]
-    yield from ("", *_table(metrics["metrics"]["source"], metrics["metrics"]["result"]), "")
+    if verbose:
+        yield from ("", *_table(metrics["metrics"]["source"], metrics["metrics"]["result"]), "")
+    yield from verdict
     for metric in metrics_at("worst clips"):
         yield _worst_frames(metric, metrics["frames"])
-    yield from _contacts(metrics["contacts"])
+    if verbose:
+        yield from _contacts(metrics["contacts"])
     for name, other, joints in (("B", "A", metrics["unmatched_b"]), ("A", "B", metrics["unmatched_a"])):
         if joints:
             yield f"joints of {name} without a counterpart in {other}: {quoted(joints, LISTED)}"

@@ -15,6 +15,7 @@ from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import read_motion
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.scene_gaps import diff_scenes
+from distretarget.measure.verdict import limit_warnings
 from distretarget.motion import Motion
 from distretarget.pipeline.retargeting import needs_map
 from distretarget.report.diff_document import DiffLimit, document
@@ -63,6 +64,14 @@ def over(limits: Iterable[DiffLimit]) -> Iterator[str]:
             yield f"{limit['metric']} is {limit['value']:.6g}, over {limit['limit']:g}"
 
 
+def over_limits(result: Diff) -> Iterator[str]:
+    """Yield the verdict on B: a line for each metric over its limit, with the worst frame, or that there is none."""
+    found = [*limit_warnings(result.metrics, {"result": result.tracks})]
+    yield from (f"over a limit: {line.partition('; likely cause')[0]}" for line in found)  # causes are of retargeting
+    if not found:
+        yield "B is within all limits; -v prints all metrics"
+
+
 def is_scene(path: Path) -> bool:
     """Return whether a path leads to a scene: a folder, or a file named *.json."""
     return is_folder(path) or path.suffix.lower() == ".json"
@@ -97,6 +106,7 @@ def measure_scenes(
     limits: Sequence[tuple[str, float]],
     world_scale: float | None,
     overwrite: bool,
+    verbose: bool,
 ) -> Account:
     """Measure scene B against scene A, after a check that the outputs can be written."""
     for path, other in ((a_path, b_path), (b_path, a_path)):
@@ -130,7 +140,7 @@ def measure_scenes(
         document=metrics,
         page=lambda: scene_diff_page(result, metrics),
         csv=lambda: scene_csv(metrics),
-        lines=[*_lines(metrics)],
+        lines=[*_lines(metrics, {} if verbose else {name: [*over_limits(one)] for name, one in performers.items()})],
         faults=[*over(metrics["limits"]), *faults],
     )
 
@@ -172,8 +182,8 @@ def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_pa
         raise error.in_file(b_file) from None
 
 
-def _lines(metrics: SceneDiffDocument) -> Iterator[str]:
-    """The lines that are printed."""
+def _lines(metrics: SceneDiffDocument, verdicts: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """The lines that are printed, with the verdict on each performer, or all metrics if there are none."""
     performers = metrics["performers"]
     first = next(iter(performers.values()))
     yield f"A: {metrics['a']}, B: {metrics['b']}; performers: {', '.join(performers)}"
@@ -184,7 +194,10 @@ def _lines(metrics: SceneDiffDocument) -> Iterator[str]:
     for name, one in performers.items():
         for note in one["notes"]:
             yield f"{name}: {note}"
-    yield from ("", *_table_lines(metric_table(metrics)), "")
+    if not verdicts:
+        yield from ("", *_table_lines(metric_table(metrics)), "")
+    for name, verdict in verdicts.items():
+        yield from (f"{name}: {line}" for line in verdict)
     gaps = gap_table(metrics)
     if not gaps["rows"]:
         yield "nothing touches between them in A"

@@ -133,6 +133,11 @@ def contacts_option(text: str) -> Decorator:
     return click.option("--contacts", "contacts_path", type=PATH, metavar="FILE", help=text)
 
 
+def report_option(text: str, kind: click.Path | None = None, *names: str) -> Decorator:
+    """The option --report with this help."""
+    return click.option(*names, "--report", "report", type=kind or FileOrStandard(), metavar="FILE", help=text)
+
+
 def rest_option(kind: click.Path = PATH) -> Decorator:
     """The option --rest."""
     text = (

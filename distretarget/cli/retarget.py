@@ -21,6 +21,7 @@ from distretarget.cli.options import (
     contacts_option,
     quiet,
     reading,
+    report_option,
     retargeting,
     writing,
 )
@@ -79,11 +80,7 @@ from distretarget.report.run_summary import metrics_json, metrics_line, summary_
 @writing
 @STRIP_NAMESPACE_OPTION
 @click.option("--json", "metrics", type=FileOrStandard(), help="Write the metrics of each frame to this file.")
-@click.option(
-    "--report",
-    type=FileOrStandard(),
-    help="Write an HTML report to this file: result and rotation copy, measured against the source.",
-)
+@report_option("Write an HTML report to this file: result and rotation copy, measured against the source.")
 @click.option(
     "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."
 )

@@ -24,6 +24,7 @@ from distretarget.cli.options import (
     SUPPORTS_OPTION,
     positive,
     quiet,
+    report_option,
 )
 from distretarget.cli.outputs import check_outputs, complain, say
 from distretarget.errors import DistretargetError, FileError, counted
@@ -61,7 +62,11 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
 )
 @click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION
-@click.option("--report", is_flag=True, help="Also write report.html: all performers and props in one player.")
+@report_option(
+    "Write an HTML report to this file: all performers and props in one player. Of a folder of scenes each has one of "
+    "this name beside its results.",
+    PATH,
+)
 @click.option("--cut", is_flag=True, help="Cut all clips to the length of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
 @click.option(
@@ -108,7 +113,12 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
 )
 @quiet
 def scene_command(
-    sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any
+    sources: tuple[Path, ...],
+    targets: tuple[Path, ...],
+    output: Path,
+    overwrite: bool,
+    report: Path | None,
+    **options: Any,
 ) -> None:
     """Retarget performers who share a world.
 
@@ -132,7 +142,7 @@ def scene_command(
         _retarget(load_scene(path), output, overwrite, report)
 
 
-def _retarget_folder(path: Path, output: Path, overwrite: bool, report: bool) -> None:
+def _retarget_folder(path: Path, output: Path, overwrite: bool, report: Path | None) -> None:
     """Retarget all scenes of a folder; those that fail do not stop the others, those that are done are left out."""
     files = sorted(path.rglob(SCENE_NAME))
     if not files:
@@ -193,7 +203,7 @@ def _retarget(
     setup: SceneSetup,
     folder: Path,
     overwrite: bool,
-    report: bool,
+    report: Path | None,
     among: tuple[Path, Results] | None = None,
 ) -> bool:
     """Retarget a scene into a folder, and print how it went; return whether that was needed.
@@ -203,9 +213,11 @@ def _retarget(
     targets = [TargetFile.of(load_file(performer.target)) for performer in setup.performers]
     suffixes = [*map(suffix_of, targets), *[".bvh"] * (len(setup.names) - len(targets))]  # the others are props
     outputs = [folder / f"{name}{suffix}" for name, suffix in zip(setup.names, suffixes, strict=True)]
-    outputs += [folder / "report.html"] if report else []
-    for path in outputs:
+    if report and among:
+        report = folder / report.name
+    for path in [*outputs, *([report] if report and among else [])]:
         check_inside(path, folder)
+    outputs += [report] if report else []
     write: Callable[[Mapping[Path, Content]], None] = partial(_write_all, overwrite=overwrite)
     if among:
         file, results = among

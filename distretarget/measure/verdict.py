@@ -42,7 +42,7 @@ def _against_copy(metric: Metric, metrics: Metrics) -> str:
 
 
 def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
-    return f"{round(metrics[side][metric.key] or 0.0, 4):.3g}"
+    return f"{round(metrics.get(side, {}).get(metric.key) or 0.0, 4):.3g}"
 
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:

@@ -9,6 +9,7 @@ import functools
 import hashlib
 import os
 import platform
+import stat
 import sys
 import tempfile
 import threading
@@ -175,18 +176,58 @@ def contiguous(array: NDArray[Value]) -> NDArray[Value]:
 def code_folder() -> Path | None:
     """Return the folder for the compiled code of this version of the sources; None if no folder can be written to.
 
-    It is in the first of these that can be written to: the folder in the environment variable NUMBA_CACHE_DIR, the
-    folder of the package, and the cache of the user. numba would take code for up to date when only a function that
-    becomes a part of it has changed, in another file.
+    It is in the first of `_places` that can be written to, and by nobody but this user: code that is found there is
+    run. numba would take code for up to date when only a function that becomes a part of it has changed, in another
+    file.
     """
-    for place in (os.environ.get("NUMBA_CACHE_DIR"), PACKAGE / "__pycache__", "~/.cache/distretarget"):
-        with suppress(OSError, RuntimeError):  # RuntimeError: the user has no home
-            if place:
-                folder = Path(place).expanduser() / f"compiled-{_version()}"
-                folder.mkdir(parents=True, exist_ok=True)
+    for place in _places():
+        with suppress(OSError):
+            folder = place.resolve() / f"compiled-{_version()}"
+            folder.mkdir(0o700, parents=True, exist_ok=True)
+            folder = folder.resolve()
+            if is_private(folder):
                 tempfile.TemporaryFile(dir=folder).close()
                 return folder
     return None
+
+
+def _places() -> Iterator[Path]:
+    """The folder in the environment variable NUMBA_CACHE_DIR, that of the package, and the cache of the user."""
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        yield Path(chosen).expanduser()
+    yield PACKAGE / "__pycache__"
+    with suppress(RuntimeError):  # the user has no home
+        yield Path("~/.cache/distretarget").expanduser()
+
+
+def is_private(folder: Path) -> bool:
+    """Return whether nobody but this user and the administrator can put files into a folder or replace it, by the
+    owners and permissions of the folder and of those above it; True on Windows, which has other permissions.
+    """
+    if not hasattr(os, "getuid"):
+        return True
+    statuses = [path.stat() for path in (folder, *folder.parents)]
+    owned = all(status.st_uid in (0, os.getuid()) for status in statuses)
+    above = [status for status in statuses[1:] if not status.st_mode & stat.S_ISVTX]  # in /tmp nobody replaces it
+    return owned and not any(map(_is_open, [statuses[0], *above]))
+
+
+def _is_open(status: os.stat_result) -> bool:
+    """Whether others can write to a folder."""
+    by_group = status.st_mode & stat.S_IWGRP and _is_shared(status.st_gid)
+    return bool(status.st_mode & stat.S_IWOTH or by_group)
+
+
+def _is_shared(group: int) -> bool:
+    """Whether a group may have other members than this user: not if it is named after the user and lists no others."""
+    import grp
+    import pwd
+
+    try:
+        user, found = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(group)
+    except KeyError:
+        return True
+    return found.gr_name != user or not {*found.gr_mem} <= {user}
 
 
 def _version() -> str:
@@ -229,5 +270,5 @@ def _announcement() -> str:
         return f"compiling for the first run, which takes about 14 s; later runs find the code in {folder}"
     return (
         "compiling, which takes about 14 s in every run, as there is no folder to keep the code in; "
-        "set NUMBA_CACHE_DIR to a folder that can be written to"
+        "set NUMBA_CACHE_DIR to a folder that only you can write to"
     )

@@ -1,0 +1,58 @@
+"""Write the manual pages of the program, `distretarget.1` and one for each command, from their help texts.
+
+python tools/make_man.py FOLDER
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import click
+
+from distretarget.cli import ImportedCommand, cli
+
+
+def pages(command: click.Command = cli, name: str = "distretarget") -> Iterator[tuple[str, str]]:
+    """Yield the name of a command, with dashes, and its page; then those of the commands below it."""
+    if isinstance(command, ImportedCommand):
+        command = command.command
+    context = click.Context(command, info_name=name)
+    yield name.replace(" ", "-"), page(command, context)
+    for below in command.commands.values() if isinstance(command, click.Group) else ():
+        yield from pages(below, f"{name} {below.name}")
+
+
+def page(command: click.Command, context: click.Context) -> str:
+    """The page of a command, in the language of man."""
+    name, help_text = context.info_name or "", command.help or ""
+    title = name.replace(" ", "-").upper()
+    lines = [f'.TH "{title}" 1 "" "distretarget {version("distretarget")}"', ".SH NAME"]
+    lines += [rf"{name} \- {_plain(command.get_short_help_str(limit=200))}", ".SH SYNOPSIS"]
+    lines += [rf".B {name}", _plain(" ".join(command.collect_usage_pieces(context))), ".SH DESCRIPTION"]
+    for paragraph in re.split(r"\n\s*\n", help_text):
+        examples = paragraph.lstrip().startswith("\b")  # click keeps the lines of such a paragraph
+        text = [_plain(line.strip()) for line in paragraph.replace("\b", "").strip().splitlines()]
+        lines += [".nf", *text, ".fi", ".PP"] if examples else [*text, ".PP"]
+    options = (option for option in command.get_params(context) if isinstance(option, click.Option))
+    records = [each for each in (option.get_help_record(context) for option in options) if each]
+    lines += [".SH OPTIONS"] if records else []
+    for names, text in records:
+        lines += [".TP", rf"\fB{_plain(names)}\fR", _plain(text)]
+    return "\n".join(line or ".PP" for line in lines) + "\n"
+
+
+def _plain(text: str) -> str:
+    """A text without what man would take for its own language."""
+    escaped = text.replace("\\", r"\e").replace("-", r"\-")
+    return rf"\&{escaped}" if escaped[:1] in (".", "'") else escaped
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in pages():
+        (folder / f"{name}.1").write_text(text, encoding="utf-8", newline="\n")
