@@ -26,6 +26,7 @@ from distretarget.pipeline.asked_motion import as_asked, unmet
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult
+from distretarget.scene.apart import kept_apart
 from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
 from distretarget.scene.skin import skins_in_company, with_skins
 from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
@@ -168,9 +169,10 @@ def retarget_scene(
     ]
     wishes = [Wishes.of(*each, settings.blend) for each in zip(asked, (one.clip for one in prepared), strict=True)]
     prepared = [as_asked(one, each) if each.wishes else one for one, each in zip(prepared, wishes, strict=True)]
-    touching = find_contacts(prepared, placed)
+    skins = skins_in_company(performers, modes)
+    touching = kept_apart(find_contacts(prepared, placed), skins)
     poses, sweeps, gap_error = solve_in_sweeps(touching, mapper, progress)
-    moved = with_skins(touching, poses, skins_in_company(performers, modes))
+    moved = with_skins(touching, poses, skins)
     results = list[RetargetResult]()
     for number, (one, pose, posed) in enumerate(zip(touching.performers, poses, moved, strict=True)):
         with _performer(number):
