@@ -20,14 +20,14 @@ from edits import TARGETS, edited
 from tables import publish, several, table
 
 from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
-from distretarget.batch.compile_ahead import warm
 from distretarget.measure.scene_gaps import Gap, body_part, measure_gap
+from distretarget.pipeline.compile_ahead import warm
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
     "take, bodies | frames that touch | gap, % of leg: source / rotation copy / each alone / scene | "
     "gap in the world, scene over source | foot skate (source, strides as in this world) | "
-    "foot height, % of leg | jerk / copy's | turn, degrees | pops | not_converged | "
+    "foot height, % of leg | jerk / copy's | turn, degrees | pops | not converged | "
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )

@@ -1,11 +1,14 @@
 """Give the program generated inputs, valid and broken, and count what becomes of them.
 
-    python benchmarks/fuzz.py [--readers N] [--pipeline N] [--processes N] [--seed N] [--keep FOLDER]
+    python benchmarks/fuzz.py [--readers N] [--pipeline N] [--scenes N] [--contacts N] [--commands N] [--processes N]
+                              [--seconds N] [--seed N] [--keep FOLDER]
 
 Readers: N texts are read as clips, skeleton files, maps or manifests, written, and read again. Pipeline: N clips are
-retargeted with targets, maps and options, and the results read again. Processes: N runs of the command line. Each input
-ends in one of the `OUTCOMES`; the first two are right, and the exit status is 1 if there is any other. `--keep` writes
-the inputs of all others to a folder. The same seed gives the same inputs. Ctrl-C ends a part early.
+retargeted with targets, maps and options, and the results read again, by pybvh too. Scenes, contacts, commands: N
+folders of generated files, pipes, devices and links among them, are given to one command. Processes: N runs of the
+command line, some with closed streams. `--seconds` goes through all parts for about so long, instead of counts. Each
+input ends in one of the `OUTCOMES`; the first two are right, and the exit status is 1 if there is any other. `--keep`
+writes the inputs of all others to a folder. The same seed gives the same inputs. Ctrl-C ends a part early.
 """
 
 from __future__ import annotations
@@ -18,36 +21,53 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
+from types import SimpleNamespace
 from typing import Any
 
 import click
 import numpy as np
+import pybvh
+from fuzz_folders import asked, commands, run_in_folder, scenes
+from fuzz_outcomes import (
+    HANG,
+    LIMIT,
+    REFUSED,
+    RIGHT,
+    TRACEBACK,
+    UNREADABLE,
+    Memory,
+    NotReadBackError,
+    TooLongError,
+    late,
+)
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
-from distretarget.batch.compile_ahead import warm
-from distretarget.batch.manifest import Manifest, parse_record
+from distretarget.batch.manifest import Manifest
 from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
 from distretarget.io.target_file import TargetFile, parse_target, skeleton_to_json
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.options import OBJECTIVES
 from distretarget.pipeline.retargeting import retarget_onto
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
 
-RIGHT, REFUSED, TRACEBACK = "written right", "refused in one line", "traceback"
-HANG, UNREADABLE = "no end within 10 s", "not finite or not read back"
-OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE)
-LIMIT = 10  # time after which an input counts as one that hangs [s]
+MEMORY = "more than 2 GB"
+OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, MEMORY, UNREADABLE)
+MOST_MEMORY = 2 * 2**30  # of an input [bytes]
 ROUND = 500  # inputs from one seed
+BATCH = {"readers": 1000, "pipeline": 100, "scenes": 50, "contacts": 50, "commands": 50, "processes": 5}  # at a time
 SLOW = list(HealthCheck)  # only generation, however slow
 UNCHECKED = settings(database=None, deadline=None, phases=[Phase.generate], suppress_health_check=SLOW)
 SAME = 1e-6  # how far positions may be off when they are read back [of the largest coordinate]
@@ -69,15 +89,8 @@ lines = st.tuples(
     made.often(st.just("{}"), made.broken_json(made.map_files)),
     st.one_of(st.just("\n"), made.manifests(), made.broken_json(made.manifests())),
     made.often(made.options, made.strange_options),
+    st.sampled_from(("", "", "", ">&-", "2>&-", "<&-", ">&- 2>&- <&-", ">/dev/full", "2>/dev/full")),
 )
-
-
-class NotReadBackError(Exception):
-    """What was written is not finite, or differs when it is read back."""
-
-
-class TooLongError(Exception):
-    """No end within the limit."""
 
 
 # ---- what is done with an input
@@ -109,11 +122,10 @@ def read(case: tuple[str, str]) -> None:
     else:
         with tempfile.TemporaryDirectory() as folder:
             _write(Path(folder) / "manifest.jsonl", text)
-            tally = Tally(clips=3, seconds=1.0)
-            assert Manifest(Path(folder), read_only=True).broken is not None
-            for line in text.encode("utf-8", "surrogatepass").split(b"\n"):
-                if record := parse_record(line):
-                    tally.add(record)
+            tally, manifest = Tally(clips=3, seconds=1.0), Manifest(Path(folder), read_only=True)
+            assert manifest.broken is not None
+            for record in manifest.latest(SimpleNamespace(place=PurePath(name)) for name in made.OUTPUTS):
+                tally.add(record)
             assert tally.lines
 
 
@@ -124,17 +136,32 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
     clip, pairs = parse_bvh(source, "clip.bvh"), parse_map(joint_map, "map.json")
     body = TargetFile.of(_file(target, "target"))
     result = retarget_onto(clip, body, source="clip.bvh", map_file=pairs, options=chosen)
-    again = _again(lambda: parse_bvh(format_bvh(result.motion), "again.bvh"))
+    text = format_bvh(result.motion)
+    again = _again(lambda: parse_bvh(text, "again.bvh"))
     _same_motion(result.motion, again)
+    _check_other_reader(text, result.motion.skeleton)
     if len(again) != len(result.source):
         raise NotReadBackError(f"{len(again)} frames of {len(result.source)}")
     json.dumps(result.metrics, allow_nan=False)
     list(result.warnings)
 
 
-def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any]]) -> str:
-    """Run the command line once on files with these texts, and return the outcome."""
-    command, (clip, target), joint_map, manifest, options = case
+def _check_other_reader(text: str, skeleton: Skeleton) -> None:
+    """Check that pybvh reads a result, or that the run says that it will not."""
+    with tempfile.NamedTemporaryFile(suffix=".bvh") as file:
+        file.write(text.encode("utf-8", "surrogateescape"))
+        file.flush()
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                pybvh.read_bvh_file(file.name)
+        except Exception as error:
+            if not any("pybvh" in line for line in refusals(skeleton)):
+                raise NotReadBackError(f"pybvh cannot read it, and no line says so: {error!r}") from error
+
+
+def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any], str]) -> str:
+    """Run the command line once on files with these texts and closed or full streams, and return the outcome."""
+    command, (clip, target), joint_map, manifest, options, streams = case
     chosen = [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
     arguments = {
         "retarget": ["in.bvh", "target", "-o", "out.bvh", "--json", "out.json", *chosen],
@@ -150,7 +177,7 @@ def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any]]) -> str:
         files = {"in.bvh": clip, "target": target, "map.json": joint_map, "out/manifest.jsonl": manifest}
         for file, text in files.items():
             _write(folder / file, text)
-        program = [sys.executable, "-m", "distretarget", *arguments]
+        program = ["sh", "-c", f'exec "$@" {streams}', "sh", sys.executable, "-m", "distretarget", *arguments]
         try:
             done = subprocess.run(program, cwd=folder, capture_output=True, timeout=LIMIT, stdin=subprocess.DEVNULL)
         except subprocess.TimeoutExpired as error:
@@ -161,7 +188,11 @@ def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any]]) -> str:
         if done.returncode == 0:
             _check_written(folder)
             return RIGHT
-    if command != "batch" and not "".join(errors.splitlines()[-1:]).startswith("distretarget: "):
+    if (
+        command != "batch"
+        and "2>" not in streams
+        and not "".join(errors.splitlines()[-1:]).startswith("distretarget: ")
+    ):
         raise RuntimeError(f"status {done.returncode}, and no line says why: {errors[-600:]}")
     return REFUSED
 
@@ -216,16 +247,16 @@ def _close(values: Any, again: Any, what: str) -> None:
 # ---- how it ends
 
 
-def _late(_number: int, _frame: object) -> None:
-    raise TooLongError
-
-
 def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str]:
     """Return the outcome of an action on an input, and the details of a failure."""
-    before = signal.signal(signal.SIGALRM, _late)
+    before = signal.signal(signal.SIGALRM, late)
     signal.alarm(LIMIT)
+    memory = Memory()
     try:
-        return action(case) or RIGHT, ""
+        with warnings.catch_warnings(action="error", category=RuntimeWarning):  # which a user would see
+            outcome = action(case) or RIGHT
+        used = memory.peak()
+        return (outcome, "") if used < MOST_MEMORY else (MEMORY, f"{used / 2**20:.0f} MB; {outcome}")
     except DistretargetError as error:
         return (REFUSED, "") if "\n" not in str(error) else (TRACEBACK, f"several lines: {error}")
     except TooLongError:
@@ -271,6 +302,9 @@ def tried(action: Callable[[Any], str | None], cases: st.SearchStrategy[Any], co
 PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
     "readers": (read, texts),
     "pipeline": (convert, jobs),
+    "scenes": (run_in_folder, scenes()),
+    "contacts": (run_in_folder, asked()),
+    "commands": (run_in_folder, commands()),
     "processes": (run, lines),
 }
 
@@ -278,25 +312,36 @@ PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
 @click.command(help=__doc__)
 @click.option("--readers", default=0)
 @click.option("--pipeline", default=0)
+@click.option("--scenes", default=0)
+@click.option("--contacts", default=0)
+@click.option("--commands", default=0)
 @click.option("--processes", default=0)
+@click.option("--seconds", default=0.0)
 @click.option("--seed", "first_seed", default=0)
 @click.option("--keep", type=Path)
-def main(first_seed: int, keep: Path | None, **counts: int) -> None:
+def main(seconds: float, first_seed: int, keep: Path | None, **counts: int) -> None:
     """Try as many inputs as asked for, and print the outcomes of each part."""
     for objective in OBJECTIVES:
         warm(objective)  # compilation is not counted as time taken
-    wrong = 0
-    for part, (action, cases) in PARTS.items():
-        started = time.perf_counter()
-        found = tried(action, cases, counts[part], 1000 * first_seed)
+    started, wrong, rounds = time.monotonic(), 0, 0
+    totals = {part: Tried() for part in PARTS}
+    while not rounds or time.monotonic() - started < seconds:
+        for part, (action, cases) in PARTS.items():
+            if not seconds or time.monotonic() - started < seconds:
+                count = BATCH[part] if seconds else counts[part]
+                found = tried(action, cases, count, 1000 * first_seed + rounds)
+                totals[part].counts += found.counts
+                for case, known in found.wrong:
+                    print(f"--- {part} {wrong}: {known}", flush=True)
+                    if keep:
+                        keep.mkdir(parents=True, exist_ok=True)
+                        (keep / f"{part}_{wrong}.json").write_text(json.dumps(case, indent=1))
+                    wrong += 1
+        rounds += 1
+    for part, found in totals.items():
         ends = ", ".join(f"{found.counts[outcome]:,} {outcome}" for outcome in OUTCOMES)
-        print(f"{part}: {found.counts.total():,} inputs in {time.perf_counter() - started:.0f} s: {ends}", flush=True)
-        for number, (case, known) in enumerate(found.wrong):
-            print(f"--- {part} {number}: {known}", flush=True)
-            if keep:
-                keep.mkdir(parents=True, exist_ok=True)
-                (keep / f"{part}_{number}.json").write_text(json.dumps(case, indent=1))
-        wrong += len(found.wrong)
+        print(f"{part}: {found.counts.total():,} inputs: {ends}", flush=True)
+    print(f"{time.monotonic() - started:.0f} s")
     sys.exit(wrong > 0)
 
 

@@ -35,6 +35,19 @@ sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("t
 import gltf_player
 from bodies import SAMPLES
 from characters import chunks
+from fuzz_outcomes import (
+    HANG,
+    LIMIT,
+    LONGEST_LINE,
+    REFUSED,
+    RIGHT,
+    TRACEBACK,
+    UNREADABLE,
+    Memory,
+    NotReadBackError,
+    TooLongError,
+    late,
+)
 from mutated_gltf import mutated
 
 from distretarget import DistretargetError, Motion, load_target, read_bvh, read_motion, retarget, write_motion
@@ -42,39 +55,12 @@ from distretarget.io.bvh import MAX_DEPTH, parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.target_file import CharacterTarget
 
-RIGHT, REFUSED, TRACEBACK, WRONG = "written right", "refused in one line", "traceback", "not finite or not read back"
-HANG, MEMORY = "no end within 10 s", "memory above 10 times the file"
-OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, MEMORY, WRONG)
-LIMIT = 10  # of processor time [s]
+MEMORY = "memory above 10 times the file"
+OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, MEMORY, UNREADABLE)
 GIVEN_UP = 30  # after which a process that does not even notice its alarm is ended [s]
 FREE_MEMORY, PER_BYTE = 128 * 2**20, 10  # [bytes]; [bytes per byte of the file]
 ALL_MEMORY = 6 * 2**30  # of a process [bytes]
-LONGEST_LINE = 1000
 OFF = 1e-5  # how far joints may be off when they are read back [of the extent of body, path and nodes]
-
-
-class NotReadBackError(Exception):
-    """What was written is not finite, or differs when it is read back."""
-
-
-class TooLongError(Exception):
-    """No end within the limit."""
-
-
-class Memory:
-    """The most memory that this process holds since the beginning [bytes]."""
-
-    def __init__(self) -> None:
-        Path("/proc/self/clear_refs").write_text("5")
-        self._before = self._status("VmRSS")
-
-    @staticmethod
-    def _status(key: str) -> int:
-        lines = Path("/proc/self/status").read_text().splitlines()
-        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(key))
-
-    def peak(self) -> int:
-        return self._status("VmHWM") - self._before
 
 
 # ---- what is done with a file
@@ -200,10 +186,6 @@ def run_program(path: Path) -> str:
 # ---- how it ends
 
 
-def _late(_number: int, _frame: object) -> None:
-    raise TooLongError
-
-
 def outcome_of(seed: int, of: str | None, sample: Motion, folder: Path, processes: bool) -> tuple[str, str]:
     """The outcome of a file, and the details of a failure."""
     suffix, content = mutated(seed, of)
@@ -213,7 +195,7 @@ def outcome_of(seed: int, of: str | None, sample: Motion, folder: Path, processe
     path.write_bytes(content)
     size, memory = len(content), Memory()
     del content
-    signal.signal(signal.SIGPROF, _late)
+    signal.signal(signal.SIGPROF, late)
     signal.setitimer(signal.ITIMER_PROF, 0 if processes else LIMIT)
     outcome, known = RIGHT, ""
     try:
@@ -232,7 +214,7 @@ def outcome_of(seed: int, of: str | None, sample: Motion, folder: Path, processe
     except MemoryError as error:
         outcome, known = MEMORY, "".join(traceback.format_exception(error)[-4:])
     except NotReadBackError as error:
-        outcome, known = WRONG, str(error)
+        outcome, known = UNREADABLE, str(error)
     except Exception as error:
         outcome, known = TRACEBACK, "".join(traceback.format_exception(error)[-4:])
     finally:

@@ -104,7 +104,9 @@ class Plant(Entry):
 
     Attributes:
         plant: the part.
-        on: "floor"; "where it is", at its mean place; or a place in the target's file [its units]. None as found.
+        on: "floor"; "where it is", at its mean place; a place in the target's file [its units]; or a joint or part of
+            the body, with which it moves; in scenes also a prop by its name, or another performer's joint by the
+            performer's number from 1, such as "2: Head". None as found.
         keep: False to let it go.
 
     Raises:
@@ -112,13 +114,13 @@ class Plant(Entry):
     """
 
     plant: str
-    on: Ground | Place | None = None
+    on: str | Place | None = None
     keep: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_names("plant", (self.plant,), 1)
-        if self.on is not None and self.on not in ("floor", "where it is"):
+        if self.on is not None and not isinstance(self.on, str):
             _check_numbers("on", self.on, 3, -LONGEST)
         if not self.keep and self.on is not None:
             raise SettingsError("an entry with keep false lets a part go, and cannot plant it; leave one out")

@@ -140,6 +140,8 @@ def shown(line: str) -> str:
     """
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE - LAST_SHOWN]} ... {line[-LAST_SHOWN:]}"
+    if line.isprintable():
+        return line
     return "".join(each if _is_harmless(each) else each.encode("unicode_escape").decode() for each in line)
 
 

@@ -227,6 +227,12 @@ class Motion:
         over_blocks(place, *positions.shape[:2])
         return positions
 
+    @property
+    def bones(self) -> Array:
+        """(frames, joints, 3), from each joint's parent to it in the world [file units]; not cached."""
+        bones = np.take(self.positions, self.skeleton.parents, axis=1)
+        return np.subtract(self.positions, bones, out=bones)
+
     def looking_ahead(self) -> Motion:
         """Return the motion of a body that looks to +Z: turned round where it looked to -Z (`Skeleton.looks_back`)."""
         return self.turned_round() if self.skeleton.looks_back else self

@@ -1,9 +1,9 @@
 """The public names, which `distretarget` offers as its own; `as` re-exports each to type checkers."""
 
 from distretarget.baseline.world import World as World
-from distretarget.batch.batch import convert_folder as convert_folder
-from distretarget.batch.manifest import ManifestRecord as ManifestRecord
-from distretarget.batch.manifest import Tally as Tally
+from distretarget.batch.convert_folder import convert_folder as convert_folder
+from distretarget.batch.record import ManifestRecord as ManifestRecord
+from distretarget.batch.tally import Tally as Tally
 from distretarget.body.anatomy import Anatomy as Anatomy
 from distretarget.body.body import Body as Body
 from distretarget.body.build import Build as Build
@@ -33,10 +33,10 @@ from distretarget.io.contacts_file import contacts_to_json as contacts_to_json
 from distretarget.io.contacts_file import load_contacts as load_contacts
 from distretarget.io.interop import from_bvhio as from_bvhio
 from distretarget.io.interop import to_bvhio as to_bvhio
-from distretarget.io.interop import write_npz as write_npz
 from distretarget.io.motion_file import read_motion as read_motion
 from distretarget.io.motion_writer import OutputSettings as OutputSettings
 from distretarget.io.motion_writer import write_motion as write_motion
+from distretarget.io.motion_writer import write_npz as write_npz
 from distretarget.io.target_file import load_target as load_target
 from distretarget.matching.matching import Matching as Matching
 from distretarget.matching.matching import match as match

@@ -10,15 +10,15 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import shortest_path
 
 from distretarget.errors import SkeletonError, closest, quoted
+from distretarget.numerics import trees
 from distretarget.numerics.kinematics import joint_positions
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 USUAL_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")  # of joints for which a file states no channels
+USUAL_ROOT = POSITION_CHANNELS + USUAL_ROTATIONS  # of such a root
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
 HALF_TURN = np.array([-1.0, 1.0, -1.0])  # what turns vectors half round about Y
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}  # length units [m]
@@ -174,14 +174,18 @@ class Skeleton:
     def index(self, key: str) -> int:
         """Return the index of the joint with this key, or raise a SkeletonError with the closest keys."""
         try:
-            return self.keys.index(key)
-        except ValueError:
+            return self._numbers[key]
+        except KeyError:
             raise SkeletonError(f"no joint {key!r}; {closest(str(key), self.keys)}") from None
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {key: joint for joint, key in enumerate(self.keys)}
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """The children of each joint, in file order."""
-        return tuple(tuple(np.flatnonzero(self.parents == joint).tolist()) for joint in range(len(self)))
+        return trees.children_of(self.parents.tolist())
 
     @cached_property
     def joints(self) -> tuple[int, ...]:
@@ -191,7 +195,7 @@ class Skeleton:
     @cached_property
     def depth_first(self) -> tuple[int, ...]:
         """The joints in the order of a BVH file: depth first, children in file order."""
-        return tuple(sorted(range(len(self)), key=lambda joint: self.line(joint)[::-1]))
+        return trees.depth_first_order(self.children)
 
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
@@ -201,9 +205,36 @@ class Skeleton:
     @cached_property
     def path_lengths(self) -> NDArray[np.float64]:
         """tau: (joints, joints), the length of the tree path between two joints [file units]."""
-        edges = (self.lengths[1:], (np.arange(1, len(self)), self.parents[1:]))
-        graph = coo_array(edges, shape=(len(self), len(self))).tocsr()
-        return np.asarray(shortest_path(graph, method="D", directed=False))
+        return trees.all_paths(self.parents, self.depth_first, self.lengths)
+
+    def paths_from(self, joint: int) -> NDArray[np.float64]:
+        """Return the row of `path_lengths` of a joint, (joints,), without computing the others."""
+        if joint not in self._paths_from:
+            self._paths_from[joint] = trees.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
+        return self._paths_from[joint]
+
+    @cached_property
+    def _paths_from(self) -> dict[int, NDArray[np.float64]]:
+        return {}
+
+    @cached_property
+    def longest_path(self) -> float:
+        """The length of the longest path [file units]."""
+        return float(self.paths_from(int(self.paths_from(0).argmax())).max())
+
+    @cached_property
+    def _reaches(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        return trees.reaches(self.parents.tolist(), self.lengths.tolist())
+
+    @property
+    def reach(self) -> NDArray[np.float64]:
+        """(joints,), the length of the path from each joint to its `farthest` [file units]."""
+        return self._reaches[0]
+
+    @property
+    def farthest(self) -> NDArray[np.intp]:
+        """(joints,), the joint below each joint, or itself, that is farthest from it along the bones."""
+        return self._reaches[1]
 
     @cached_property
     def path_sizes(self) -> NDArray[np.intp]:
@@ -212,16 +243,29 @@ class Skeleton:
 
     def path_counts(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return how many bones of each path are counted, (joints, joints); `counted`, (joints,), is by lower joint."""
-        above = np.array([counted[self.line(joint)].sum() for joint in range(len(self))])
+        above = self._bones_above(counted)
         return np.asarray(above[:, None] + above - 2 * above[self.meets])
+
+    @cached_property
+    def depths(self) -> NDArray[np.intp]:
+        """(joints,), the number of joints above each joint."""
+        return self._bones_above(np.arange(len(self)) > 0)
+
+    def _bones_above(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """(joints,), how many bones from each joint up to the root are counted."""
+        above = counted.astype(np.intp).tolist()
+        for joint, parent in enumerate(self.parents.tolist()):
+            above[joint] += above[parent] if parent >= 0 else 0
+        return np.array(above)
 
     @cached_property
     def meets(self) -> NDArray[np.intp]:
         """(joints, joints), the lowest common ancestor of two joints."""
-        meets = np.diag(np.arange(len(self)))
-        for joint in range(1, len(self)):
-            meets[joint, :joint] = meets[:joint, joint] = meets[self.parents[joint], :joint]
-        return meets
+        return trees.all_meets(self.parents, self.depth_first)
+
+    def meet(self, joints: Iterable[int]) -> int:
+        """Return the lowest common ancestor of some joints."""
+        return max(set.intersection(*({*self.line(joint)} for joint in joints)))
 
     @cached_property
     def rest_positions(self) -> NDArray[np.float64]:
@@ -246,7 +290,12 @@ class Skeleton:
 
     def lines(self, joints: Iterable[int]) -> set[int]:
         """Return these joints and all their ancestors."""
-        return {above for joint in joints for above in self.line(int(joint))}
+        found = {-1}
+        for joint in map(int, joints):
+            while joint not in found:
+                found.add(joint)
+                joint = self.parents.item(joint)
+        return found - {-1}
 
     def subtree(self, joint: int) -> list[int]:
         """Return `joint` and all its descendants."""

@@ -1,15 +1,19 @@
 """Run the program as users do: in this process, which is fast, or in a separate one."""
 
 import functools
+import json
 import subprocess
 import sys
+from pathlib import PurePath
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import pytest
 from click.testing import CliRunner
 
-from distretarget.batch.compile_ahead import warm
+from distretarget.batch.manifest import Manifest
 from distretarget.cli import main
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.options import OBJECTIVES
 
 LOOK = 0.02  # time between two checks of a running process [s]
@@ -63,3 +67,16 @@ def wait_until(condition, process):
             continue
         return
     pytest.fail(f"the condition did not come true in {LOOKS * LOOK:.0f} s")
+
+
+def clip_lines(folder):
+    """The lines of clips in the manifest of a folder of results, without those of settings."""
+    lines = map(json.loads, (folder / "manifest.jsonl").read_text().splitlines())
+    return [line for line in lines if "output" in line]
+
+
+def last_records(folder):
+    """The last record of each clip in a folder of results, with settings and metrics."""
+    manifest = Manifest(folder, read_only=True)
+    clips = [SimpleNamespace(place=PurePath(name)) for name in {line["output"] for line in clip_lines(folder)}]
+    return {record["output"]: record for record in manifest.latest(clips)}

@@ -5,10 +5,17 @@ from __future__ import annotations
 import functools
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from hypothesis import reject
 from hypothesis import strategies as st
+
+from distretarget import Motion, Skeleton, SkeletonError
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import format_bvh
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 PARTS = ("Hips", "Spine", "Neck", "Head", "LeftArm", "LeftForeArm", "LeftHand", "LeftUpLeg", "LeftLeg", "LeftFoot")
@@ -118,7 +125,45 @@ def sample_clips(draw: st.DrawFn) -> str:
     return " ".join(words) + "MOTION\n" + "\n".join(body) + "\n"
 
 
-clips = st.one_of(random_clips(), sample_clips())
+@st.composite
+def changed_clips(draw: st.DrawFn) -> str:
+    """The frames of a sample clip by a body with joints renamed, removed with all below them, or laid along one axis,
+    on one another or nearly so.
+    """
+    motion = _sample_motions()[draw(st.integers(0, len(_samples()) - 1))]
+    first = draw(st.integers(0, len(motion) - FRAMES))
+    motion = motion[first : first + draw(st.integers(1, FRAMES))]
+    body = motion.skeleton
+    gone = {below for joint in draw(st.lists(_below_root(body), max_size=2)) for below in body.subtree(joint)}
+    kept = np.array([joint for joint in range(len(body)) if joint not in gone])
+    offsets, labels = np.array(body.offsets), [name.rpartition(":")[2] for name in body.names]
+    for joint in draw(st.lists(_below_root(body), max_size=4)):
+        labels[joint] = draw(names)
+    axis, size = np.eye(3)[draw(st.integers(0, 2))], draw(st.sampled_from((1.0, -1.0, 0.0, 1e-12)))
+    noise = draw(st.sampled_from((0.0, 0.0, 1e-9, 1e-6)))
+    for joint in draw(st.lists(_below_root(body), max_size=draw(st.sampled_from((0, 2, 40))))):
+        offsets[joint] = np.linalg.norm(offsets[joint]) * (size * axis + noise)
+    parents = np.searchsorted(kept, body.parents[kept])
+    parents[0] = -1
+    try:
+        changed = replace(
+            body,
+            names=tuple(labels[joint] for joint in kept),
+            parents=parents,
+            offsets=offsets[kept],
+            channels=tuple(body.channels[joint] for joint in kept),
+            end_sites=body.end_sites[kept],
+        )
+    except SkeletonError:  # names that cannot be told apart
+        reject()
+    return format_bvh(Motion(changed, motion.root_positions, motion.rotations[:, kept], motion.frame_time_text))
+
+
+def _below_root(body: Skeleton) -> st.SearchStrategy[int]:
+    return st.integers(1, len(body) - 1)
+
+
+clips = st.one_of(random_clips(), sample_clips(), changed_clips())
 
 
 @st.composite
@@ -157,7 +202,7 @@ scales = st.sampled_from((1.0, 0.5, 2.0, 1e-9, 1e9, 1e-12, 1e12)).map(
 )
 pairs = st.one_of(  # a clip, and a target that it can probably be retargeted to
     clips.flatmap(lambda clip: st.tuples(st.just(clip), st.just(clip) | scales)),
-    st.tuples(sample_clips(), often(sample_targets, sample_clips())),
+    st.tuples(sample_clips() | changed_clips(), often(sample_targets, sample_clips(), changed_clips())),
     st.tuples(clips, targets),
 )
 
@@ -197,32 +242,18 @@ def _with_strange_value(draw: st.DrawFn, value: Any) -> Any:
     return changed
 
 
+OUTPUTS = ("clip.bvh", "other.bvh", "..bvh", "a/b.bvh")  # in manifests
+
+
 @st.composite
 def manifests(draw: st.DrawFn) -> str:
     """The manifest of a batch, some of its lines."""
-    metrics = {side: {"stress": 0.1, "foot_skate": None} for side in ("source", "rotation_copy", "result")}
-    lines = []
-    for name in draw(st.lists(st.sampled_from(("clip", "other", "..", "a/b")), max_size=3)):
-        failed = draw(st.booleans())
-        lines.append(
-            {
-                "input": f"{name}.bvh",
-                "input_hash": "sha256:00",
-                "output": f"{name}.bvh",
-                "output_hash": None if failed else "sha256:11",
-                "target": "body.json",
-                "target_hash": "sha256:22",
-                "options": {},
-                "version": "0",
-                "frames": 3,
-                "seconds": 0.1,
-                "metrics": {} if failed else metrics,
-                "notes": [],
-                "warnings": [],
-                "status": "failed" if failed else "done",
-                "error": "no" if failed else None,
-            }
-        )
+    settings = {"settings": "0", "target": "body.json", "target_hash": "sha256:22", "options": {}, "version": "0"}
+    lines = [settings]
+    for name in draw(st.lists(st.sampled_from(OUTPUTS), max_size=3)):
+        clip = {"input": name, "output": name, "settings": "0", "input_hash": "sha256:00"}
+        outcome = draw(st.sampled_from(({"status": "failed", "error": "no"}, {"status": "done", "output_hash": "x"})))
+        lines.append(clip | {"frames": 3, "seconds": 0.1} | outcome)
     return "\n".join(map(json.dumps, lines)) + "\n"
 
 
@@ -262,6 +293,11 @@ def _is_number(word: str) -> bool:
 @functools.cache
 def _samples() -> list[str]:
     return [path.read_text() for path in sorted(SAMPLES.glob("*.bvh"))]
+
+
+@functools.cache
+def _sample_motions() -> list[Motion]:
+    return [parse_bvh(text, "sample.bvh") for text in _samples()]
 
 
 @functools.cache

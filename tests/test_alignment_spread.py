@@ -5,10 +5,12 @@ import base64
 import numpy as np
 import pytest
 from bodies import matched, person, posed
+from program import last_records
 from scipy.spatial.transform import Rotation
 
 from distretarget import convert_folder, write_bvh
 from distretarget.batch.alignment_spread import ROLES, SCALE, alignment_text, largest_spread, spread_warnings
+from distretarget.batch.manifest import Manifest
 
 PERSON = person()
 
@@ -76,13 +78,13 @@ def test_a_batch_that_goes_on_warns_of_clips_that_are_done(tmp_path):
     write_bvh(tmp_path / "hero.bvh", clip())
     batch = tmp_path / "clips", tmp_path / "hero.bvh", tmp_path / "out"
     assert not convert_folder(*batch, jobs=1).alignments
-    manifest = tmp_path / "out" / "manifest.jsonl"
-    first, second = manifest.read_text("utf-8").splitlines()
-    rig, text = first.split('"alignment": "')[1].split('"')[0].split(":")
+    manifest = Manifest(tmp_path / "out")
+    first = last_records(tmp_path / "out")["a.bvh"]
+    rig, text = first["alignment"].split(":")
     rotations = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 4).copy()
     rotations[ROLES.index("head")] = np.round(SCALE * np.sqrt(0.5)), 0, 0, np.round(SCALE * np.sqrt(0.5))
     other = base64.b64encode(rotations.tobytes()).decode()
-    manifest.write_text("\n".join([first.replace(f"{rig}:{text}", f"{rig}:{other}"), second, ""]), "utf-8")
+    manifest.add(first | {"alignment": f"{rig}:{other}"})
     again = convert_folder(*batch, jobs=1)
     assert again.skipped == 2
     (line,) = again.alignments

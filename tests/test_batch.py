@@ -3,22 +3,26 @@
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from bodies import other_lengths, person
-from input_files import file_of, target_of, text_hash
+from input_files import file_of, target_of
 
 from distretarget.batch import batch as batch_module
 from distretarget.batch import workers as batch_workers
-from distretarget.batch.batch import MARK, OF, Batch
-from distretarget.batch.manifest import Manifest, Tally, parse_record
+from distretarget.batch.batch import Batch
+from distretarget.batch.job import Result
+from distretarget.batch.manifest import Manifest
+from distretarget.batch.pages import MARK, OF, Pages
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.workers import Result
+from distretarget.batch.recipe import Recipe
+from distretarget.batch.results import Results
+from distretarget.batch.tally import Tally
 from distretarget.errors import BatchError, FileError
 from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile
 from distretarget.io.target_file import skeleton_to_json
+from distretarget.measure.metrics import COLUMNS
 from distretarget.pipeline.options import Options
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
@@ -64,11 +68,11 @@ def copied(job, *_):
     """What becomes of a clip that is copied instead of converted; those with the word `fail` in them fail."""
     if "fail" in job.source.text:
         return job.failed("it fails")
-    text = f"{job.target.path}: {job.source.text}"
-    metrics = {"result": {"contact_error": len(job.source.text)}}
+    text = f"{job.target.file.path}: {job.source.text}"
+    metrics = dict.fromkeys(COLUMNS) | {"contact_error": float(len(job.source.text))}
     done = {"seconds": 0.5, "frames": 7, "metrics": metrics, "notes": ["a tail"], "warnings": ["careful"]}
-    record = job.record | done | {"status": "done", "output_hash": text_hash(text)}
-    return Result(record, b"".join(encoded_parts(text)), f"{MARK} {job.about}" if job.about else "")
+    outputs = {job.outputs[0]: b"".join(encoded_parts(text))}
+    return Result(job.record | done | {"status": "done"}, outputs, f"{MARK} {job.about}" if job.about else "")
 
 
 @pytest.fixture(autouse=True)
@@ -90,8 +94,12 @@ def clips_in(folder, target=TARGET):
 
 def batch_of(folder, clips=None, **others):
     """A batch over the clips of a folder, with the options in `others`."""
-    own = {"options": Options(), "map_file": MapFile({}, ""), "about": lambda clip, _: f"report on {clip.name}"}
-    return Batch(clips or clips_in(folder), folder / "out", **own | others)
+    parts = []
+    for kind in (Results, Recipe, Pages):
+        parts.append({name: others.pop(name) for name in [*others] if name in kind.__dataclass_fields__})
+    results, recipe, pages = parts
+    pages = Pages(lambda clip, _: f"report on {clip.name}", **pages)
+    return Batch(clips or clips_in(folder), Results(folder / "out", **results), Recipe(**recipe), pages, **others)
 
 
 def go(folder, workers=None, clips=None, **others):
@@ -101,7 +109,12 @@ def go(folder, workers=None, clips=None, **others):
 
 
 def lines(folder):
-    return [parse_record(line) for line in (folder / "out" / "manifest.jsonl").read_bytes().splitlines()]
+    return [*Manifest(folder / "out", read_only=True).latest(clips_in(folder))]
+
+
+def runs(folder):
+    """How often a clip has a line in the manifest."""
+    return (folder / "out" / "manifest.jsonl").read_text().count('"frames": ')
 
 
 def results(folder):
@@ -127,7 +140,7 @@ def test_a_second_run_has_nothing_to_do(folder):
     go(folder)
     seen = go(folder)
     assert seen == [None] * 3
-    assert len(lines(folder)) == 3
+    assert runs(folder) == 3
 
 
 def test_a_run_leaves_to_another_what_that_is_at_work_on(folder):
@@ -223,8 +236,7 @@ def test_what_another_run_writes_meanwhile_is_no_failure(folder, monkeypatch):
         return copied(job)
 
     def with_other_options(job):
-        record = copied(job).record | {"output_hash": text_hash("with other options")}
-        return Result(record, b"with other options")
+        return Result(copied(job).record, {job.outputs[0]: b"with other options"})
 
     monkeypatch.setattr(batch_workers, "convert", late)
     assert len(go(folder).of("done")) == 3
@@ -340,14 +352,15 @@ def test_what_a_cluster_raises_is_its_clips_failure(folder):
     assert all(record["error"].endswith(".bvh: RuntimeError: killed thrice") for record in seen)
 
 
-def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_split(folder, monkeypatch):
-    split = []
+def test_a_clip_that_would_keep_one_worker_busy_at_the_end_gets_several_threads(folder, monkeypatch):
     monkeypatch.setattr(batch_module, "SPLIT_SIZE", 4)
+    monkeypatch.setattr(batch_module, "cores", lambda: 7)
+    threads = {}
     monkeypatch.setattr(
-        batch_workers, "_split", lambda executor, job: split.append(job) or executor.submit(copied, job)
+        batch_workers, "convert", lambda job: threads.update({job.source.path.name: job.threads}) or copied(job)
     )
     assert len(go(folder).of("done")) == 3  # of 10, 5 and 3 bytes
-    assert [Path(job.source.path).name for job in split] == ["c.bvh", "b.bvh"]
+    assert threads == {"c.bvh": 7, "b.bvh": 7, "a.bvh": None}
 
 
 def test_the_next_clip_waits_at_each_worker(folder, monkeypatch):
@@ -370,19 +383,6 @@ def test_the_next_clip_waits_at_each_worker(folder, monkeypatch):
     monkeypatch.setattr(batch_workers, "wait", finish)
     assert len(go(folder, workers).of("done")) == 3
     assert waiting == [2, 1]
-
-
-def test_a_split_clip_whose_workers_died_is_retried_as_a_whole(folder, monkeypatch):
-    """By one worker: so a clip that kills its workers is found out, and takes no other with it."""
-
-    def broken(*_):
-        future = Future()
-        future.set_exception(BrokenProcessPool("died"))
-        return future
-
-    monkeypatch.setattr(batch_module, "SPLIT_SIZE", 4)
-    monkeypatch.setattr(batch_workers, "_split", broken)
-    assert sorted(go(folder).of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
 
 
 def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
@@ -453,7 +453,9 @@ def test_a_report_that_cannot_be_written_is_a_problem(folder):
     path.write_text("my own")
     batch = batch_of(folder, index=folder / "index.html", reports=None)
     batch.convert(Workers(), Tally(clips=3))
-    assert [str(problem) for problem in batch.problems.values()] == [f"{path}: exists already; --overwrite replaces it"]
+    assert [str(problem) for problem in batch.pages.problems.values()] == [
+        f"{path}: exists already; --overwrite replaces it"
+    ]
     assert path.read_text() == "my own"
     assert len(pages(folder)) == 4
 

@@ -12,12 +12,16 @@ from pathlib import PurePath
 import pytest
 from input_files import named_target, text_hash
 
-from distretarget.batch import manifest as batch_manifest
-from distretarget.batch.manifest import Manifest, ManifestRecord, new_record, options_of, parse_record
-from distretarget.batch.plan import MANIFEST, Clip
+from distretarget.batch import journal
+from distretarget.batch.manifest import Manifest
+from distretarget.batch.metric_rows import parse_row, row_of
+from distretarget.batch.plan import MANIFEST, METRICS, Clip
+from distretarget.batch.recipe import Recipe
+from distretarget.batch.record import clip_line, new_record, parse_line, settings_line
 from distretarget.errors import FileError
 from distretarget.io.files import hash_of_file
 from distretarget.io.map_json import MapFile
+from distretarget.measure.metrics import COLUMNS
 from distretarget.pipeline.options import Options
 
 OPTIONS = Options()
@@ -29,60 +33,131 @@ def clip(name="a.bvh", target="{}"):
 
 
 def record(one=None, input_hash="in", options=OPTIONS, joint_map=()):
-    return new_record(one or clip(), options_of(options, MapFile(dict(joint_map), ""))) | {"input_hash": input_hash}
+    return new_record(one or clip(), Recipe(options, MapFile(dict(joint_map), "")).settings) | {
+        "input_hash": input_hash
+    }
 
 
-def done(one=None):
-    return record(one) | {"status": "done", "output_hash": text_hash(OUTPUT)}
+def done(one=None, **others):
+    return record(one) | {"status": "done", "output_hash": text_hash(OUTPUT), **others}
 
 
-def line_of(one):
-    return json.dumps(one).encode() + b"\n"
+def measured():
+    """What was measured of a clip, with texts that a table may not take as they are."""
+    metrics = {name: None if k % 3 else 0.1 * k for k, name in enumerate(COLUMNS)}
+    texts = {
+        "verdict": 'as good, "as" it gets',
+        "warnings": ["one, two", "three"],
+        "notes": [],
+        "alignment": "rig:AAAA",
+    }
+    return {"metrics": metrics, **texts}
 
 
 def records(manifest):
-    return [parsed for line in manifest.path.read_bytes().splitlines() if (parsed := parse_record(line))]
+    """The lines of clips."""
+    found = (parse_line(line) for line in manifest.path.read_bytes().splitlines())
+    return [one for one in found if one and "options" not in one]
+
+
+def is_done(manifest, one, output_hash):
+    return manifest.made(one, {one["output"]: output_hash}) is not None
 
 
 # ---- a line
 
 
-def test_a_line_has_every_key_all_options_and_the_map():
-    one = parse_record(line_of(record(joint_map={"Head": "Skull"})))
-    assert one.keys() == ManifestRecord.__required_keys__
-    assert (one["input"], one["output"], one["target"]) == ("a.bvh", "a.bvh", "hero.json")
-    assert (one["status"], one["output_hash"], one["error"]) == ("failed", None, None)
-    assert one["options"].keys() == {each.name for each in fields(Options)} | {"map"}
-    assert (one["options"]["objective"], one["options"]["map"]) == ("contact", {"Head": "Skull"})
-    assert parse_record(line_of(record()))["options"]["map"] is None
+def test_the_line_of_settings_has_all_options_and_the_map():
+    name, line = settings_line(record(joint_map={"Head": "Skull"}))
+    found = parse_line(line)
+    assert (found["settings"], found["target"]) == (name, "hero.json")
+    assert found["options"].keys() == {each.name for each in fields(Options)} | {"map"}
+    assert (found["options"]["objective"], found["options"]["map"]) == ("contact", {"Head": "Skull"})
+    other, _ = settings_line(record())
+    assert other != name
 
 
-@pytest.mark.parametrize("key", sorted(ManifestRecord.__required_keys__))
+def test_the_line_of_a_clip_leaves_out_what_is_empty():
+    failed = parse_line(clip_line(record() | {"error": "no"}, "abc", ""))
+    assert failed.keys() == {"settings", "input", "input_hash", "output", "status", "frames", "seconds", "error"}
+    assert parse_line(clip_line(done(others={"a.npz": "x"}), "abc", "row"))["others"] == {"a.npz": "x"}
+
+
+REQUIRED = ("settings", "input", "output", "status", "frames", "seconds")
+
+
+@pytest.mark.parametrize("key", REQUIRED)
 def test_a_line_without_one_of_the_keys_is_no_record(key):
-    one = record()
+    one = json.loads(clip_line(done(), "abc", "row"))
     del one[key]
-    assert parse_record(line_of(one)) is None
+    assert parse_line(json.dumps(one).encode()) is None
 
 
-@pytest.mark.parametrize("key", sorted(ManifestRecord.__required_keys__))
-@pytest.mark.parametrize("value", [True, ["x"], {"result": 1}, {"result": {"foot_skate": "1"}}], ids=str)
-def test_a_line_with_a_value_of_another_kind_is_no_record(key, value):
-    one = record() | {key: value}
-    kinds = {"frames": bool, "seconds": bool, "notes": list, "warnings": list}
-    if isinstance(value, kinds.get(key, ())) or (key == "options" and isinstance(value, dict)):
-        return
-    assert parse_record(line_of(one)) is None
-
-
-@pytest.mark.parametrize("number", [10**400, float("inf"), float("nan")], ids=["long", "inf", "nan"])
-def test_a_line_with_a_number_that_cannot_be_computed_with_is_no_record(number):
-    assert parse_record(line_of(record() | {"metrics": {"result": {"foot_skate": number}}})) is None
-    assert parse_record(line_of(record() | {"frames": number})) is None
+@pytest.mark.parametrize("key", [*REQUIRED, "input_hash", "output_hash", "row", "error", "left_out", "others"])
+@pytest.mark.parametrize("value", [["x"], {"result": 1}, None, -1, 10**400, float("inf"), float("nan")], ids=str)
+def test_a_line_with_a_value_that_cannot_be_is_no_record(key, value):
+    one = json.loads(clip_line(done(), "abc", "row")) | {key: value}
+    assert parse_line(json.dumps(one).encode()) is None
 
 
 @pytest.mark.parametrize("line", [b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000])
 def test_what_is_no_object_is_no_record(line):
-    assert parse_record(line) is None
+    assert parse_line(line) is None
+
+
+# ---- metrics
+
+
+def test_a_row_of_metrics_says_what_was_measured():
+    row = row_of("a\nb.bvh", measured())
+    assert b"\n" not in row
+    assert parse_row(row + b"\n") == measured()
+
+
+@pytest.mark.parametrize("change", [lambda row: row[:-1], lambda row: row + b",1", lambda row: row[1:], lambda _: b""])
+def test_a_damaged_row_says_nothing(change):
+    assert parse_row(change(row_of("a.bvh", measured()))) is None
+
+
+def test_metrics_have_a_table_of_their_own(manifest, tmp_path):
+    for name in ("a.bvh", "b.bvh", "b.bvh"):
+        manifest.add(done(clip(name), **measured()))
+    manifest.add(record(clip("c.bvh")) | {"error": "no"})
+    lines = (tmp_path / "out" / METRICS).read_text().splitlines()
+    assert [line.split(",")[1] for line in lines] == ["output", "a.bvh", "b.bvh"]
+    (one,) = Manifest(tmp_path / "out").latest([clip("b.bvh")])
+    assert {key: one[key] for key in measured()} == measured()
+
+
+def test_a_clip_whose_row_is_damaged_or_lost_is_not_done(manifest, tmp_path):
+    manifest.add(done(**measured()))
+    rows = tmp_path / "out" / METRICS
+    for text in (rows.read_text().replace("gets", "got"), ""):
+        rows.write_text(text)
+        again = Manifest(tmp_path / "out")
+        assert not is_done(again, record(), text_hash(OUTPUT))
+        assert not [*again.latest([clip()])]
+    again.add(done(**measured()))
+    assert is_done(Manifest(tmp_path / "out"), record(), text_hash(OUTPUT))
+
+
+def test_metrics_of_another_version_are_put_aside(manifest, tmp_path):
+    manifest.add(done(**measured()))
+    rows = tmp_path / "out" / METRICS
+    rows.write_text("row,output,beauty\nabc,a.bvh,1\n")
+    manifest = Manifest(tmp_path / "out")
+    manifest.add(done(**measured()))
+    assert is_done(manifest, record(), text_hash(OUTPUT))
+    assert rows.read_text().startswith("row,output,verdict,")
+    assert rows.with_name("metrics.old.csv").read_text().startswith("row,output,beauty")
+
+
+def test_a_clip_takes_few_bytes(manifest):
+    """Settings stand once, metrics elsewhere."""
+    names = [f"day_12/walk_{number:03}.bvh" for number in range(50)]
+    for name in names:
+        manifest.add(done(clip(name), input_hash=text_hash(name), frames=1000, seconds=0.123, **measured()))
+    assert manifest.path.stat().st_size < 400 * len(names)
 
 
 # ---- a manifest
@@ -95,11 +170,11 @@ def manifest(tmp_path):
 
 def test_a_clip_is_done_if_its_output_is_as_the_manifest_says(manifest):
     output_hash = text_hash(OUTPUT)
-    assert not manifest.is_done(record(), output_hash)
+    assert not is_done(manifest, record(), output_hash)
     manifest.add(done())
-    assert manifest.is_done(record(), output_hash)
-    assert not manifest.is_done(record(), None)
-    assert not manifest.is_done(record(), text_hash("edited"))
+    assert is_done(manifest, record(), output_hash)
+    assert not is_done(manifest, record(), None)
+    assert not is_done(manifest, record(), text_hash("edited"))
     for other in (
         record(input_hash="other"),
         record(clip(target="{ }")),
@@ -108,17 +183,17 @@ def test_a_clip_is_done_if_its_output_is_as_the_manifest_says(manifest):
         record(joint_map={"Head": "Head"}),
         record() | {"version": "another"},
     ):
-        assert not manifest.is_done(other, output_hash)
+        assert not is_done(manifest, other, output_hash)
 
 
 def test_the_next_run_reads_what_was_done(manifest, tmp_path):
     manifest.add(done())
     again = Manifest(tmp_path / "out")
-    assert again.is_done(record(), text_hash(OUTPUT))
+    assert is_done(again, record(), text_hash(OUTPUT))
     again.add(record() | {"error": "no"})
-    assert again.is_done(record(), text_hash(OUTPUT))
+    assert is_done(again, record(), text_hash(OUTPUT))
     third = Manifest(tmp_path / "out")
-    assert third.is_done(record(), text_hash(OUTPUT))
+    assert is_done(third, record(), text_hash(OUTPUT))
     assert next(third.latest([clip()]))["status"] == "failed"
     third.confirm("a.bvh", text_hash(OUTPUT))
     third.confirm("a.bvh", text_hash(OUTPUT))
@@ -178,7 +253,7 @@ def test_names_that_are_not_valid_text_survive(manifest):
 
 
 @pytest.mark.parametrize(
-    ("rest", "broken"), [(b'{"input": "b.b', [2]), (b"\xff\xfe", [2]), (b"[]\nnull\n{}\n", [2, 3, 4]), (b"\n\n", [])]
+    ("rest", "broken"), [(b'{"input": "b.b', [3]), (b"\xff\xfe", [3]), (b"[]\nnull\n{}\n", [3, 4, 5]), (b"\n\n", [])]
 )
 def test_broken_lines_are_skipped(manifest, tmp_path, rest, broken):
     manifest.add(done())
@@ -205,7 +280,7 @@ def test_a_line_that_cannot_be_written_leaves_the_file_as_it_was(manifest, monke
     manifest.add(done())
     before = manifest.path.read_bytes()
     with monkeypatch.context() as broken:
-        broken.setattr(batch_manifest.os, "fsync", full)
+        broken.setattr(journal.os, "fsync", full)
         with pytest.raises(FileError, match=r"manifest\.jsonl: the disk is full"):
             manifest.add(done(clip("b.bvh")))
     assert manifest.path.read_bytes() == before
@@ -229,7 +304,7 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
 
 def test_a_manifest_that_is_only_read_makes_nothing(tmp_path):
     manifest = Manifest(tmp_path / "out", read_only=True)
-    assert not manifest.is_done(record(), text_hash(OUTPUT))
+    assert not is_done(manifest, record(), text_hash(OUTPUT))
     assert not (tmp_path / "out").exists()
 
 
@@ -247,11 +322,11 @@ def test_a_run_learns_what_another_has_done_meanwhile(manifest, tmp_path):
     for name in ("a.bvh", "b.bvh"):
         one, path = record(clip(name)), tmp_path / "out" / name
         path.write_text(OUTPUT)
-        assert not manifest.is_done(one, text_hash(OUTPUT))
+        assert not is_done(manifest, one, text_hash(OUTPUT))
         with pytest.raises(FileError, match="exists already"):
             check(manifest, one, tmp_path / "out")
         other.add(done(clip(name)))
-        assert manifest.is_done(one, text_hash(OUTPUT))
+        assert is_done(manifest, one, text_hash(OUTPUT))
         check(manifest, one, tmp_path / "out")
 
 

@@ -3,26 +3,23 @@
 import os
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path, PurePath
 
-import pytest
 from bodies import other_lengths, person, swaying
-from input_files import file_of, target_of, text_hash
+from input_files import file_of, target_of
 
 from distretarget import retarget
+from distretarget.batch import job as batch_job
 from distretarget.batch import workers
-from distretarget.batch.manifest import new_record
+from distretarget.batch.job import Job, Packed, convert
 from distretarget.batch.plan import Clip
-from distretarget.batch.workers import Job, convert
+from distretarget.batch.recipe import Recipe
+from distretarget.batch.record import new_record
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.map_json import MapFile
 from distretarget.io.target_file import skeleton_to_json
-from distretarget.pipeline.options import Options
 from distretarget.report.diff_document import About
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
@@ -30,25 +27,24 @@ TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json
 
 def job_of(text, target=TARGET, about=None):
     record = new_record(Clip(Path("in.bvh"), target, PurePath("out.bvh"), 0), {})
-    return Job(file_of(text, "in.bvh"), target, MapFile({}, ""), Options(), record, about)
+    return Job(file_of(text, "in.bvh"), Packed.of(target), Recipe(), record, ("out.bvh",), about=about)
 
 
 def test_a_worker_does_what_retargeting_does():
     text = format_bvh(swaying(person()))
     result = convert(job_of(text))
     record = result.record
-    assert (record["status"], record["error"], record["frames"]) == ("done", None, 20)
+    assert (record["status"], record["error"], record["frames"]) == ("done", "", 20)
     expected = format_bvh(retarget(parse_bvh(text, "in.bvh"), other_lengths(person())).motion)
-    assert (result.output, record["output_hash"]) == (expected.encode(), text_hash(expected))
-    assert record["metrics"]["result"]["bone_error"] < 1e-9
+    assert result.outputs == {"out.bvh": expected.encode()}
+    assert record["metrics"]["bone_error"] < 1e-9
     assert "<title>" in convert(job_of(text, about=About(a="a", b="b", command="", version="1"))).report
-    with ThreadPoolExecutor(2) as pool:
-        assert convert(job_of(text), pool.map).output == result.output
+    assert convert(replace(job_of(text), threads=2)).outputs == result.outputs
 
 
 def error_of(job):
     record = convert(job).record
-    assert (record["status"], record["output_hash"]) == ("failed", None)
+    assert (record["status"], record["output_hash"]) == ("failed", "")
     return record["error"]
 
 
@@ -58,7 +54,7 @@ def test_a_worker_stops_a_clip_that_takes_longer_than_its_limit(monkeypatch):
             with suppress(Exception):
                 time.sleep(0.001)
 
-    monkeypatch.setattr(workers, "retarget_onto", last_for_ever)
+    monkeypatch.setattr(batch_job, "retarget_onto", last_for_ever)
     job = replace(job_of(format_bvh(swaying(person()))), time_limit=0.05)
     assert error_of(job) == "in.bvh: took longer than the limit of 0.05 s; the next run tries it again"
     monkeypatch.undo()
@@ -72,7 +68,7 @@ def test_a_worker_says_what_went_wrong(monkeypatch):
     def fail(*_):
         raise ZeroDivisionError("two\nlines")
 
-    monkeypatch.setattr(workers, "parse_motion", fail)
+    monkeypatch.setattr(batch_job, "parse_motion", fail)
     assert error_of(job_of("")) == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
 
 
@@ -80,7 +76,7 @@ def test_a_clip_too_large_for_the_memory_fails_alone(monkeypatch):
     def fill(*_):
         raise MemoryError
 
-    monkeypatch.setattr(workers, "parse_motion", fill)
+    monkeypatch.setattr(batch_job, "parse_motion", fill)
     assert error_of(job_of("")) == "in.bvh: out of memory"
 
 
@@ -97,13 +93,5 @@ def test_a_worker_starts_with_one_thread_unless_the_user_says_otherwise(monkeypa
 
 def test_a_worker_of_another_version_refuses(monkeypatch):
     job = job_of("")
-    monkeypatch.setattr(workers, "VERSION", "0")
+    monkeypatch.setattr(batch_job, "VERSION", "0")
     assert error_of(job) == f"in.bvh: a worker runs version 0, this is {job.record['version']}"
-
-
-def test_the_death_of_another_worker_is_not_the_clips_failure():
-    def broken(*_):
-        raise BrokenProcessPool("died")
-
-    with pytest.raises(BrokenProcessPool):
-        convert(job_of(format_bvh(swaying(person()))), broken)

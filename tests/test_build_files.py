@@ -1,15 +1,14 @@
 """Builds from files: whose skin the solver, the command line and batches take."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from program import run
+from program import last_records, run
 
 from distretarget import Body, Build, Builds, FileError, Options, SkeletonEdit, load_build, load_target, read_motion
-from distretarget.body.build import OWN_BUILDS, average_adult
+from distretarget.body.build import OWN_BUILDS, average_build
 from distretarget.io.build_file import with_source
 from distretarget.io.input_file import load_file
 from distretarget.pipeline.options import DEFAULT_OPTIONS
@@ -17,7 +16,7 @@ from distretarget.pipeline.performer import match_performer, target_capsules
 
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 CLAP, WALK = SAMPLES / "clap.bvh", SAMPLES / "walk.bvh"
-STOUT = Build({part: capsules * [1, 1, 1, 2] for part, capsules in average_adult().parts.items()})
+STOUT = Build({part: capsules * [1, 1, 1, 2] for part, capsules in average_build("adult").parts.items()})
 
 
 def surfaces(target, options=DEFAULT_OPTIONS, builds=OWN_BUILDS):
@@ -82,6 +81,6 @@ def test_a_batch_gives_what_single_runs_give(tmp_path):
     done = run("batch", CLAP, HERO, "-o", tmp_path / "many", "--format", "bvh", "--jobs", "1", "--skin", HERO)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "many" / "clap.bvh").read_bytes() == (tmp_path / "one.bvh").read_bytes()
-    record = json.loads((tmp_path / "many" / "manifest.jsonl").read_text().splitlines()[-1])
+    record = last_records(tmp_path / "many")["clap.bvh"]
     assert record["options"]["target_build"] == load_build(HERO).hash
     assert np.isfinite(record["seconds"])

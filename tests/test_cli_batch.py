@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person, swaying
-from program import command, run, run_process, start_process, wait_until
+from program import clip_lines, command, last_records, run, run_process, start_process, wait_until
 
 from distretarget import Options, read_bvh, retarget, write_bvh
 from distretarget.io.bvh_writer import format_bvh
@@ -26,10 +26,6 @@ HANGS = 300  # after this time a process counts as hanging [s]
 
 def batch(*arguments, **options):
     return run("batch", *arguments, **options)
-
-
-def lines(folder):
-    return [json.loads(line) for line in (folder / "manifest.jsonl").read_text().splitlines()]
 
 
 def tree(folder):
@@ -56,7 +52,7 @@ def test_a_folder_in_a_folder_out(folder):
     assert (folder / "out/a.bvh").read_text() == expected
     again = batch("in", "body.json", "-o", "out")
     assert again.stdout == "3 clips: 0 converted, 3 done before, 0 failed\n"
-    assert len(lines(folder / "out")) == 3
+    assert len(clip_lines(folder / "out")) == 3
 
 
 def test_one_bad_file_does_not_stop_the_rest(folder):
@@ -66,7 +62,7 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert "4 clips: 3 converted, 0 done before, 1 failed" in done.stdout
     assert "failed:\n  in/bad.bvh:2: " in done.stdout
     assert len(tree(folder / "out")) == 3
-    assert sorted(line["status"] for line in lines(folder / "out")) == ["done", "done", "done", "failed"]
+    assert sorted(line["status"] for line in clip_lines(folder / "out")) == ["done", "done", "done", "failed"]
 
 
 @pytest.mark.usefixtures("folder")
@@ -90,10 +86,10 @@ def test_what_cannot_be_searched_is_reported_and_does_not_stop_the_rest(folder):
 def test_lines_that_are_no_records_are_named_and_not_used(folder):
     batch("in/a.bvh", "body.json", "-o", "out", "--report", "page.html")
     manifest = folder / "out" / "manifest.jsonl"
-    (record,) = lines(folder / "out")
-    changes = [{"output": ["a.bvh"]}, {"metrics": {"result": 1}}, {"warnings": None}]
-    for broken in [*(json.dumps(record | change) for change in changes), "[" * 100_000]:
-        manifest.write_text(f"{json.dumps(record | {'metrics': {}})}\n{broken}\n")
+    settings, line = manifest.read_text().splitlines()
+    changes = [{"output": ["a.bvh"]}, {"row": 1}, {"settings": "none"}]
+    for broken in [*(json.dumps(json.loads(line) | change) for change in changes), "[" * 100_000]:
+        manifest.write_text(f"{settings}\n{broken}\n")
         done = batch("in", "body.json", "-o", "out", "--report", "page.html", "--overwrite")
         assert done.returncode == 0
         assert done.stderr == "warning: out/manifest.jsonl:2: is not a record of a clip; what it says is not used\n"
@@ -115,7 +111,7 @@ def test_a_run_with_the_wrong_target_does_not_undo_what_was_done(folder):
         "3 clips: 0 converted, 3 done before, 0 failed",
         "3 clips: 0 converted, 3 done before, 0 failed",
     ]
-    assert [line["status"] for line in lines(folder / "out")] == ["done"] * 3 + ["failed"] * 3 + ["done"] * 3
+    assert [line["status"] for line in clip_lines(folder / "out")] == ["done"] * 3 + ["failed"] * 3 + ["done"] * 3
 
 
 def test_each_target_gets_a_folder(folder):
@@ -129,9 +125,8 @@ def test_options_are_passed_on(folder):
     (folder / "map.json").write_text('{"Head": null}')
     done = batch("in/a.bvh", "body.json", "-o", "out", "--supports", "free", "--root-scale", 3, "--map", "map.json")
     assert done.returncode == 0
-    (line,) = lines(folder / "out")
-    assert (line["options"]["supports"], line["options"]["root_scale"]) == ("free", 3.0)
-    assert line["options"]["map"] == {"Head": None}
+    options = last_records(folder / "out")["a.bvh"]["options"]
+    assert (options["supports"], options["root_scale"], options["map"]) == ("free", 3.0, {"Head": None})
     body = other_lengths(person())
     made = retarget(
         read_bvh(folder / "in/a.bvh"), body, Options(supports="free", root_scale=3.0), joint_map={"Head": None}
@@ -263,6 +258,7 @@ def test_the_clips_asked_for_get_reports(folder):
     assert len(pages()) == 2
     (report,) = pages() - {"index.html"}
     assert f'"{report}"' in (folder / "out/index.html").read_text()
+    assert '"stage-0"' in (folder / "out/index.html").read_text()
     assert batch(*once, "all").returncode == 0
     assert pages() == {"index.html", *(f"index_reports/{place}.html" for place in ("a", "deep/b", "deep/er/c"))}
     shutil.rmtree(folder / "out")
@@ -331,7 +327,7 @@ def started(work, output, *options, finished=0):
     """A process that converts the clips of a folder, returned when it has finished this many."""
     process = start_process("batch", work / "in", work / "body.json", "-o", output, *options)
     manifest = output / "manifest.jsonl"
-    wait_until(lambda: (manifest.read_bytes() if manifest.exists() else b"").count(b"\n") >= finished, process)
+    wait_until(lambda: (manifest.read_bytes() if manifest.exists() else b"").count(b'"frames": ') >= finished, process)
     return process
 
 
@@ -389,7 +385,7 @@ def test_no_link_leads_out_of_the_folder_of_reports(folder):
 def test_two_runs_may_write_into_one_folder(work, tmp_path):
     processes = [started(work, tmp_path, "--exclude", "longer.bvh") for _ in range(2)]
     assert [process.communicate(timeout=HANGS) and process.returncode for process in processes] == [0, 0]
-    assert {line["status"] for line in lines(tmp_path)} == {"done"}
+    assert {line["status"] for line in clip_lines(tmp_path)} == {"done"}
     assert tree(tmp_path) == short(work / "out")
 
 
@@ -465,7 +461,7 @@ def test_every_clip_of_the_corpus_is_converted_or_has_a_reason(tmp_path):
     done = batch(CORPUS, SAMPLES / "rigs" / "mixamo_t.json", "-o", tmp_path)
     assert done.returncode == 1
     total = sum(path.suffix.lower() == ".bvh" for path in CORPUS.rglob("*"))
-    counts = [line["status"] for line in lines(tmp_path)]
+    counts = [line["status"] for line in clip_lines(tmp_path)]
     assert len(counts) == total
     assert counts.count("done") == len(tree(tmp_path))
-    assert all(line["error"] for line in lines(tmp_path) if line["status"] == "failed")
+    assert all(line["error"] for line in clip_lines(tmp_path) if line["status"] == "failed")

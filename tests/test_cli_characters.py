@@ -131,6 +131,7 @@ def test_a_folder_as_animations_of_one_file(mocap, hero, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "all.glb",
         "all.glb.manifest.jsonl",
+        "all.glb.metrics.csv",
         "hero.glb",
         "mocap",
     ]

@@ -7,10 +7,11 @@ from base64 import b64encode
 import numpy as np
 import pytest
 from bodies import SAMPLES
+from characters import chunks
 from click.testing import CliRunner
 from make_samples import CHARACTERS
 
-from distretarget import load_target
+from distretarget import load_target, read_bvh, retarget, write_motion
 from distretarget.cli import cli
 from distretarget.cli import view as view_module
 from distretarget.io.input_file import load_file
@@ -59,11 +60,45 @@ def test_a_character_has_the_materials_of_its_file(tmp_path):
 
 def test_an_image_goes_with_its_material():
     image = b"\x89PNG" + bytes(64)
-    looks = Looks((Material(image=image, kind="image/png"), Material()), np.array([0, 1, 0, -1]), np.zeros((5, 2)))
+    looks = Looks((Material(image=image, normal_map=image), Material()), np.array([0, 1, 0, -1]), np.zeros((5, 2)))
     first, *others = _materials(looks)
-    assert first["image"] == "data:image/png;base64," + b64encode(image).decode()
+    assert first["image"] == first["normal_map"] == "data:image/png;base64," + b64encode(image).decode()
     assert first["triangles"] == 2
     assert [one["triangles"] for one in others] == [1, 1]
+
+
+@pytest.mark.parametrize(("uri", "shown"), [("skin.png", True), ("../skin.png", False), ("none.png", False)])
+def test_an_image_beside_a_gltf_file_is_shown(uri, shown, tmp_path):
+    (tmp_path / "hero").mkdir()
+    image = b"\x89PNG" + bytes(64)
+    for folder in (tmp_path, tmp_path / "hero"):
+        (folder / "skin.png").write_bytes(image)
+    document, binary = chunks(HERO.read_bytes())
+    document["buffers"][0]["uri"] = "hero.bin"
+    document |= {"images": [{"uri": uri}], "textures": [{"source": 0}]}
+    material = document["materials"][0]
+    material["pbrMetallicRoughness"]["baseColorTexture"] = material["normalTexture"] = {"index": 0}
+    (tmp_path / "hero" / "hero.bin").write_bytes(binary)
+    (tmp_path / "hero" / "hero.gltf").write_text(json.dumps(document))
+    first, *others = load_target(tmp_path / "hero" / "hero.gltf").mesh().looks.materials
+    assert first.image == first.normal_map == (image if shown else b"")
+    assert not any(one.image for one in others)
+
+
+def test_all_animations_of_a_file_are_shown_and_the_last_first(tmp_path):
+    path, page = tmp_path / "hero.glb", tmp_path / "page.html"
+    target = load_target(HERO)
+    motion = retarget(read_bvh(WALK), target).motion[:5]
+    write_motion(path, motion, HERO, name="walk")
+    write_motion(path, motion[:2], path, name="stop", overwrite=True)
+    assert view(path, "-o", page).exit_code == 0
+    stage = stage_of(page)
+    assert stage["sides"] == ["hero.glb: 1 walk", "hero.glb: 2 stop"]
+    assert (stage["first"], stage["frames"], len(stage["bodies"])) == (1, 5, 1)
+    assert view(path, "-o", page, "--clip", "stop", "--overwrite").exit_code == 0
+    assert stage_of(page)["frames"] == 2
+    error = str(view(path, "-o", page, "--clip", "run", "--overwrite").exception)
+    assert "no animation 'run'; it has 'walk', 'stop'" in error
 
 
 def test_alone_a_clip_has_a_timeline(tmp_path):

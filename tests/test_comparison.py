@@ -138,7 +138,7 @@ def test_a_motion_is_as_good_as_itself(name):
     values = of_clip(compared(source, source))
     for metric in ("distance_error", "contact_error", "direction_error", "direction_error_p99", "bone_error", "turn"):
         assert (values[metric] or 0.0) == pytest.approx(0.0, abs=1e-9)  # in the walk nothing touches
-    assert values["foot_skate"] == values["skate_source"]
+    assert values["foot_skate"] == values["foot_skate_source"]
     for metric in ("foot_height", "foot_pitch", "ankle_height", "hips_height", "hips_height_largest"):
         assert values[metric] == pytest.approx(0.0, abs=0.1 if metric == "ankle_height" else 1e-9)
     assert values["jerk"] > 0

@@ -8,20 +8,20 @@ import pytest
 from bodies import SAMPLES, other_lengths, person, swaying
 
 from distretarget import Options, load_target, read_bvh, retarget
-from distretarget.batch.compile_ahead import warm
+from distretarget.pipeline.compile_ahead import warm
 
 WATCHED = """
 import sys
 from pathlib import PurePath
 from distretarget import load_target, read_bvh
-from distretarget.batch.manifest import new_record
+from distretarget.batch.job import Job, Packed, convert
 from distretarget.batch.plan import Clip
-from distretarget.batch.workers import Job, convert
+from distretarget.batch.recipe import Recipe
+from distretarget.batch.record import new_record
 from distretarget.pipeline.options import Options
 from distretarget.io.input_file import load_file
-from distretarget.io.map_json import MapFile
 from distretarget.io.target_file import TargetFile
-from distretarget.batch.compile_ahead import warm
+from distretarget.pipeline.compile_ahead import warm
 from numba.core.dispatcher import Dispatcher
 
 warm(sys.argv[1])
@@ -29,10 +29,10 @@ compile, late = Dispatcher.compile, []
 Dispatcher.compile = lambda self, signature: late.append(self.py_func.__name__) or compile(self, signature)
 for target in sys.argv[2:4]:
     for clip in sys.argv[4:]:
-        options = Options(objective=sys.argv[1])
-        planned, no_map = Clip(clip, TargetFile.of(load_file(target)), PurePath("out.bvh"), 0), MapFile({}, "")
-        job = Job(load_file(clip), planned.target, no_map, options, new_record(planned, {}))
-        assert convert(job).output
+        recipe = Recipe(Options(objective=sys.argv[1]))
+        planned = Clip(clip, TargetFile.of(load_file(target)), PurePath("out.bvh"), 0)
+        job = Job(load_file(clip), Packed.of(planned.target), recipe, new_record(planned, {}), planned.outputs)
+        assert convert(job).outputs
 print(late)
 """
 

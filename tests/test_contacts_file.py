@@ -91,7 +91,11 @@ WRONG = [
     ({"look": "trunk"}, "contacts[0].look: 'trunk' carries other parts; expected the head, a hand or a foot"),
     (
         {"plant": "left hand", "on": "wall"},
-        'contacts[0].on: expected "floor", "where it is" or a place [x, y, z], found \'wall\'',
+        "contacts[0].on: no joint or prop 'wall'; it has 'floor', 'where it is', 'left hand', 'right hand', 'head'",
+    ),
+    (
+        {"plant": "left hand", "on": "LeftWrist"},
+        "contacts[0].on: 'left hand', 'LeftWrist' are the same part of the body",
     ),
 ]
 

@@ -1,7 +1,7 @@
 """Naming conventions, recognised by the names of joints."""
 
 import pytest
-from named_bodies import needs_names, published
+from named_bodies import needs_names, published, roles, tree
 
 from distretarget.body.conventions import convention_of
 from distretarget.body.named_anatomy import by_names
@@ -40,3 +40,45 @@ from distretarget.body.named_anatomy import by_names
 def test_the_convention_is_recognised(convention, title):
     body = published(convention)
     assert convention_of(body) == by_names(body).convention == title
+
+
+def soma_hand(side):
+    fingers = "|".join(
+        ">".join(f"{side}Hand{finger}{bone}" for bone in (1, 2, 3, 4, "End"))
+        for finger in ("Index", "Middle", "Ring", "Pinky")
+    )
+    return f"({side}HandThumb1>{side}HandThumb2>{side}HandThumb3>{side}HandThumbEnd|{fingers})"
+
+
+def soma(side, hand):
+    arm = f"{side}Shoulder>{side}Arm>{side}ForeArm>{side}Hand{hand}"
+    return arm, f"{side}Leg>{side}Shin>{side}Foot>{side}ToeBase>{side}ToeEnd"
+
+
+@pytest.mark.parametrize("above", ["", "Root>"])
+def test_soma_whose_thigh_is_called_leg(above):
+    arms, legs = zip(*(soma(side, soma_hand(side)) for side in ("Left", "Right")), strict=True)
+    head = "Neck1>Neck2>Head(HeadEnd|Jaw|LeftEye|RightEye)"
+    body = tree(f"{above}Hips(Spine1>Spine2>Chest({head}|{'|'.join(arms)})|{'|'.join(legs)})")
+    assert len(body) == 77 + bool(above)
+    assert convention_of(body) == "SOMA"
+    found = roles(body)
+    assert found["hips"] == "Hips"
+    assert [found[f"left{part}"] for part in ("UpperLeg", "LowerLeg", "Foot", "Toes")] == [
+        "LeftLeg",
+        "LeftShin",
+        "LeftFoot",
+        "LeftToeBase",
+    ]
+    assert [found[f"rightIndex{bone}"] for bone in (0, 1, 2, 3)] == [f"RightHandIndex{bone}" for bone in (1, 2, 3, 4)]
+    assert [found[f"rightThumb{bone}"] for bone in (1, 2, 3)] == [f"RightHandThumb{bone}" for bone in (1, 2, 3)]
+
+
+def test_100style_has_the_names_of_xsens():
+    arm = "{0}Collar>{0}Shoulder>{0}Elbow>{0}Wrist"
+    leg = "{0}Hip>{0}Knee>{0}Ankle>{0}Toe"
+    sides = ("Right", "Left")
+    upper = "|".join(["Neck>Head", *map(arm.format, sides)])
+    body = tree(f"Hips(Chest>Chest2>Chest3>Chest4({upper})|{'|'.join(map(leg.format, sides))})")
+    assert convention_of(body) == "Xsens MVN"
+    assert roles(body)["leftUpperLeg"] == "LeftHip"

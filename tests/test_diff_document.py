@@ -43,7 +43,7 @@ COLUMNS = [
         "contact_gap",
         *("skin_depth", "skin_frames", "skin_gap"),
         "direction_error",
-        "skate_source",
+        "foot_skate_source",
         "foot_skate",
         "foot_height",
         "foot_pitch",
@@ -240,10 +240,10 @@ def test_what_is_not_there_is_null():
     assert made("still against moving")["metrics"]["source"]["foot_skate"] == 0
 
 
-def test_without_stance_there_is_no_slide():
+def test_without_stance_there_is_no_foot_skate():
     falling = posed(PERSON, {}, np.outer(np.arange(20), [0, -1.0, 0]))
     found = document(diff(falling, falling), ABOUT)
-    assert set(column("skate_source", found)) == {None}
+    assert set(column("foot_skate_source", found)) == {None}
     assert found["metrics"]["source"]["foot_skate"] is None
     for key in ("foot_skate", "foot_height", "foot_pitch", "ankle_height", "hips_height"):
         assert set(column(key, found)) == {None}

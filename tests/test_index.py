@@ -8,18 +8,14 @@ from pathlib import Path
 import pytest
 
 import distretarget.report
-from distretarget.measure.metrics import BY_KEY, METRICS
+from distretarget.measure.metrics import COLUMNS
 from distretarget.report.index_page import FIELDS, METRIC_COLUMNS, index_page
 
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{batch}}"
 
 
-MADE = ("rotation_copy", "result")  # motions whose metrics are all in a record
-
-
 def metrics(value=0.123456789):
-    source = [metric.key for metric in METRICS if metric.of_source]
-    return {"source": dict.fromkeys(source, value), **{side: dict.fromkeys(BY_KEY, value) for side in MADE}}
+    return dict.fromkeys(COLUMNS, value)
 
 
 def record(name="a.bvh", **others):
@@ -33,7 +29,7 @@ def record(name="a.bvh", **others):
         "metrics": metrics(),
         "warnings": [],
         "status": "done",
-        "error": None,
+        "error": "",
         **others,
     }
 
@@ -112,7 +108,7 @@ def test_a_failed_clip_has_a_reason_and_no_numbers():
         ("/clips/bad.bvh: /rigs/tall.json: no match", "no match"),
         ("/rigs/tall.json: no match", "no match"),
         ("/clips/bad.bvh.gz: no frames", "/clips/bad.bvh.gz: no frames"),
-        (None, "no reason given"),
+        ("", "no reason given"),
     ],
 )
 def test_a_reason_leaves_out_what_stands_beside_it(error, reason):
@@ -120,10 +116,8 @@ def test_a_reason_leaves_out_what_stands_beside_it(error, reason):
 
 
 def test_metrics_that_are_missing_or_no_numbers_are_none():
-    values = {**metrics(), "rotation_copy": None}
-    values["result"] |= {"jerk": float("nan"), "pop": None}
-    (row,) = rows_of(record(metrics=values))
-    missing = {"jerk", "pop", *(name for name, (side, _) in METRIC_COLUMNS.items() if side == "rotation_copy")}
+    (row,) = rows_of(record(metrics={**metrics(), "jerk": float("nan"), "pop": None}))
+    missing = {"jerk", "pop"}
     assert {name for name in METRIC_COLUMNS if row[name] is None} == missing
     assert row["contact_error"] == 0.123457
 

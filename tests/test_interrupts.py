@@ -9,7 +9,7 @@ import threading
 
 import pytest
 
-from distretarget.batch.interrupts import interrupts_held, interrupts_kept
+from distretarget.numerics.interrupts import interrupts_held, interrupts_kept
 
 ON_UNIX = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signals as Unix has them")
 

@@ -9,9 +9,12 @@ CLIP = {
     "frames": 100,
     "warnings": ["one"],
     "metrics": {
-        "result": {"contact_error": 0.02, "pop": 0.0, "foot_skate": 0.3, "skin_depth": None},
-        "rotation_copy": {"contact_error": 0.05},
-        "source": {"foot_skate": 0.2},
+        "contact_error": 0.02,
+        "pop": 0.0,
+        "foot_skate": 0.3,
+        "skin_depth": None,
+        "contact_error_copy": 0.05,
+        "foot_skate_source": 0.2,
     },
 }
 

@@ -155,10 +155,20 @@ def test_the_parts_and_the_tree_of_real_files_show_the_same_legs(path):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_longest_pair_is_that_of_a_comparison_of_all(seed):
-    body = person()
-    body = body.with_lengths(body.lengths * np.random.default_rng(seed).uniform(0.5, 1.0, len(body)))
-    chains = [body.line(joint)[-2::-1] for joint in np.flatnonzero(body.end_sites | (np.arange(len(body)) > 2))]
+    """Chains of two to four joints on one root, of any length."""
+    draw, chains, parents = np.random.default_rng(seed), [], [-1]
+    for _ in range(30):
+        chains.append(list(range(len(parents), len(parents) + draw.integers(2, 5))))
+        parents += [0, *chains[-1][:-1]]
+    count = len(parents)
+    body = Skeleton(
+        names=tuple(f"j{joint}" for joint in range(count)),
+        parents=np.array(parents),
+        offsets=draw.uniform(0.5, 1.5, (count, 1)) * [0.0, 1.0, 0.0],
+        channels=((),) * count,
+        end_sites=np.zeros(count, bool),
+    )
     pairs = [(-body.lengths[a].sum(), a, b) for a, b in combinations(chains, 2) if are_alike(body, a, b)]
     expected = min(pairs, key=lambda pair: pair[0], default=None)
-    found = _longest_pair(body, chains)
+    found = _longest_pair(body, body.children[0])
     assert [(-size, a, b) for size, a, b in found] == ([expected] if expected else [])

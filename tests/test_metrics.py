@@ -137,15 +137,15 @@ def of_sides(result, copy=None, source=None):
     return {"result": {"gap": result}, "rotation_copy": {"gap": copy}, "source": {"gap": source}}
 
 
-def test_a_metric_above_its_limit_needs_a_look():
+def test_a_metric_above_its_limit_has_a_warning():
     alone = metric(limit=limit(margin=3.0))
-    assert [alone.needs_look(of_sides(value)) for value in (2.9, 3.0, 3.1, None)] == [False, False, True, False]
-    assert not metric().needs_look(of_sides(1e9))
+    assert [alone.over_limit(of_sides(value)) for value in (2.9, 3.0, 3.1, None)] == [False, False, True, False]
+    assert not metric().over_limit(of_sides(1e9))
     of_copy = metric(limit=limit(margin=0.5, factor=2.0, of="rotation_copy"))
-    assert [of_copy.needs_look(of_sides(2.6, copy)) for copy in (1.0, 1.1, None)] == [True, False, False]
+    assert [of_copy.over_limit(of_sides(2.6, copy)) for copy in (1.0, 1.1, None)] == [True, False, False]
     of_source = metric(limit=limit(margin=0.0, factor=1.5))
-    assert [of_source.needs_look(of_sides(3.1, 0.0, source)) for source in (2.0, 2.1)] == [True, False]
-    assert not of_copy.needs_look({"result": {"gap": 9.0}, "source": {}})
+    assert [of_source.over_limit(of_sides(3.1, 0.0, source)) for source in (2.0, 2.1)] == [True, False]
+    assert not of_copy.over_limit({"result": {"gap": 9.0}, "source": {}})
 
 
 def test_a_metric_is_worse_than_the_copy_beyond_what_is_too_small_to_look_at():

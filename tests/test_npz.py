@@ -73,7 +73,7 @@ def test_labels_say_when_hands_touch_and_feet_rest(clap):
 def test_frames_are_flagged_by_the_metrics_of_the_warnings(clap):
     labels, metrics = labels_of(clap), clap.metrics["result"]
     flagged = {name for name, flags in zip(labels["flag_names"], labels["flags"].T, strict=True) if flags.any()}
-    assert flagged <= {one.key for one in METRICS if one.needs_look(clap.metrics)}
+    assert flagged <= {one.key for one in METRICS if one.over_limit(clap.metrics)}
     assert metrics.keys() >= flagged
 
 

@@ -8,13 +8,15 @@ from base64 import b64decode, b64encode
 from dataclasses import replace
 
 import numpy as np
-from bodies import clapping, lengthened, person, posed, swaying
+from bodies import SAMPLES, clapping, lengthened, person, posed, swaying
+from make_samples import CHARACTERS
 
-from distretarget import Skeleton
+from distretarget import Skeleton, load_target, read_bvh, read_motion, retarget, write_motion
+from distretarget.io.input_file import load_file
 from distretarget.measure.diff import diff
 from distretarget.report import actors
 from distretarget.report.actors import packed
-from distretarget.report.clip_page import diff_page
+from distretarget.report.clip_page import diff_page, run_page
 from distretarget.report.diff_document import About, document
 from distretarget.report.page import script_json
 
@@ -126,7 +128,7 @@ def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():
 
 
 def test_a_long_clip_is_thinned(monkeypatch):
-    monkeypatch.setattr(actors, "BUDGET", 50_000)
+    monkeypatch.setattr(actors.thinned, "__defaults__", (50_000,))
     motion = swaying(PERSON, 2000)
     one, _ = stage_of(motion, motion)["actors"]
     assert one["step"] > 1
@@ -158,3 +160,15 @@ def test_a_row_holds_where_the_regions_touch_and_joins_the_joints_of_the_documen
     hands = np.where(skin.weights > 0, skin.values, 0.0)[[1, 2, 5], :2].max(axis=1)
     np.testing.assert_allclose(off, hands, atol=row["top"] / 254)
     assert {"frame": 1, "kind": "Contacts", "text": "left hand - right hand \u00b7 1"} in stage["jumps"]
+
+
+def test_a_source_with_a_mesh_is_shown_with_it(tmp_path):
+    hero = CHARACTERS / "hero.glb"
+    clip = retarget(read_bvh(SAMPLES / "clap.bvh")[:5], load_target(hero)).motion
+    write_motion(tmp_path / "clap.glb", clip, hero)
+    file = load_file(tmp_path / "clap.glb")
+    motion = read_motion(tmp_path / "clap.glb")
+    result = retarget(motion, PERSON)
+    for source, own in ((file, True), (load_file(SAMPLES / "clap.bvh"), False), (load_file(hero), True)):
+        stage = embedded(run_page(result, about(), None, source), "stage")
+        assert ["mesh" in stage["bodies"][actor["body"]] for actor in stage["actors"]] == [own, False, False]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import SAMPLES, lengthened, matched, person, posed, swaying
+from skeleton_edits import with_offset
 
 from distretarget import Skeleton, read_bvh
 from distretarget.baseline.rotation_copy import (
@@ -77,6 +78,15 @@ def test_who_stands_can_step_far():
 
 def test_where_no_foot_rests_anything_goes():
     body = swaying(person(), frames=8)
+    assert longest_strides(matched(body, body)) == np.inf
+
+
+def test_feet_that_rest_farther_away_than_legs_reach_show_no_strides():
+    """One leg of a broken file is no longer than its foot is high, so that the mean of both is too short."""
+    body = person()
+    leg = [body.index(joint) for joint in ("LeftKnee", "LeftAnkle")]
+    short = with_offset(body, leg, 0.01 * body.offsets[leg])
+    body = posed(short, {}, np.tile([0.0, 1.0, 0.0], (10, 1)))
     assert longest_strides(matched(body, body)) == np.inf
 
 

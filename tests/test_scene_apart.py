@@ -1,18 +1,24 @@
 """Thick performers keep apart, and sit on their skin: on seats and on laps."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from bodies import SAMPLES, moved
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from distretarget import retarget_scene
-from distretarget.body.build import Build, Builds, average_adult
+from distretarget import Prop, read_bvh, retarget_scene
+from distretarget.body.build import Build, Builds, average_build
+from distretarget.io.obj import parse_obj
 from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, SPEED, Core, _slowed
+from distretarget.scene.bodies import COUNT, Bodies, PropShape
+from distretarget.scene.prop_surface import Surface
 from distretarget.scene.scene_file import load_scene
+from distretarget.skin.capsules import IS_ARM
 
-FAT = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.6]) for part, ends in average_adult().parts.items()})
+FAT = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.6]) for part, ends in average_build("adult").parts.items()})
 UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -130,3 +136,32 @@ def test_a_thick_body_sits_higher_on_a_lap():
     ]
     assert rise[0] > 2.0
     assert abs(rise[1]) < 1.0  # who is below stays
+
+
+@pytest.mark.parametrize(("thickness", "wall_from"), [(1.0, 1.0), (1.4, -6.0), (1.4, -3.0)])
+def test_a_wall_that_leaves_an_arm_no_room_makes_it_no_worse(thickness, wall_from):
+    """Between a thick trunk and a wall through it, a hanging arm goes no deeper into either than without skin."""
+    motion = read_bvh(SAMPLES / "wave.bvh")[:40]
+    wrists = motion.positions[:, [motion.skeleton.index(name) for name in ("LeftWrist", "RightWrist")]]
+    hanging = wrists[:, wrists[..., 1].max(axis=0).argmin()].mean(axis=0)
+    side = np.sign(hanging[0] - motion.positions[:, 0, 0].mean())
+    box = hanging[0] + side * np.array([wall_from, 30.0])
+    corners = np.array([[x, y, z] for x in sorted(box) for y in (0.0, 180.0) for z in (-80.0, 80.0)])
+    hull = ConvexHull(corners)
+    triangles = hull.simplices
+    faces = corners[triangles]
+    inwards = (np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]) * hull.equations[:, :3]).sum(axis=1) < 0
+    triangles = np.where(inwards[:, None], triangles[:, ::-1], triangles)
+    wall = parse_obj("".join("v {} {} {}\n".format(*corner) for corner in corners), "wall.obj")
+    prop = Prop(name="wall", motion=wall, surface=Surface.of_mesh(corners - wall.positions[0, 0], triangles))
+    fatter = Build({part: ends * [1.0, 1.0, 1.0, thickness] for part, ends in FAT.parts.items()})
+    thick = solved([motion], [prop], builds=[Builds(target=fatter)])
+    thin = solved([motion], [prop], skin="none")
+    skin = thick[0].skins.target
+    shapes = [PropShape(prop.surface, np.zeros((1, COUNT), bool), np.zeros((1, COUNT), bool))]
+    still = replace(wall[np.zeros(len(motion), int)], frame_time_text=motion.frame_time_text)
+    bodies = Bodies([skin], shapes=shapes, moved=lambda _motions: [still])
+    arms = np.isin(bodies.balls.pairs[:, 0], np.flatnonzero(IS_ARM))
+    after, before = (np.maximum(-bodies.gaps([each[0].motion])[:, arms], 0.0).max(axis=1) for each in (thick, thin))
+    assert before.max() > 0.02
+    assert np.all(after < before + 0.011)

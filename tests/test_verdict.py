@@ -43,7 +43,7 @@ def test_contacts(result, copy, words):
 @pytest.mark.parametrize(
     ("result", "source", "words"),
     [
-        (None, None, "no foot rests in the source"),
+        (None, None, "no foot is planted in the source"),
         (0.1, 0.1, "feet skate no more than in the source"),
         (0.2, 0.1, "feet skate more than in the source"),
     ],
@@ -56,22 +56,22 @@ def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
     deep = TRACKS | {"skin_depth": Track(np.array([[0.0, 0.1], [0.0, 2.34]]), parts=("left hand", "right hand"))}
     text = said(GOOD | {"skin_depth": 2.34}, tracks=deep)
     assert "; right hand sinks up to 2.3 % of the height into the body at frame 1; feet" in text
-    assert text.endswith(" Needs a look: skin inside.")
+    assert text.endswith(" Check: skin inside.")
     assert "; skin stays outside; feet" in said(GOOD | {"skin_depth": 0.2}, tracks=deep)
     assert "skin" not in said(GOOD)
 
 
-def test_hips_that_are_off_are_named_with_their_frame_and_need_a_look():
+def test_hips_that_are_off_are_named_with_their_frame_and_are_over_the_limit():
     text = said(GOOD | {"hips_height_largest": 7.2})
     assert "hips height off by up to 7 % of a leg at frame 1" in text
-    assert text.endswith(" Needs a look: largest hips height.")
+    assert text.endswith(" Check: largest hips height.")
 
 
 def test_nothing_measured_claims_nothing():
     empty = {"direction_error": Track(np.zeros((3, 0))), "hips_height": Track(np.zeros((3, 0)))}
-    assert said({}, tracks=empty) == "The source has no self-contacts; no foot rests in the source."
+    assert said({}, tracks=empty) == "The source has no self-contacts; no foot is planted in the source."
 
 
-def test_metrics_that_need_a_look_are_named_once():
+def test_metrics_over_their_limits_are_named_once():
     text = said(GOOD | {"foot_pitch": 9.0, "pop": 2.0}, {"foot_pitch": 1.0})
-    assert text.endswith(". Needs a look: foot pitch, pops.")
+    assert text.endswith(". Check: foot pitch, pops.")

@@ -96,7 +96,7 @@ def metric_table() -> str:
 
 
 def limit_table() -> str:
-    """The limits above which a run needs a look."""
+    """The limits above which a run has a warning."""
     rows = (
         (f"`{metric.key}`", limit.formula(metric.unit), limit.reason, limit.cause)
         for metric in METRICS

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 THREE, ESBUILD = "0.187.0", "0.28.2"
-SHA256 = "b3995412f31b242fea10cd6136b345f1b3edf86d1febb2df3b8a2c8c26f34230"
+SHA256 = "34f1a954b5b6a973d87a2f4005be2ce6e7af4bef4380e210c079b8a4757bfea3"
 REPORT = Path(__file__).resolve().parents[1] / "distretarget" / "report"
 FILE, LICENCE = REPORT / "three.min.js", REPORT / "three.LICENSE.txt"
 BANNER = f"/*! three.js {THREE}, MIT licence, https://threejs.org: see three.LICENSE.txt */"
@@ -38,9 +38,6 @@ CORE = [
     "PlaneGeometry",
     "GridHelper",
     "Mesh",
-    "SkinnedMesh",
-    "Skeleton",
-    "Bone",
     "Sprite",
     "SpriteMaterial",
     "MeshLambertMaterial",

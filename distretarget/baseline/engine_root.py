@@ -90,7 +90,7 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
     else the target's pelvis.
 
     Raises:
-        MotionError: the root shall follow the source's root, but the source has none on the floor.
+        MotionError: `follows` is "source", but the source has no root on the floor.
     """
     body = matching.target
     handles = {handle: joint for handle, joint in body.handles.items() if matching.drivers[handle] < 0}

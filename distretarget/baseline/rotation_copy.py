@@ -69,7 +69,8 @@ def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
 
 
 def longest_strides(matching: Matching) -> float:
-    """Return the largest factor of the strides, relative to leg length, that the legs can reach; infinite without legs.
+    """Return the largest factor of the strides, relative to leg length, that the legs can reach; infinite without legs,
+    and where feet that rest are farther below their hip joints than legs are long, which shows no strides.
     A foot that rests at the distance d along the floor from its hip joint, at the height h below it, reaches s d with
     (s d)^2 + (h - sink)^2 = (leg length)^2.
     """
@@ -83,7 +84,7 @@ def longest_strides(matching: Matching) -> float:
         reach = np.sqrt(np.maximum(leg_length**2 - (to_hip @ up - SINK * leg_length) ** 2, 0.0))
         factors.append(reach / np.maximum(lengths(level(to_hip, up)), 1e-9 * leg_length))
     known = np.concatenate(factors)
-    return float(np.percentile(known, 100.0 - MOST_FRAMES)) if len(known) else float("inf")
+    return float(np.percentile(known, 100.0 - MOST_FRAMES) if known.any() else 0.0) or float("inf")
 
 
 def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rest_pose import rest_alignment
-from distretarget.batch.manifest import ManifestRecord
+from distretarget.batch.record import ManifestRecord
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.matching.matching import Matching
 from distretarget.numerics.vectors import angles_between, lengths, normalised
@@ -26,7 +26,7 @@ from distretarget.skeleton import Skeleton
 Array = NDArray[np.float64]
 
 ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
-MOST = 8.0  # a larger spread needs a look [degrees]
+MOST = 8.0  # a larger spread is over the limit [degrees]
 SCALE = 32767.0  # of quaternions as whole numbers
 
 
@@ -61,7 +61,7 @@ def spread_warnings(records: Iterable[ManifestRecord]) -> Iterator[str]:
     """Yield a line for each rig and target whose alignments differ by more than `MOST`, from the lines of a batch."""
     groups: dict[tuple[str, ...], list[tuple[str, Array]]] = defaultdict(list)
     for record in records:
-        rig, _, text = record.get("alignment", "").partition(":")
+        rig, _, text = record["alignment"].partition(":")
         rotations = _unpacked(text)
         if rotations is not None:
             alike = rig, record["target"], record["target_hash"], json.dumps(record["options"])

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from distretarget.batch.manifest import ManifestRecord
+from distretarget.batch.record import ManifestRecord
 from distretarget.errors import SettingsError, closest
-from distretarget.measure.metrics import METRICS, SUFFIXES, Variant
+from distretarget.measure.metrics import COLUMNS
 
 LONGEST = 1000  # condition [characters]
 COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
@@ -26,13 +26,7 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-METRIC_NAMES: dict[str, tuple[Variant, str]] = {  # in conditions and tables
-    metric.key + suffix: (side, metric.key)
-    for metric in METRICS
-    for side, suffix in SUFFIXES.items()
-    if side != "source" or metric.of_source
-}
-NAMES = ("frames", "warnings", *METRIC_NAMES)
+NAMES = ("frames", "warnings", *COLUMNS)
 
 Values = Mapping[str, float | None]
 
@@ -56,9 +50,9 @@ class Condition:
             raise _refusal(self.text) from None
 
     def fault(self, record: ManifestRecord) -> str:
-        """Return why a clip, from its line of the manifest, fails the condition; empty if it does not."""
-        values: dict[str, float | None] = {"frames": record["frames"], "warnings": len(record["warnings"])}
-        values |= {name: record["metrics"].get(side, {}).get(key) for name, (side, key) in METRIC_NAMES.items()}
+        """Return why a clip fails the condition; empty if it does not."""
+        counts: dict[str, float | None] = {"frames": record["frames"], "warnings": len(record["warnings"])}
+        values = {**dict.fromkeys(COLUMNS), **record["metrics"], **counts}
         if _value(self._tree, values) is not False:
             return ""
         return "; ".join(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from distretarget.batch.plan import MANIFEST, Clip
+from distretarget.batch.plan import MANIFEST, METRICS, Clip
 from distretarget.character.nodes import Animation
 from distretarget.io.files import write_whole
 from distretarget.io.input_file import load_file
@@ -25,7 +25,7 @@ def clips_folder(path: Path) -> Path:
 
 def merge(path: Path, target: TargetFile, clips: Sequence[Clip], settings: OutputSettings, overwrite: bool) -> int:
     """Write the character file with an animation for each clip that is done, in the order of their names, and return
-    how many; if all are done, the folder of clips goes, and its manifest stays beside the file.
+    how many; if all are done, the folder of clips goes, and its manifest and metrics stay beside the file.
 
     An animation has its clip's name, or in a tree of folders its path in it.
 
@@ -39,8 +39,9 @@ def merge(path: Path, target: TargetFile, clips: Sequence[Clip], settings: Outpu
     animations = list(_animations(folder, done, target, settings))
     write_whole(path, with_animations(path, target, animations, settings.animations), overwrite)
     if len(done) == len(clips):
-        with suppress(OSError):
-            (folder / MANIFEST).replace(path.with_name(f"{path.name}.{MANIFEST}"))
+        for name in (MANIFEST, METRICS):
+            with suppress(OSError):
+                (folder / name).replace(path.with_name(f"{path.name}.{name}"))
         shutil.rmtree(folder, ignore_errors=True)
     return len(animations)
 

@@ -9,15 +9,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from distretarget.batch.keep import METRIC_NAMES
-from distretarget.batch.manifest import ManifestRecord
+from distretarget.batch.metric_rows import BETWEEN
+from distretarget.batch.record import ManifestRecord
 from distretarget.errors import FileError, MissingPackageError
+from distretarget.measure.metrics import COLUMNS as METRICS
 
 KINDS = (".csv", ".parquet")
 TEXTS = ("output", "status", "input", "target", "verdict", "warnings", "error")
 HASHES = ("input_hash", "target_hash", "output_hash", "version")
-COLUMNS = (*TEXTS, "frames", *HASHES, *METRIC_NAMES)
-BETWEEN = " | "  # warnings of a clip
+COLUMNS = (*TEXTS, "frames", *HASHES, *METRICS)
 MARK = b"distretarget_version"  # in the metadata of a Parquet file
 HEAD = ",".join(TEXTS).encode()  # the beginning of a CSV file
 TAIL = 1 << 18  # the end of a Parquet file that has its metadata [bytes]
@@ -59,12 +59,13 @@ def table(path: Path, records: Iterable[ManifestRecord], version: str) -> bytes:
 
 def _row(record: ManifestRecord) -> dict[str, Any]:
     """The row of a clip, by column; None for what it does not have."""
-    metrics = {name: record["metrics"].get(side, {}).get(key) for name, (side, key) in METRIC_NAMES.items()}
     return {
-        **{name: record.get(name) for name in (*TEXTS, "frames", *HASHES)},
-        "status": "left out" if "left_out" in record else record["status"],
+        **{name: record.get(name) or None for name in (*TEXTS, *HASHES)},
+        "frames": record["frames"],
+        "status": "left out" if record["left_out"] else record["status"],
         "warnings": BETWEEN.join(record["warnings"]) or None,
-        **metrics,
+        **dict.fromkeys(METRICS),
+        **record["metrics"],
     }
 
 
@@ -72,7 +73,7 @@ def _parquet(rows: list[dict[str, Any]], version: str) -> bytes:
     import pyarrow
     from pyarrow import parquet
 
-    kinds = {"frames": pyarrow.int64(), **dict.fromkeys(METRIC_NAMES, pyarrow.float64())}
+    kinds = {"frames": pyarrow.int64(), **dict.fromkeys(METRICS, pyarrow.float64())}
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.string())) for name in COLUMNS], {MARK: version})
     columns = {name: list(_texts(rows, name)) if name not in kinds else [row[name] for row in rows] for name in COLUMNS}
     content = io.BytesIO()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -14,12 +14,12 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
 from distretarget.io.gltf_animation import free_name
 from distretarget.io.gltf_scene import animation_names
-from distretarget.io.input_file import KINDS, MOTION_SUFFIXES, InputFile
+from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile, load_file
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.scene.scene_file import SCENE_NAME
 
-MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
+MANIFEST, METRICS = "manifest.jsonl", "metrics.csv"  # in the folder of results
 WILDCARDS = frozenset("*?[")
 
 
@@ -35,29 +35,24 @@ class Clip:
     suffixes: tuple[str, ...] = ()  # of the other results, which are beside the first and named like it
 
     @property
-    def others(self) -> tuple[PurePath, ...]:
-        """The places of the other results."""
-        return tuple(self.place.with_name(self.stem + suffix) for suffix in self.suffixes)
-
-    @property
-    def places(self) -> tuple[PurePath, ...]:
-        """The places of all results."""
-        return (self.place, *self.others)
-
-    @property
-    def stem(self) -> str:
-        """The name of the results without suffix."""
-        return self.place.name.removesuffix(self.place.suffix)
+    def outputs(self) -> tuple[str, ...]:
+        """The paths of all results in the folder of results, with slashes."""
+        stem = self.place.as_posix().removesuffix(self.place.suffix)
+        return (self.place.as_posix(), *(stem + suffix for suffix in self.suffixes))
 
 
 def find_clips(
-    sources: Sequence[Path], listed: Sequence[Path] = (), include: Sequence[str] = (), exclude: Sequence[str] = ()
+    sources: Sequence[Path],
+    listed: Sequence[Path] = (),
+    include: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    arrays: bool = False,
 ) -> tuple[list[tuple[Path, PurePath]], list[FileError]]:
     """Find the clips in files and folders: their paths, each with the place of its result in the folder of results; and
     the errors of files and folders that cannot be searched.
 
-    In folders, files named *.bvh, *.glb, *.gltf, *.vrma and *.fbx are clips, except hidden ones and those in folders of
-    scenes, which have a scene.json.
+    In folders, files named *.bvh, *.glb, *.gltf, *.vrma and *.fbx are clips, with `arrays` *.npz and *.npy too, except
+    hidden ones and those in folders of scenes, which have a scene.json.
     Links are followed, but not in circles. Results keep the tree of a folder; with several sources, each folder's tree
     goes below the folder's name. Results of files in `sources` go to the top, those of `listed` files to their places
     below the deepest folder that contains them all.
@@ -67,12 +62,13 @@ def find_clips(
     """
     clips: list[tuple[Path, PurePath]] = []
     unread: list[FileError] = []
+    suffixes = MOTION_SUFFIXES + ARRAY_SUFFIXES * arrays
     for source in sources:
         if not is_folder(source):
             clips.append((source, _result(PurePath(source.name))))
             continue
         above = PurePath() if len(sources) == 1 else PurePath(source.resolve().name)
-        for place in sorted(_files_below(source, unread)):
+        for place in sorted(_files_below(source, unread, suffixes)):
             if _matches_any(place, include or ("*",)) and not _matches_any(place, exclude):
                 clips.append((source / place, above / _result(place)))
     paths = [os.path.normpath(path.absolute()) for path in listed]
@@ -124,9 +120,9 @@ def plan(
     taken: dict[str, Clip] = {}
     inputs = _inputs(clips)
     for clip in clips:
-        for place in clip.places:
-            result = folder / place
-            other = taken.setdefault(place.as_posix().casefold(), clip)
+        for output in clip.outputs:
+            result = folder / output
+            other = taken.setdefault(output.casefold(), clip)
             if other is not clip:
                 both = " and ".join(f"{each.path} onto {each.target.path}" for each in (other, clip))
                 raise BatchError(
@@ -136,6 +132,11 @@ def plan(
             if _file(result) in inputs:
                 raise BatchError(f"{result} is an input and would be replaced; choose another folder with -o")
     return sorted(clips, key=lambda clip: -clip.size)
+
+
+def load_targets(paths: Sequence[Path]) -> list[TargetFile]:
+    """Read the files of targets."""
+    return [TargetFile.of(load_file(path)) for path in paths]
 
 
 def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
@@ -157,14 +158,14 @@ def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath,
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
     """Raise a BatchError if a page or table on all clips would replace an input or a file of the batch in `folder`."""
     written = {
-        folder.resolve() / place for place in (PurePath(MANIFEST), *(place for clip in clips for place in clip.places))
+        folder.resolve() / name for name in (MANIFEST, METRICS, *(each for clip in clips for each in clip.outputs))
     }
     if page.resolve() in written or _file(page) in {*_inputs(clips), _file(map_path) or ()}:
         raise BatchError(f"{page}: is an input, or the place of a result; give it another name")
 
 
-def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:
-    """The paths of the motion files in the tree of a folder, relative to it."""
+def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str]) -> Iterator[PurePath]:
+    """The paths of the files in the tree of a folder with some suffixes, relative to it."""
 
     def refuse(error: OSError) -> None:
         unread.append(FileError(error.filename, reason_of(error)))
@@ -175,7 +176,7 @@ def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:
             continue
         folders[:] = [name for name in folders if name[0] != "." and not _leads_back(Path(inside, name), folder)]
         for path in (Path(inside, name) for name in files if name[0] != "."):
-            is_clip = path.suffix.lower() in MOTION_SUFFIXES
+            is_clip = path.suffix.lower() in suffixes
             try:
                 is_regular = stat.S_ISREG(path.stat().st_mode)
             except OSError as error:  # a link to nothing, to itself, or to a folder without permission
@@ -195,7 +196,7 @@ def _leads_back(path: Path, folder: Path) -> bool:
 
 def _result(place: PurePath) -> PurePath:
     """The place of the result of a clip, without suffix."""
-    return place.with_suffix("") if place.suffix.lower() in MOTION_SUFFIXES else place
+    return place.with_suffix("") if place.suffix.lower() in MOTION_SUFFIXES + ARRAY_SUFFIXES else place
 
 
 def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:

@@ -140,18 +140,19 @@ def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
         side, part = side_and_part(role)
         region = REGION_OF_PART[part]
         labels[joint] = region if region in WITHOUT_SIDE else f"{side} {region}"
+    parents = skeleton.parents.tolist()
     for joint in sorted(labels):
-        for between in skeleton.line(joint)[1:]:
-            if between in labels:
-                break
+        between = parents[joint]
+        while between >= 0 and between not in labels:
             labels[between] = labels[joint]
+            between = parents[between]
     for joint, region in list(labels.items()):
         labels.update({child: region for child in skeleton.children[joint] if skeleton.end_sites[child]})
     for side in SIDES:
         for part, bone in EXTREMITIES.items():
             joint, above = (anatomy.roles.get(side + role, -1) for role in (part, bone))
             if min(joint, above) >= 0:
-                reach, longest = skeleton.path_lengths[joint], skeleton.path_lengths[above, joint]
+                reach, longest = skeleton.paths_from(joint), skeleton.paths_from(above)[joint]
                 near = [below for below in skeleton.subtree(joint) if reach[below] <= longest]
                 labels = dict.fromkeys(near, labels[joint]) | labels
     return labels

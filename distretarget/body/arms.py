@@ -44,7 +44,7 @@ def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], 
     places = np.array(places)
     for arm in arms:
         below = skeleton.subtree(arm.shoulder)
-        places[below] = places[arm.shoulder] - np.outer(skeleton.path_lengths[arm.shoulder, below], up)
+        places[below] = places[arm.shoulder] - np.outer(skeleton.paths_from(arm.shoulder)[below], up)
     return places
 
 

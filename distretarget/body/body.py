@@ -41,7 +41,7 @@ class Pose:
     rotations: Array  # (joints, 4), world rotations
     positions: Array  # (joints, 3) [file units]
     directions: Directions | None  # the directions of the body; None without an anatomy
-    # (3, 3), the body's left, up and forward as columns, popped to near axes of the file; the axes of the file without
+    # (3, 3), the body's left, up and forward as columns, snapped to near axes of the file; the axes of the file without
     # an anatomy
     axes: Array
 
@@ -107,7 +107,7 @@ class Body:
     @cached_property
     def unit(self) -> float:
         """The body unit [file units]: twice the leg length, about the height; the longest path without legs."""
-        return 2.0 * self.leg_length if self.legs else float(self.skeleton.path_lengths.max())
+        return 2.0 * self.leg_length if self.legs else self.skeleton.longest_path
 
     @cached_property
     def height(self) -> float:
@@ -254,8 +254,8 @@ class Body:
         return with_hanging_arms(self.skeleton, pose.positions, self.arms, pose.axes[:, 1])
 
     def _pose(self, rotations: Array, positions: Array, directions: Directions | None) -> Pose:
-        popped = squared if self.stands_at_rest else upright
-        axes = np.eye(3) if directions is None else popped(directions.axes)
+        snapped = squared if self.stands_at_rest else upright
+        axes = np.eye(3) if directions is None else snapped(directions.axes)
         return Pose(rotations, positions, directions, axes)
 
     # ---- what kind of body it is

@@ -13,6 +13,7 @@ from distretarget.skeleton import Skeleton
 
 LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than this [sum of the lengths of both]
 SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of like limbs; for arms, of a leg]
+MOST_LIMBS = 32  # of all limbs below a joint, only so many, the longest, may be arms and legs
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
 SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [length from the ankle to the end of the toes]
 LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
@@ -63,9 +64,10 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
     if foot is None:
         return None
     toes = anatomy.roles.get(f"{side}Toes")
+    from_foot = skeleton.paths_from(foot)
     chains = [_longest_chain(skeleton, end) for end in (skeleton.children[foot] if toes is None else [toes])]
-    chain = max(chains, key=lambda joints: skeleton.path_lengths[foot, joints[-1]], default=[])
-    reach = skeleton.path_lengths[foot, chain]
+    chain = max(chains, key=lambda joints: from_foot[joints[-1]], default=[])
+    reach = from_foot[chain]
     if not reach.any():
         return None
     return foot, chain[int(np.argmax(reach >= SHORTEST_FOOT * reach[-1]))]
@@ -78,29 +80,46 @@ def tree_legs(skeleton: Skeleton) -> Legs | None:
     lengths are about equal. The legs are the pair that branches off nearest to the root, and of several there the
     longest. Pairs much shorter than the longest one (eyes, toes) do not count.
     """
-    pairs: list[tuple[float, list[int], list[int]]] = []
-    for children in skeleton.children:
-        chains = [_longest_chain(skeleton, child) for child in children]
-        chains = [chain for chain in chains if leg_length(skeleton, [_leg(skeleton, chain)]) > 0]
-        pairs += _longest_pair(skeleton, chains)
+    pairs = [pair for tops in skeleton.children if len(tops) > 1 for pair in _longest_pair(skeleton, tops)]
     longest = max((length for length, _, _ in pairs), default=0.0)
     limbs = [pair for pair in pairs if pair[0] >= SHORTEST_LIMB * longest]
-    from_root = skeleton.path_lengths[0]
+    from_root = skeleton.paths_from(0)
     legs = min(limbs, key=lambda pair: (from_root[skeleton.parents[pair[1][0]]], -pair[0]), default=None)
     return (_leg(skeleton, legs[1]), _leg(skeleton, legs[2])) if legs else None
 
 
-def _longest_pair(skeleton: Skeleton, chains: Sequence[list[int]]) -> list[tuple[float, list[int], list[int]]]:
-    """The pair of chains with about equal bone lengths whose first chain is longest, after the length of that; none if
-    no two chains are alike.
+def _longest_pair(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[float, list[int], list[int]]]:
+    """The pair of limbs below the joints `tops`, of about equal bone lengths, whose first is longest, after the length
+    of that; none if no two are alike.
     """
-    sizes = [float(skeleton.lengths[chain].sum()) for chain in chains]
-    for a in sorted(range(len(chains)), key=lambda n: -sizes[n]):
-        for b in range(a + 1, len(chains)):  # that of about the same length may be alike
-            near = 2 * abs(sizes[a] - sizes[b]) <= 1.001 * LIKENESS * (sizes[a] + sizes[b])
-            if near and are_alike(skeleton, chains[a], chains[b]):
-                return [(sizes[a], chains[a], chains[b])]
+    long = longest_limbs(skeleton, tops)
+    for a in sorted(long, key=lambda top: -limb_length(skeleton, top)):
+        for b in long[long.index(a) + 1 :]:
+            if limbs := _like_limbs(skeleton, a, b):
+                return [(float(skeleton.lengths[limbs[0]].sum()), *limbs)]
     return []
+
+
+def _like_limbs(skeleton: Skeleton, a: int, b: int) -> tuple[list[int], list[int]] | None:
+    """The limbs below two joints; None unless their bones have about equal lengths, and some length."""
+    sizes, depths = [limb_length(skeleton, top) for top in (a, b)], skeleton.depths
+    near = 2 * abs(sizes[0] - sizes[1]) <= 1.001 * LIKENESS * sum(sizes)  # only that of about the same length is alike
+    if not near or len({int(depths[skeleton.farthest[top]] - depths[top]) for top in (a, b)}) > 1:
+        return None
+    one, other = _longest_chain(skeleton, a), _longest_chain(skeleton, b)
+    long = all(leg_length(skeleton, [_leg(skeleton, chain)]) > 0 for chain in (one, other))
+    return (one, other) if long and are_alike(skeleton, one, other) else None
+
+
+def limb_length(skeleton: Skeleton, top: int) -> float:
+    """Return the distance from a joint's parent to the farthest leaf below the joint, along the bones [file units]."""
+    return float(skeleton.lengths[top] + skeleton.reach[top])
+
+
+def longest_limbs(skeleton: Skeleton, tops: Sequence[int]) -> list[int]:
+    """Return the first joints of the longest limbs below a joint, `MOST_LIMBS` at most, in their order."""
+    long = sorted(tops, key=lambda top: -limb_length(skeleton, top))[:MOST_LIMBS]
+    return [top for top in tops if top in long]
 
 
 def are_alike(skeleton: Skeleton, a: Sequence[int], b: Sequence[int]) -> bool:
@@ -116,8 +135,7 @@ def bends(bone: NDArray[np.float64], onward: NDArray[np.float64], angle: float) 
 
 def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
     """The joints from `top` down to the leaf that is farthest from it along the bones."""
-    leaf = max(skeleton.subtree(top), key=lambda joint: skeleton.path_lengths[top, joint])
-    line = skeleton.line(leaf)
+    line = skeleton.line(skeleton.farthest.item(top))
     return line[line.index(top) :: -1]
 
 
@@ -151,9 +169,9 @@ def passing_regions(regions: Regions, legs: Legs | None) -> NDArray[np.bool_]:
 
 def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:
     """Return the joint where the legs branch off."""
-    return int(skeleton.meets[legs[0].hip, legs[1].hip])
+    return skeleton.meet(leg.hip for leg in legs)
 
 
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
     """Return the length of thigh and shin, the mean of the legs [file units]."""
-    return float(np.mean([skeleton.path_lengths[leg.hip, leg.ankle] for leg in legs]))
+    return float(np.mean([skeleton.paths_from(leg.hip)[leg.ankle] for leg in legs]))

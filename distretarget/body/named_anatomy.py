@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from operator import itemgetter
@@ -109,7 +109,7 @@ class _Rig:
     def _fingers(self, hand: int) -> dict[str, int]:
         """The joints of the fingers below a hand, by role without side, such as "Index1"."""
         names = self.meanings.names
-        below = [joint for joint in range(hand + 1, len(self.parents)) if hand in self._paths[joint]]
+        below = self._all_below([hand])
         deforming = [joint for joint in below if names[joint].prefix == DEFORMING]
         stems = {joint: names[joint].stem for joint in deforming or below if not names[joint].helper}
         from_zero = any("finger0" in stem for stem in stems.values())
@@ -122,10 +122,11 @@ class _Rig:
                 if finger != "Thumb":
                     next_finger[self.parents[joint]] = finger
         chains = {finger: self._chain(own, stems) for finger, own in joints.items()}
+        thumb = len(chains["Thumb"])
         return {
             f"{finger}{number}": joint
             for finger, chain in chains.items()
-            for number, joint in enumerate(chain, start=_first_number(finger, [stems[joint] for joint in chain]))
+            for number, joint in enumerate(chain, start=_first_number(finger, [stems[joint] for joint in chain], thumb))
             if number <= LAST_BONE
         }
 
@@ -138,7 +139,7 @@ class _Rig:
         chains: list[tuple[list[int], list[int]]] = [([], [])]  # the bones, and all joints down to one of them
         lowest = dict.fromkeys((-1,), 0)
         for joint in joints:
-            above = next(above for above in (*reversed(self._paths[joint][:-1]), -1) if above in lowest)
+            above = next(above for above in (*self._line(self.parents[joint]), -1) if above in lowest)
             bones, line = chains[lowest[above]]
             of_skin = any(_extends(stems[joint], stems[upper]) for upper in line)
             lowest[joint] = len(chains)
@@ -153,9 +154,8 @@ class _Rig:
         """
         meanings, joints = self.meanings, range(len(self.parents))
         named = {joint: meanings.names[joint].stem for joint in joints if meanings.means(joint, "head")}
-        above = {joint: [named.get(upper) for upper in self._paths[joint][:-1]] for joint in named}
-        heads = [joint for joint in named if named[joint] not in above[joint]]
-        head = max(heads, key=lambda joint: len(self._paths[joint]), default=None)
+        heads = [joint for joint in named if named[joint] not in map(named.get, self._line(self.parents[joint]))]
+        head = max(heads, key=lambda joint: len(self._line(joint)), default=None)
         crown = head if head is not None else max(filter(meanings.is_neck, joints), default=None)
         uppers = [*arms] if len(arms) == len(SIDES) or crown is None else [*arms, crown]
         if not uppers:
@@ -165,9 +165,10 @@ class _Rig:
         hips = self._hips(center, legs)
         if hips is None:
             return None
-        line = self._paths[top]
+        line = self._line(top)[::-1]
         spine = line[line.index(hips if hips in line else center) + 1 :]
-        neck = () if crown is None else [joint for joint in self._paths[crown] if joint not in line and joint != head]
+        above_spine = self._line(-1 if crown is None else crown)[::-1]
+        neck = [joint for joint in above_spine if joint not in line and joint != head]
         chain = [joint for joint in (*spine, *neck) if not meanings.is_helper(joint) and not self._is_hips(joint)]
         past_top = sum(joint in line for joint in chain)
         first = next((place for place, joint in enumerate(chain) if meanings.is_neck(joint)), past_top)
@@ -175,11 +176,9 @@ class _Rig:
 
     def _hips_alone(self, legs: Sequence[int]) -> Trunk | None:
         """The trunk of a body that has legs only; None if it has more than legs."""
-        above = {joint for leg in legs for joint in self._paths[leg]}
         hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
-        others = [joint for joint in range(len(self.parents)) if joint not in above]
-        more = any(set(legs).isdisjoint(self._paths[joint]) for joint in others)
-        return None if hips is None or more else (hips, (), (), None)
+        of_legs = {*self._all_below(legs), *(joint for leg in legs for joint in self._line(leg))}
+        return None if hips is None or len(of_legs) < len(self.parents) else (hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
         """The hips: the joint with their name at or above `center`, where legs and trunk branch off, else between
@@ -189,7 +188,7 @@ class _Rig:
         """
         if center < 0:
             return None
-        others = [*self._paths[self._branching(legs)][-1:], *reversed(self._paths[center][:-1])]
+        others = [*self._line(self._branching(legs))[:1], *self._line(self.parents[center])]
         named = [joint for joint in others if self._is_hips(joint) and self.meanings.names[joint].stem != CARRIER]
         if self._is_hips(center) or not named:
             return center if legs or self._is_hips(center) else None
@@ -210,18 +209,26 @@ class _Rig:
             below[self.parents[joint]] += below[joint] + 1
         return below
 
-    @cached_property
-    def _paths(self) -> list[tuple[int, ...]]:
-        """For each joint the joints from the root down to it; the last entry, for -1, is empty."""
-        paths: list[tuple[int, ...]] = []
+    def _line(self, joint: int) -> list[int]:
+        """The joints from a joint up to the root, both included; none for -1."""
+        line = []
+        while joint >= 0:
+            line.append(joint)
+            joint = self.parents[joint]
+        return line
+
+    def _all_below(self, tops: Collection[int]) -> list[int]:
+        """The joints below some joints, ascending."""
+        below = {*tops}
         for joint, parent in enumerate(self.parents):
-            paths.append((*(paths[parent] if parent >= 0 else ()), joint))
-        return [*paths, ()]
+            if parent in below:
+                below.add(joint)
+        return sorted(below.difference(tops))
 
     def _branching(self, joints: Iterable[int]) -> int:
         """The lowest common ancestor of joints, which may be one of them; -1 where there is none."""
-        paths = [set(self._paths[joint]) for joint in joints]
-        return max(set.intersection(*paths), default=-1) if paths else -1
+        lines = [{*self._line(joint)} for joint in joints]
+        return max(set.intersection(*lines), default=-1) if lines else -1
 
 
 def _finger_of(stem: str, from_zero: bool) -> str | None:
@@ -242,15 +249,15 @@ def _in_palm(stem: str) -> bool:
     return any(word in stem for word in vocabulary().palm)
 
 
-def _first_number(finger: str, stems: Sequence[str]) -> int:
+def _first_number(finger: str, stems: Sequence[str], thumb: int) -> int:
     """The number of a finger's first bone: 0 for a bone in the palm, else 1.
 
-    A bone is in the palm if its name says so, or if three others follow it and its number is not 1. A thumb of three
-    bones begins in the palm, but with 1.
+    A bone is in the palm if its name says so, or if three others follow it and its number is not 1, or the thumb has
+    three bones, none of them at its tip. A thumb of three bones begins in the palm, but with 1.
     """
     if not stems:
         return 1
-    longer = len(stems) > LAST_BONE and not stems[0].endswith("1")
+    longer = len(stems) > LAST_BONE and (thumb == LAST_BONE or not stems[0].endswith("1"))
     return 0 if longer or (finger != "Thumb" and _in_palm(stems[0])) else 1
 
 

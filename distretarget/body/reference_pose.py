@@ -184,8 +184,7 @@ def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iter
             yield ends[0], _Goal(ends[1], foot, left, True, True)
         toes = anatomy.roles.get(f"{side}Toes")
         if toes is not None:
-            tip = max(skeleton.subtree(toes), key=lambda joint: skeleton.path_lengths[toes, joint])
-            yield toes, _Goal(tip, forward, left, True, True)
+            yield toes, _Goal(skeleton.farthest.item(toes), forward, left, True, True)
 
 
 def _trunk_goals(anatomy: Anatomy) -> Iterator[tuple[int, _Goal]]:

@@ -55,10 +55,11 @@ def find_segments(body: Body) -> Segments:
     """Return the segments of a body; none of its joints is in one where it has no anatomy."""
     skeleton, anatomy = body.skeleton, body.anatomy
     labels: dict[int, tuple[str, int]] = {} if anatomy is None else _main(skeleton, anatomy)
+    leads = skeleton.lines(labels)  # to a part with a role
     outside = {*body.above_hips, *(below for handle in body.handles for below in skeleton.subtree(handle))}
-    for joint in range(len(skeleton)):
-        parent = skeleton.parents.item(joint)
-        if joint not in labels and parent in labels and joint not in outside and _belongs(body, joint, labels):
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        open_ = parent in labels and joint not in labels and joint not in outside
+        if open_ and (joint in leads or _belongs(body, joint, *labels[parent])):
             labels[joint] = labels[parent]
     of_joint, carriers = np.full(len(skeleton), -1), np.full(len(skeleton), -1)
     for joint, (segment, carrier) in labels.items():
@@ -89,7 +90,7 @@ def _spine(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
     if not anatomy.spine:
         return {}
     top = anatomy.neck[0] if anatomy.neck else anatomy.roles.get("head", anatomy.spine[-1])
-    along = skeleton.path_lengths[anatomy.roles["hips"], [*anatomy.spine, top]]
+    along = skeleton.paths_from(anatomy.roles["hips"])[[*anatomy.spine, top]]
     middles = 0.5 * (along[:-1] + along[1:])
     is_belly = middles < 0.5 * along[-1]
     is_belly[-1] = False
@@ -106,19 +107,17 @@ def _add_fingers(labels: dict[int, tuple[str, int]], anatomy: Anatomy, side: str
         labels[joint] = f"{side} hand", carrier if number else hand
 
 
-def _belongs(body: Body, joint: int, labels: dict[int, tuple[str, int]]) -> bool:
-    """Whether a joint without a role, below one of the body, is part of the body: it leads to a part with a role, or is
-    in a hand, a foot or the face, or carries nothing that reaches far, as hair, cloth and tails do.
+def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
+    """Whether a joint that leads to no part with a role, below one with this segment and carrier, is part of the body:
+    an End Site, or in a hand, a foot or the face, or carrying nothing that reaches far, as hair, cloth and tails do.
     """
     skeleton = body.skeleton
-    below, parent = skeleton.subtree(joint), skeleton.parents.item(joint)
-    if skeleton.end_sites[joint] or any(other in labels for other in below):
+    if skeleton.end_sites[joint]:
         return True
-    segment, carrier = labels[parent]
     if segment == "head":
         away = skeleton.rest_positions[joint] - skeleton.rest_positions[carrier]
         up = body.rest.axes[:, 1]
         return bool(np.linalg.norm(away) < FACE * body.unit and away @ up > -BELOW_HEAD * body.unit)
     if segment.endswith(("hand", "foot")):
         return bool(body.regions.of_joint[joint] >= 0)
-    return bool(skeleton.path_lengths[joint, below].max() < HELPER * body.unit)
+    return bool(skeleton.reach[joint] < HELPER * body.unit)

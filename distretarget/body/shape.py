@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
-from distretarget.body.legs import SHORTEST_LIMB, Leg, are_alike, bends, tree_legs
+from distretarget.body.legs import SHORTEST_LIMB, Leg, are_alike, bends, limb_length, longest_limbs, tree_legs
 from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
@@ -25,6 +25,7 @@ SHORTEST_SHIN = 0.1  # a shorter bone above the end of the leg is part of the fo
 SHORTEST_FOREARM = 0.5  # the last bone of an arm with at least this length is the forearm [length of its longest bone]
 FOREARM_RATIO = 0.9  # typical length of the forearm; real bodies have 0.55 to 1.2 [lengths of the upper arm]
 ARM_RATIO = 0.6  # typical length from shoulder to wrist; real bodies have 0.53 to 0.67 [leg lengths]
+MOST_JOINTS = 32  # of a chain that may be an arm; twists and collar bones included, real ones have up to about ten
 ARM_JOINTS = 3  # least number of joints of an arm: shoulder, elbow, wrist
 
 # How unlike a human arm a limb is: the deviations of both ratios, as natural logarithms, plus these penalties.
@@ -117,7 +118,7 @@ def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
     hip = next((joint for joint in above if _is_bent(skeleton, joint, leg.ankle)), leg.hip)
     up = skeleton.line(leg.ankle)
     joints = up[up.index(hip) :: -1]
-    from_hip, ends = skeleton.path_lengths[hip], skeleton.end_sites
+    from_hip, ends = skeleton.paths_from(hip), skeleton.end_sites
     while len(joints) > 3 and (ends[joints[-1]] or skeleton.lengths[joints[-1]] < SHORTEST_SHIN * from_hip[joints[-1]]):
         joints.pop()
     if len(joints) < 3:
@@ -143,7 +144,7 @@ def _find_arms(skeleton: Skeleton, legs: LimbPair) -> LimbPair | None:
 
 def _limb(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> Limb:
     """The limb with its upper end, middle and lower end at these places in a chain of joints."""
-    length = float(skeleton.path_lengths[chain[upper], chain[end]])
+    length = float(skeleton.paths_from(chain[upper])[chain[end]])
     return Limb(tuple(chain[:upper]), chain[upper], chain[lower], chain[end], length)
 
 
@@ -155,7 +156,7 @@ def _is_bent(skeleton: Skeleton, joint: int, below: int) -> bool:
 
 def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, int, int]]:
     """The places of shoulder, elbow and wrist in a chain that make it most like a human arm, after how unlike it is."""
-    along = skeleton.path_lengths[chain[0], chain]
+    along = skeleton.paths_from(chain[0])[chain]
     bones = np.diff(along)
     last_long = int(np.flatnonzero(bones >= SHORTEST_FOREARM * bones.max())[-1]) + 1
     wrist = len(chain) - 1 if _forks(skeleton, chain[-1]) else max(last_long, ARM_JOINTS - 1)
@@ -180,7 +181,8 @@ def _like_chains(skeleton: Skeleton, tops: Sequence[int], least: int = 1) -> lis
     """The pairs of chains down from the joints `tops`, of at least so many joints, with bones of about equal lengths.
     The longer chain of a pair, such as an arm that holds a sword, is cut to the length of the other.
     """
-    chains = [_chain(skeleton, top) for top in tops if not skeleton.end_sites[top]]
+    inner = [top for top in tops if not skeleton.end_sites[top]]
+    chains = [_chain(skeleton, top) for top in longest_limbs(skeleton, inner)] if len(inner) > 1 else []
     chains = [chain for chain in chains if len(chain) >= least]
     pairs = [(a, b) for a, b in combinations(chains, 2) if len(a) == len(b) or min(len(a), len(b)) >= ARM_JOINTS]
     equally_long = [(a[: len(b)], b[: len(a)]) for a, b in pairs]
@@ -188,10 +190,12 @@ def _like_chains(skeleton: Skeleton, tops: Sequence[int], least: int = 1) -> lis
 
 
 def _chain(skeleton: Skeleton, top: int) -> list[int]:
-    """The joints from `top` down the longest branch to where it forks or ends, without End Sites."""
+    """The joints from `top` down the longest branch to where it forks or ends, `MOST_JOINTS` at most, without End
+    Sites.
+    """
     chain = [top]
-    while not _forks(skeleton, chain[-1]):
-        below = max(skeleton.children[chain[-1]], key=lambda child: _reach(skeleton, child), default=None)
+    while len(chain) < MOST_JOINTS and not _forks(skeleton, chain[-1]):
+        below = max(skeleton.children[chain[-1]], key=partial(limb_length, skeleton), default=None)
         if below is None or skeleton.end_sites[below]:
             break
         chain.append(below)
@@ -200,19 +204,14 @@ def _chain(skeleton: Skeleton, top: int) -> list[int]:
 
 def _forks(skeleton: Skeleton, joint: int) -> bool:
     """Whether two branches of comparable length leave a joint."""
-    *_, second, longest = sorted([0.0, 0.0, *(_reach(skeleton, child) for child in skeleton.children[joint])])
+    *_, second, longest = sorted([0.0, 0.0, *(limb_length(skeleton, child) for child in skeleton.children[joint])])
     return second > 0 and second >= FORK * longest
-
-
-def _reach(skeleton: Skeleton, joint: int) -> float:
-    """The distance from a joint's parent to the farthest leaf below the joint, along the bones [file units]."""
-    return float(skeleton.lengths[joint] + skeleton.path_lengths[joint, skeleton.subtree(joint)].max())
 
 
 def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
     """The joint of a foot's toes; empty where each toe has its own joint."""
     below = [] if _forks(skeleton, leg.end) else skeleton.children[leg.end]
-    longest = max(below, key=lambda joint: _reach(skeleton, joint), default=None)
+    longest = max(below, key=partial(limb_length, skeleton), default=None)
     return [] if longest is None or skeleton.end_sites[longest] else [longest]
 
 
@@ -240,7 +239,7 @@ def _trunk(
     """
     taken = {(*arm.collar, arm.upper)[0] for arm in arms}
     up = skeleton.line(int(skeleton.parents[min(taken)]))
-    both_legs = skeleton.line(int(skeleton.meets[legs[0].upper, legs[1].upper]))
+    both_legs = skeleton.line(skeleton.meet(leg.upper for leg in legs))
     hips = next(joint for joint in up if joint in both_legs)
     for k, joint in enumerate(up[: up.index(hips)]):
         free = [child for child in skeleton.children[joint] if child not in taken and not skeleton.end_sites[child]]
@@ -290,7 +289,7 @@ def _standing(rest: Directions, moving: Directions) -> Directions | None:
 def _heights(skeleton: Skeleton, legs: LimbPair, standing: Directions) -> Array:
     """(joints,), the mean heights of the joints; without a posture their path lengths from the hip [file units]."""
     if not len(standing.positions):
-        return np.asarray(skeleton.path_lengths[legs[0].upper])
+        return skeleton.paths_from(legs[0].upper)
     return np.asarray((standing.positions * -standing.legs[:, None]).sum(axis=-1).mean(axis=0))
 
 

@@ -17,7 +17,7 @@ from distretarget.character.joint_nodes import joint_nodes, top_down
 from distretarget.character.nodes import Nodes, Scene
 from distretarget.character.scales import check_scales, flat_warnings, scale_warnings, without_flat_scales
 from distretarget.numerics.rotations import nearest_rotations
-from distretarget.skeleton import POSITION_CHANNELS, SMALLEST, USUAL_ROTATIONS, Skeleton
+from distretarget.skeleton import SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
 
 Array = NDArray[np.float64]
 
@@ -117,9 +117,7 @@ def _skeleton(scene: Scene, nodes: NDArray[np.intp], parents: NDArray[np.intp], 
         names=_names([scene.nodes.names[node] for node in nodes], nodes.tolist(), parents.tolist()),
         parents=parents,
         offsets=offsets,
-        channels=tuple(
-            USUAL_ROTATIONS if joint else (*POSITION_CHANNELS, *USUAL_ROTATIONS) for joint in range(len(nodes))
-        ),
+        channels=tuple(USUAL_ROTATIONS if joint else USUAL_ROOT for joint in range(len(nodes))),
         end_sites=np.zeros(len(nodes), bool),
         units=scene.units,
         up=scene.up,
@@ -136,8 +134,7 @@ def _with_positions(skeleton: Skeleton) -> tuple[tuple[str, ...], ...]:
     """
     anatomy = by_names(skeleton)
     body = set(skeleton.subtree(anatomy.roles["hips"])[1:]) if anatomy else set(range(1, len(skeleton)))
-    free = (*POSITION_CHANNELS, *USUAL_ROTATIONS)
-    return tuple(USUAL_ROTATIONS if joint in body else free for joint in range(len(skeleton)))
+    return tuple(USUAL_ROTATIONS if joint in body else USUAL_ROOT for joint in range(len(skeleton)))
 
 
 def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -> tuple[str, ...]:

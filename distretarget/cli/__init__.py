@@ -19,9 +19,9 @@ from typing import Any, NoReturn
 
 import click
 
-from distretarget.batch.interrupts import interrupts_kept
 from distretarget.errors import DistretargetError, shown
 from distretarget.io.files import reason_of
+from distretarget.numerics.interrupts import interrupts_kept
 
 COMMANDS = {  # by name: where the command is, and its short help
     "audit": ("distretarget.cli.audit:audit_command", "Say what is wrong with the clips in a folder."),
@@ -196,6 +196,8 @@ def _leave(status: int) -> NoReturn:
 
 def _complain(message: str, status: int) -> int:
     """Print an error on one line and return the exit status."""
-    line = " ".join(message.split("\n"))
+    from distretarget.cli.outputs import as_options
+
+    line = as_options(" ".join(message.split("\n")))
     click.echo(shown(f"distretarget: {line}"), err=True)
     return status

@@ -12,14 +12,19 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from distretarget.batch.batch import Batch, checked_contacts, load_targets
+from distretarget.batch.batch import Batch, checked_contacts
 from distretarget.batch.keep import Condition
-from distretarget.batch.manifest import Manifest, ManifestRecord, Tally
+from distretarget.batch.manifest import Manifest
 from distretarget.batch.merge import clips_folder
 from distretarget.batch.merge import merge as write_merged
-from distretarget.batch.plan import find_clips, plan
+from distretarget.batch.pages import Pages
+from distretarget.batch.plan import find_clips, load_targets, plan
+from distretarget.batch.recipe import Reading, Recipe
+from distretarget.batch.record import ManifestRecord
+from distretarget.batch.results import Results
+from distretarget.batch.tally import Tally
 from distretarget.batch.time_limit import TIME_LIMITS
-from distretarget.batch.workers import Processes, Reading, Workers
+from distretarget.batch.workers import Processes, Workers
 from distretarget.cli.options import (
     PATH,
     SkinFiles,
@@ -33,7 +38,8 @@ from distretarget.cli.options import (
 )
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, SettingsError, counted
-from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
+from distretarget.io.files import hash_of, is_folder, read_bytes
+from distretarget.io.input_file import load_file
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, OutputSettings, output_kind
 from distretarget.io.target_file import TargetFile
@@ -156,6 +162,7 @@ def batch_command(
     input_list: Iterator[str] | None,
     clip: str | None,
     fps: float | None,
+    joints_path: Path | None,
     kinds: tuple[str, ...] | None,
     npz: bool,
     settings: OutputSettings,
@@ -205,7 +212,7 @@ def batch_command(
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
-    found, unread = find_clips(sources, listed, include, exclude)
+    found, unread = find_clips(sources, listed, include, exclude, arrays=joints_path is not None)
     map_file = load_map(map_path, rest_path)
     if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
@@ -220,10 +227,16 @@ def batch_command(
         clips = plan(found, texts, results, sources, kinds or (), clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
-    asked = None if contacts_path is None else checked_contacts(contacts_path)
-    ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
-    how = Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()
-    batch = Batch(clips, results, *ways, *how, table, keep, time_limit, asked)
+    batch = Batch(
+        clips,
+        Results(results, overwrite and not merge, keep, read_only=dry_run),
+        Recipe(options, map_file, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()),
+        Pages(about, index, reports, table),
+        checked_contacts(contacts_path),
+        load_file(joints_path) if joints_path else None,
+        time_limit,
+        fail_fast,
+    )
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:
@@ -236,14 +249,14 @@ def batch_command(
         say(line)
     for line in tally.failures if is_quiet() else ():
         complain(line)
-    for problem in batch.problems.values():
+    for problem in batch.pages.problems.values():
         complain(f"no report: {problem}")
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:
         count = write_merged(folder, texts[0], batch.kept_clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
-    sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
+    sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
 
 
 def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_run: bool) -> Path:
@@ -278,7 +291,7 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
             clips.set_postfix(failed=tally.failed, refresh=False)
             clips.update()
 
-        _print_broken(batch.manifest)
+        _print_broken(batch.results.manifest)
         try:
             batch.convert(workers, tally, show)
         except KeyboardInterrupt:
@@ -291,20 +304,18 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
 
 def _print_plan(batch: Batch) -> None:
     """Print what would be done with each clip."""
-    manifest = Manifest(batch.folder, read_only=True)
-    _print_broken(manifest)
+    results = batch.results
+    _print_broken(results.manifest)
     for clip in batch.clips:
-        path = batch.folder / clip.place
-        record = batch.record_of(clip)
         try:
-            record["input_hash"] = hash_of(read_bytes(clip.path))
-            skip = batch.known(clip, record, manifest)
-            if not skip and not batch.overwrite:
-                manifest.check_replaceable(record, path, hash_of_file(path))
+            record = batch.record_of(clip, hash_of(read_bytes(clip.path)))
+            skip = results.known(record, clip.outputs)
+            if not skip:
+                results.check_replaceable(record, clip.outputs)
         except DistretargetError as error:
             say(f"fail     {error}")
         else:
-            beside = ", ".join([str(path), *clip.suffixes])
+            beside = ", ".join([str(results.folder / clip.place), *clip.suffixes])
             say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {beside}")
 
 

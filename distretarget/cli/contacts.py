@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from distretarget.batch.compile_ahead import warm
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading
-from distretarget.cli.outputs import check_outputs, read_input, say, write_outputs
+from distretarget.cli.outputs import check_outputs, read_input, read_source, say, write_outputs
 from distretarget.errors import DistretargetError
 from distretarget.io.contacts_file import contacts_to_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import TargetFile
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.found_contacts import contact_lines, find_contacts
 
 
@@ -32,6 +32,7 @@ def contacts_command(
     overwrite: bool,
     clip: str | None,
     fps: float | None,
+    joints_path: Path | None,
     map_path: Path | None,
 ) -> None:
     """List the contacts that are found in CLIP.
@@ -45,8 +46,8 @@ def contacts_command(
     distretarget contacts clap.bvh hero.json -o clap.contacts.json
     distretarget clap.bvh hero.json -o clap_hero.bvh --contacts clap.contacts.json
     """  # noqa: D301
-    check_outputs([output], [source, target, map_path], overwrite)
-    motion, _ = parse_motion(read_input(source), clip, fps)
+    check_outputs([output], [source, target, joints_path, map_path], overwrite)
+    motion, _ = parse_motion(read_source(source, joints_path), clip, fps)
     body = pairs = None
     if target is not None:
         file = TargetFile.of(read_input(target))

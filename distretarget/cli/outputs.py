@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePath
 
 import click
@@ -23,8 +24,19 @@ from distretarget.report.diff_document import About
 
 STANDARD = Path("-")
 LISTED = 12  # most names in a line
+ARGUMENTS = {  # in messages: what a script would write, and what the program's options are
+    "clip=NAME": "--clip NAME",
+    "fps=NUMBER": "--fps NUMBER",
+    "joints=FILE": "--skeleton FILE",
+    "overwrite=True": "--overwrite",
+}
 QUIET = "distretarget.quiet"  # key in a context's `meta`: whether --quiet is given
 OUTPUT_TAKEN = "distretarget.output_taken"  # key in a context's `meta`: whether a file goes to standard output
+
+
+def read_source(path: Path, joints: Path | None) -> InputFile:
+    """Read a motion's file, and that of the skeleton which its arrays are for; errors as in `load_file`."""
+    return replace(read_input(path), joints=load_file(joints) if joints else None)
 
 
 def read_input(path: Path) -> InputFile:
@@ -115,7 +127,14 @@ def complain(line: str) -> None:
 
 
 def _print(line: str, err: bool) -> None:
-    click.echo(shown(line), err=err)
+    click.echo(shown(as_options(line)), err=err)
+
+
+def as_options(text: str) -> str:
+    """Return a text in which arguments of Python functions are called as the options of the program."""
+    for argument, option in ARGUMENTS.items():
+        text = text.replace(argument, option)
+    return text
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:

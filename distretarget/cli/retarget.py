@@ -12,7 +12,6 @@ import click
 from tqdm import tqdm
 
 from distretarget.baseline.world import RootOffset
-from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import (
     OVERWRITE_OPTION,
@@ -32,6 +31,7 @@ from distretarget.cli.outputs import (
     check_outputs,
     is_quiet,
     read_input,
+    read_source,
     say,
     write_outputs,
 )
@@ -50,6 +50,7 @@ from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, o
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
@@ -94,6 +95,7 @@ def retarget_command(
     overwrite: bool,
     clip: str | None,
     fps: float | None,
+    joints_path: Path | None,
     settings: OutputSettings,
     map_path: Path | None,
     rest_path: Path | None,
@@ -107,7 +109,8 @@ def retarget_command(
 ) -> None:
     """Retarget the motion of SOURCE to the body of TARGET.
 
-    SOURCE is BVH, glTF (.glb, .gltf), VRM, a VRM animation (.vrma) or FBX. TARGET is a character, in the same formats,
+    SOURCE is BVH, glTF (.glb, .gltf), VRM, a VRM animation (.vrma), FBX, or arrays (.npz, .npy): parameters of SMPL, or
+    positions of joints, with --skeleton. TARGET is a character, in the same formats,
     or a skeleton file (.json). Names, rest pose and axes may differ from those of SOURCE; 'distretarget skeleton match'
     shows which joint drives which. A glTF or VRM character can be written with its mesh and the motion. - stands for
     standard input or output.
@@ -119,13 +122,15 @@ def retarget_command(
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.metrics.json
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --report walk_hero.html
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
+    distretarget amass.npz hero.glb -o hero.glb --smpl-joints smplx_neutral.npz
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
-    inputs = [source, target, map_path, rest_path, contacts_path, skins.source, skins.target]
+    inputs = [source, target, joints_path, map_path, rest_path, contacts_path, skins.source, skins.target]
     check_outputs([output, metrics, report], inputs, overwrite)
     started = time.perf_counter()
-    source_file, target_file, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
+    source_file, target_file = read_source(source, joints_path), read_input(target)
+    map_file = load_map(map_path, rest_path)
     contacts = load_contacts(contacts_path) if contacts_path else NO_CONTACTS
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
@@ -158,7 +163,7 @@ def retarget_command(
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
         metrics: lambda: metrics_json(result),
-        report: lambda: run_page(result, about(Path(source_file.path), output), body.target),
+        report: lambda: run_page(result, about(Path(source_file.path), output), body.target, source_file),
     }
     write_outputs(contents, overwrite)
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))

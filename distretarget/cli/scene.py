@@ -5,18 +5,18 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import cycle
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, get_args
 
 import click
 from click.core import ParameterSource
 
-from distretarget.batch.compile_ahead import warm
-from distretarget.batch.manifest import Manifest
-from distretarget.batch.scene_results import SceneResults
+from distretarget.batch.plan import Clip
+from distretarget.batch.record import ManifestRecord, new_record
+from distretarget.batch.results import Results
 from distretarget.cli.options import (
     ENVIRONMENT_OPTION,
     OVERWRITE_OPTION,
@@ -29,10 +29,20 @@ from distretarget.cli.outputs import check_outputs, complain, say
 from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import Content, check_inside, is_folder, make_folder, write_whole
+from distretarget.io.files import (
+    Content,
+    check_inside,
+    encoded_parts,
+    hash_of,
+    is_folder,
+    make_folder,
+    read_bytes,
+    write_whole,
+)
 from distretarget.io.input_file import MOTION_SUFFIXES, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
+from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.options import SkinMode
 from distretarget.report.run_summary import summary_line
 from distretarget.report.scene_page import scene_page
@@ -75,19 +85,18 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     "--skin",
     "skins",
     multiple=True,
-    metavar="[auto|average|none|FILE]",
+    metavar="[auto|average|BUILD|none|FILE]",
     help="How thick a target is, once for all performers, or once for each in order. auto, the default: as its mesh or "
-    "the radii in its file show; others have no thickness of their own. average: as an average adult. none: not at "
-    "all; distances count from joint to joint. FILE: as the character in this file.",
+    "the radii in its file show; others have no thickness of their own. average, BUILD, none and FILE: as in retarget.",
 )
 @click.option(
     "--source-skin",
     "source_skins",
     multiple=True,
     type=PATH,
-    metavar="FILE",
-    help="A character as thick as the performer of a source, once for all, or once for each in order. Default: what "
-    "the mesh in the source shows, else an average adult.",
+    metavar="[BUILD|FILE]",
+    help="How thick the performer of a source is, once for all, or once for each in order, as in retarget. Default: "
+    "what the mesh in the source shows, else an average adult, child or baby.",
 )
 @click.option(
     "--contacts",
@@ -128,12 +137,12 @@ def _retarget_folder(path: Path, output: Path, overwrite: bool, report: bool) ->
     files = sorted(path.rglob(SCENE_NAME))
     if not files:
         raise FileError(path, f"has no {SCENE_NAME} in it or below")
-    manifest, skipped, failures = Manifest(output), 0, list[DistretargetError]()
+    results, skipped, failures = Results(output, overwrite), 0, list[DistretargetError]()
     for file in files:
         try:
             folder = output / file.parent.relative_to(path)
             check_inside(folder, output)
-            skipped += not _retarget(load_scene(file), folder, overwrite, report, (file, manifest))
+            skipped += not _retarget(load_scene(file), folder, overwrite, report, (file, results))
         except DistretargetError as error:
             failures.append(error)
             complain(f"failed: {error}")
@@ -185,11 +194,11 @@ def _retarget(
     folder: Path,
     overwrite: bool,
     report: bool,
-    among: tuple[Path, Manifest] | None = None,
+    among: tuple[Path, Results] | None = None,
 ) -> bool:
     """Retarget a scene into a folder, and print how it went; return whether that was needed.
 
-    `among` is the scene's file and the manifest, for a scene of a folder of scenes.
+    `among` is the scene's file and the folder of all results, for a scene of a folder of scenes.
     """
     targets = [TargetFile.of(load_file(performer.target)) for performer in setup.performers]
     suffixes = [*map(suffix_of, targets), *[".bvh"] * (len(setup.names) - len(targets))]  # the others are props
@@ -197,17 +206,36 @@ def _retarget(
     outputs += [folder / "report.html"] if report else []
     for path in outputs:
         check_inside(path, folder)
-    write: Callable[[Path, Content], None] = partial(write_whole, overwrite=overwrite)
+    write: Callable[[Mapping[Path, Content]], None] = partial(_write_all, overwrite=overwrite)
     if among:
-        results = SceneResults.of(among[1], among[0], setup, targets[0], outputs, overwrite)
-        if results.are_done():
+        file, results = among
+        names = [path.relative_to(results.folder).as_posix() for path in outputs]
+        record = _record(file, setup, targets[0], names[0])
+        if results.known(record, names):
             return False
-        results.check_replaceable()
-        write = results.write
+        results.check_replaceable(record, names)
+        write = partial(_put_all, results, record)
     with _made(folder):
         check_outputs(outputs, setup.inputs, overwrite or bool(among))
         _write(setup, targets, outputs, write)
     return True
+
+
+def _write_all(contents: Mapping[Path, Content], overwrite: bool) -> None:
+    for path, content in contents.items():
+        write_whole(path, content, overwrite)
+
+
+def _put_all(results: Results, record: ManifestRecord, contents: Mapping[Path, Content]) -> None:
+    names = (path.relative_to(results.folder).as_posix() for path in contents)
+    results.put(record, {name: [*encoded_parts(each)] for name, each in zip(names, contents.values(), strict=True)})
+
+
+def _record(file: Path, setup: SceneSetup, target: TargetFile, output: str) -> ManifestRecord:
+    """What the manifest says of the scene in a file, whose first performer has this target, once it is done."""
+    record = new_record(Clip(file, target, PurePath(output), 0), {})
+    inputs = hash_of(*(hash_of(read_bytes(path)).encode() for path in (file, *setup.inputs)))
+    return {**record, "input_hash": inputs, "status": "done"}
 
 
 @contextlib.contextmanager
@@ -224,7 +252,10 @@ def _made(folder: Path) -> Iterator[None]:
 
 
 def _write(
-    setup: SceneSetup, targets: Sequence[TargetFile], outputs: Sequence[Path], write: Callable[[Path, Content], None]
+    setup: SceneSetup,
+    targets: Sequence[TargetFile],
+    outputs: Sequence[Path],
+    write: Callable[[Mapping[Path, Content]], None],
 ) -> None:
     """Retarget a scene, write its results to these paths, the last a report if there is one more, and print how it
     went.
@@ -238,8 +269,7 @@ def _write(
     seconds = time.perf_counter() - began
     if len(outputs) > len(contents):
         contents.append([scene_page(result, setup.names)])
-    for path, content in zip(outputs, contents, strict=True):
-        write(path, content)
+    write(dict(zip(outputs, contents, strict=True)))
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)

@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 from distretarget.body.body import Body
+from distretarget.body.build import age_of
 from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.options import (
@@ -31,6 +32,7 @@ from distretarget.io.obj import capsules_to_obj
 from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
 from distretarget.matching.unmatched import parts_without_source
+from distretarget.numerics.compiled import uncompiled
 from distretarget.pipeline.performer import target_capsules
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
@@ -48,6 +50,7 @@ def of_bone(text: str) -> tuple[str, float]:
 @click.group("skeleton")
 def skeleton_group() -> None:
     """Show, edit and match skeletons, and write skeleton files. - stands for standard input or output."""
+    click.get_current_context().with_resource(uncompiled())
 
 
 @skeleton_group.command("show")
@@ -262,7 +265,8 @@ def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[st
     """The lines on how thick a body is: each part, its mean thickness, and that in % of the height."""
     if not len(capsules):
         return
-    source = "its mesh" if target.mesh() else "its file and an average adult" if target.radii else "an average adult"
+    average = f"an average {age_of(Body.of(target.skeleton, target.motion))}"
+    source = "its mesh" if target.mesh() else f"its file and {average}" if target.radii else average
     unit = f" [{target.skeleton.units}]" if target.skeleton.units else ""
     yield f"thickness of {source}{unit}, and in % of the height:"
     names = [SEGMENTS[segment].removeprefix("left ").removeprefix("right ") for segment in capsules.segments]

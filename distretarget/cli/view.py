@@ -13,29 +13,25 @@ from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, quiet
 from distretarget.cli.outputs import STANDARD, check_outputs, read_input, say, write_output
 from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.files import is_folder
-from distretarget.io.input_file import KINDS, InputFile
-from distretarget.io.motion_file import parse_motion, read_scene
-from distretarget.io.target_file import parse_full_target
-from distretarget.motion import Motion
+from distretarget.io.input_file import KINDS
 from distretarget.report.actors import Actor
-from distretarget.report.view_page import shown_actor, view_page
+from distretarget.report.view_page import MOST, actors_of, view_page
 
 SUFFIXES = (".bvh", *KINDS)  # of files that are looked for in a folder
-MOST = 24  # files on a page
 
 
 @click.command("view")
 @click.argument("files", nargs=-1, required=True, type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="Write the page to this file, and open no browser.")
-@click.option("--clip", metavar="NAME", help="The animation of files that have several; '#2' is the second.")
+@click.option("--clip", metavar="NAME", help="Only this animation of files that have several; '#2' is the second.")
 @OVERWRITE_OPTION
 @quiet
 def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None, overwrite: bool) -> None:
     """Look at motions and characters in the browser.
 
     FILES are BVH, glTF, VRM, VRMA, FBX and skeleton files, or folders of them. A character is shown with its mesh, any
-    other body as thick as an average adult. Of several animations in a file the first is shown. The page is one file
-    that asks for nothing from the network. - stands for standard input or output.
+    other body as thick as an average one. Of a file with several animations all are shown, or that of --clip. The
+    page is one file that asks for nothing from the network. - stands for standard input or output.
 
     \b
     distretarget view walk.bvh
@@ -44,10 +40,13 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
     """  # noqa: D301
     chosen = [*_chosen(files)]
     check_outputs([output], chosen, overwrite)
-    actors = [*_actors(chosen[:MOST], {*files}, clip)]
-    if len(chosen) > MOST:
-        say(f"the first {MOST} of {counted(len(chosen), 'file')} are shown; name fewer to see the others", err=True)
-    page = view_page(actors, actors[0].name if len(actors) == 1 else counted(len(actors), "file"))
+    shown = [*_actors(chosen[:MOST], {*files}, clip)]
+    actors = [actor for actors in shown for actor in actors][:MOST]
+    if len(chosen) > MOST or sum(map(len, shown)) > MOST:
+        say(f"the first {MOST} are shown; name fewer files, or one animation with --clip, to see the others", err=True)
+    # What was retargeted to a character is the last of its animations.
+    first = min(len(shown[0]), len(actors)) - 1
+    page = view_page(actors, Path(chosen[0]).name if len(shown) == 1 else counted(len(shown), "file"), first)
     if output:
         write_output(output, page, overwrite)
         return
@@ -75,8 +74,8 @@ def _chosen(files: Sequence[Path]) -> list[Path]:
     return found
 
 
-def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -> Iterator[Actor]:
-    """What files show; of those that are not `named`, but stand in a folder, only those that can be read.
+def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -> Iterator[list[Actor]]:
+    """What each file shows; of those that are not `named`, but stand in a folder, only those that can be read.
 
     Raises:
         DistretargetError: one that is named cannot be read, or none can.
@@ -84,29 +83,14 @@ def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -
     side, fault = 0, None
     for path in chosen:
         try:
-            yield _actor(read_input(path), side, clip)
+            actors = actors_of(read_input(path), side, clip)
         except DistretargetError as error:
             if path in named:
                 raise
             fault = error
             say(f"warning: {error}", err=True)
         else:
-            side += 1
+            side += len(actors)
+            yield actors
     if fault and not side:
         raise fault
-
-
-def _actor(file: InputFile, side: int, clip: str | None) -> Actor:
-    """What a file shows: its motion, or the rest pose where it has none."""
-    return shown_actor(Path(file.path).name, side, parse_full_target(file), _motion(file, clip))
-
-
-def _motion(file: InputFile, clip: str | None) -> Motion | None:
-    if file.kind == "skeleton":
-        return None
-    if file.kind == "BVH":
-        return parse_motion(file)[0]
-    names = read_scene(file, animated=False).animations
-    if not names:
-        return None
-    return parse_motion(file, (clip or "#1") if len(names) > 1 else None)[0]

@@ -111,7 +111,7 @@ def _carried_points(skeleton: Skeleton, roots: NDArray[np.intp], joints: set[int
     carried: list[list[int]] = [[] for _ in roots]
     for joint in range(1, len(skeleton)):
         root = int(roots[skeleton.parents[joint]])
-        if joint in joints and skeleton.path_lengths[root, joint] > 0:
+        if joint in joints and skeleton.paths_from(root)[joint] > 0:
             carried[root].append(joint)
     return carried
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -18,7 +19,7 @@ from distretarget.io.decimals import parse_numbers
 from distretarget.io.files import read_text
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import extent, lengths
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
@@ -89,6 +90,21 @@ def declared_frames(text: str) -> int | None:
 
 
 def _take_skeleton(words: Words) -> Skeleton:
+    """The skeleton in a HIERARCHY; clips of one rig share it, with all that is found out about it."""
+    with suppress(BvhError):
+        skeleton, words.at = _skeleton_in(words.text[: words.text.find("\nMOTION") + 1])
+        return skeleton
+    return _new_skeleton(words)
+
+
+@lru_cache(maxsize=4)
+def _skeleton_in(hierarchy: str) -> tuple[Skeleton, int]:
+    """The skeleton in a text, and where it ends in it."""
+    words = Words("", hierarchy)
+    return _new_skeleton(words), words.at
+
+
+def _new_skeleton(words: Words) -> Skeleton:
     joints = _take_hierarchy(words)
     parents = [joint.parent for joint in joints]
     end_sites = [joint.end_site for joint in joints]
@@ -137,6 +153,8 @@ def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     columns = _columns(skeleton)
     rotations, joints = _rotations(skeleton, columns, values), np.append(0, _sliding(skeleton))
     translations = _translations(skeleton, columns, joints, values)
+    if extent(translations) > LARGEST:
+        raise words.error(f"positions with their OFFSETs added go beyond {LARGEST:g}; use other units")
     moving = MovingBones.among(skeleton, joints, translations)
     return Motion(skeleton, np.ascontiguousarray(translations[:, 0]), rotations, frame_time_text, moving)
 
@@ -245,7 +263,7 @@ class Words:
     def number(self, what: str) -> float:
         """The next word as a number up to `LARGEST`."""
         word = self.take()
-        if not _is_finite(word) or abs(float(word)) > LARGEST:
+        if not _is_number(word):
             self.refuse(word, f"{what}, a finite number, at most {LARGEST:g}")
         return float(word)
 
@@ -272,9 +290,9 @@ class Words:
         return 1 + len(LINE_END.findall(before))
 
 
-def _is_finite(word: str) -> bool:
-    """Whether a word is a finite number as BVH files write them."""
-    return NUMBER.fullmatch(word) is not None and math.isfinite(float(word))
+def _is_number(word: str) -> bool:
+    """Whether a word is a number up to `LARGEST` as BVH files write them."""
+    return NUMBER.fullmatch(word) is not None and abs(float(word)) <= LARGEST
 
 
 def is_name(word: str) -> bool:
@@ -364,7 +382,7 @@ def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]
     """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file.
 
     Raises:
-        BvhError: a word is not a finite number, or there are not as many numbers as declared.
+        BvhError: a word is not a number up to `LARGEST`, or there are not as many numbers as declared.
     """
     declared, at = _take_frame_count(words), words.at
     words.label("Frame Time")
@@ -373,7 +391,7 @@ def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]
         bounds = f"from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}"
         words.refuse(time, f"the time between frames in seconds, a number above 0, {bounds}")
     numbers = parse_numbers(words.text[words.at :].encode("utf-8", "surrogateescape"))
-    values = _take_numbers_singly(words) if numbers is None else numbers
+    values = _take_numbers_singly(words) if numbers is None or extent(numbers) > LARGEST else numbers
     if declared and not channels:
         raise words.error(f"found {declared} frames declared, expected 0 where no joint has channels", at)
     if values.size != declared * channels:
@@ -384,10 +402,10 @@ def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]
 
 
 def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
-    """All numbers to the end of the text, slowly, to name the first word that is not a finite number."""
+    """All numbers to the end of the text, slowly, to name the first word that is not a number up to `LARGEST`."""
     numbers: list[float] = []
     while word := words.take():
-        if not _is_finite(word):
-            words.refuse(word, "a finite number or the end of the file")
+        if not _is_number(word):
+            words.refuse(word, f"a finite number, at most {LARGEST:g}, or the end of the file")
         numbers.append(float(word))
     return np.array(numbers)

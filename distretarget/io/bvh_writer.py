@@ -7,6 +7,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,7 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
-    lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
+    lines = [*_hierarchy_lines_of(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)
     values = _channel_values(motion, decimals)
     blocks = [values[first : first + TEXT_FRAMES] for first in range(0, len(values), TEXT_FRAMES)]
@@ -80,9 +81,15 @@ def _with_channels(motion: Motion) -> Motion:
     return replace(motion, skeleton=replace(motion.skeleton, channels=tuple(channels)))
 
 
+@lru_cache(maxsize=4)
+def _hierarchy_lines_of(skeleton: Skeleton) -> tuple[str, ...]:
+    """The lines of a HIERARCHY, which all clips on one skeleton share."""
+    return tuple(_hierarchy_lines(skeleton))
+
+
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
     """The HIERARCHY, joints depth first."""
-    depths = skeleton.path_sizes[0] - 1
+    depths = skeleton.depths
     if (deepest := int(depths.max())) > MAX_DEPTH:
         raise SkeletonError(f"a joint is inside {deepest} others; BVH files have {MAX_DEPTH} at most")
     order = skeleton.depth_first
@@ -109,7 +116,7 @@ def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
 
 def _decimals(skeleton: Skeleton) -> list[int]:
     """The number of decimals of each channel, depth first; positions get those that 1e-8 of the longest path needs."""
-    longest = float(np.max(skeleton.path_lengths))
+    longest = skeleton.longest_path
     fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6
     channels = [channel for joint in skeleton.depth_first for channel in skeleton.channels[joint]]
     return [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
+from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Look, Plant
 from distretarget.errors import SettingsError, SkeletonFileError, closest
 from distretarget.io.files import read_text
 from distretarget.io.json_node import Fields, Node, parse_json
@@ -37,10 +37,15 @@ def parse_contacts(text: str, path: str | Path) -> ContactList:
 
 def contacts_to_json(contacts: ContactList) -> str:
     """Return the text of a contact file, with an entry a line."""
-    lines = [f"    {json.dumps(_plain(entry), ensure_ascii=False)}" for entry in contacts]
+    lines = [f"    {entry_to_json(entry)}" for entry in contacts]
     header = "".join(f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in HEADER.items())
     listed = ",\n".join(lines)
     return f'{{\n{header}  "contacts": [\n{listed}\n  ]\n}}\n' if lines else f'{{\n{header}  "contacts": []\n}}\n'
+
+
+def entry_to_json(entry: Entry) -> str:
+    """Return the text of an entry, on one line."""
+    return json.dumps(_plain(entry), ensure_ascii=False)
 
 
 def _plain(entry: Entry) -> dict[str, Any]:
@@ -138,11 +143,7 @@ def _numbers(node: Node) -> tuple[float, ...]:
 
 
 def _on(node: Node) -> object:
-    if isinstance(node.value, list):
-        return _numbers(node)
-    if isinstance(node.value, str) and node.text() in get_args(Ground):
-        return node.text()
-    return node.expected('"floor", "where it is" or a place [x, y, z]')
+    return node.text() if isinstance(node.value, str) else _numbers(node)
 
 
 def _like(node: Node) -> object:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import compiled, inlined, runs_as_python
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,9 @@ def parse_numbers(text: bytes) -> Array | None:
     """Return the numbers of a text, separated by blanks, as the nearest doubles; None if one is not finite."""
     numbers = np.empty(len(text) // 2 + 1)
     whole = text if text[-1:].isspace() else text + b"\n"
-    count, at = _leading_numbers(np.frombuffer(whole, np.uint8), POWERS, numbers)
+    count, at = 0, 0
+    if not runs_as_python(len(text) // 8):  # numpy reads a few sooner
+        count, at = _leading_numbers(np.frombuffer(whole, np.uint8), POWERS, numbers)
     leading, rest = numbers[:count], text[at:]
     if not rest:
         return leading

@@ -10,6 +10,7 @@ import base64
 import binascii
 import struct
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +20,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import FileError, SkeletonFileError, cut
+from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.files import is_inside, read_bytes
 from distretarget.io.json_node import Fields, Node, field_place, parse_json
 from distretarget.numerics.compiled import read_only
@@ -236,11 +237,15 @@ class Gltf:
         return memoryview(self.beside[uri])
 
     def image(self, reference: Node) -> bytes:
-        """The content of an image; empty where it is in a file of its own."""
+        """The content of an image; empty where it is in a file that cannot be read."""
         fields, place = self.entry("images", reference), self._lists["images"][self.index("images", reference)]
         if "uri" in fields:
             uri = fields["uri"].text()
-            return _decoded(fields["uri"], uri) if uri.startswith(DATA_URI) else b""
+            if uri.startswith(DATA_URI):
+                return _decoded(fields["uri"], uri)
+            with suppress(DistretargetError):
+                return read_bytes(inside(fields["uri"], Path(self.path).parent, uri))
+            return b""
         view = required(place, fields, "bufferView", lambda node: node)
         length = required(place, self.entry("bufferViews", view), "byteLength", whole)
         return self._view(view, 0, length, 1, COMPONENTS[5121], place).tobytes()

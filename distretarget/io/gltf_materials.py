@@ -7,8 +7,6 @@ from distretarget.io.gltf import Gltf, dotted
 from distretarget.io.json_node import Fields, Node
 from distretarget.skin.mesh import Material
 
-IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}  # by how they begin
-
 
 def gltf_materials(gltf: Gltf) -> tuple[Material, ...]:
     """Return the materials of a file; what of one cannot be read is plain."""
@@ -20,11 +18,10 @@ def _material(gltf: Gltf, place: Node) -> Material:
         fields = place.entries(dotted)
         surface = fields.read("pbrMetallicRoughness", lambda node: node.entries(dotted), Fields())
         numbers = [number.number() for number in surface.listed("baseColorFactor")]
-        image, kind = _image(gltf, surface)
         return Material(
             colour=(*numbers, *(1.0, 1.0, 1.0, 1.0)[len(numbers) :])[:4],
-            image=image,
-            kind=kind,
+            image=_image(gltf, surface, "baseColorTexture"),
+            normal_map=_image(gltf, fields, "normalTexture"),
             mode=fields.read("alphaMode", Node.text, "OPAQUE"),
             cutoff=fields.read("alphaCutoff", Node.number, 0.5),
             two_sided=fields.read("doubleSided", Node.flag, False),
@@ -33,12 +30,9 @@ def _material(gltf: Gltf, place: Node) -> Material:
         return Material()
 
 
-def _image(gltf: Gltf, surface: Fields) -> tuple[bytes, str]:
-    """The content of the image of a base colour and its type; empty where it is not in the file."""
-    if "baseColorTexture" not in surface:
-        return b"", ""
-    texture = surface["baseColorTexture"].entries(dotted)
-    if "source" not in (source := gltf.entry("textures", texture["index"])):
-        return b"", ""
-    content = bytes(gltf.image(source["source"]))
-    return content, next((kind for head, kind in IMAGES.items() if content.startswith(head)), "")
+def _image(gltf: Gltf, fields: Fields, key: str) -> bytes:
+    """The content of the image of a texture; empty where there is none."""
+    if key not in fields:
+        return b""
+    source = gltf.entry("textures", fields[key].entries(dotted)["index"])
+    return bytes(gltf.image(source["source"])) if "source" in source else b""

@@ -11,8 +11,9 @@ from typing import Literal
 
 from distretarget.io.files import hash_of, read_bytes, text_of
 from distretarget.io.gltf import MAGIC, Gltf, parse_gltf, read_beside
+from distretarget.io.npz import NPY_MARK, NPZ_MARK, ArraysFile
 
-Kind = Literal["BVH", "skeleton", "glTF", "FBX"]
+Kind = Literal["BVH", "skeleton", "glTF", "FBX", "arrays"]
 
 FBX_MARKS = (b"Kaydara FBX Binary", b"FBXHeaderExtension")  # one of them is at the beginning of an FBX file
 HEAD = 4096  # how far the beginning of a file reaches [bytes]
@@ -24,6 +25,7 @@ KINDS: dict[str, Kind] = {  # by suffix, where the content does not tell
     ".vrma": "glTF",
     ".fbx": "FBX",
 }
+ARRAY_SUFFIXES = (".npz", ".npy")  # of files of arrays
 MOTION_SUFFIXES = (".bvh", *(suffix for suffix in KINDS if suffix != ".vrm"))  # of files that may be motions
 
 
@@ -35,11 +37,13 @@ class InputFile:
         content: all of it.
         path: of the file, or what stands for it in errors.
         beside: the content of the files that a .gltf file names, by the URI in it.
+        joints: the file of the skeleton that arrays are for; None where there is none.
     """
 
     content: bytes
     path: str | Path
     beside: Mapping[str, bytes] = field(default_factory=dict)
+    joints: InputFile | None = None
 
     @cached_property
     def kind(self) -> Kind:
@@ -47,6 +51,8 @@ class InputFile:
         head = self.content[:HEAD]
         if head.startswith(MAGIC):
             return "glTF"
+        if head.startswith((NPY_MARK, NPZ_MARK)):
+            return "arrays"
         if any(mark in head for mark in FBX_MARKS):
             return "FBX"
         suffix = Path(self.path).suffix.lower()
@@ -54,14 +60,19 @@ class InputFile:
             return "glTF" if suffix == ".gltf" or GLTF_ASSET.search(self.content) else "skeleton"
         return KINDS.get(suffix, "BVH")
 
-    def __reduce__(self) -> tuple[type[InputFile], tuple[bytes, str | Path, Mapping[str, bytes]]]:
+    def __reduce__(self) -> tuple[type[InputFile], tuple[bytes, str | Path, Mapping[str, bytes], InputFile | None]]:
         """What goes to a worker: what was read, not what was made of it."""
-        return InputFile, (self.content, self.path, dict(self.beside))
+        return InputFile, (self.content, self.path, dict(self.beside), self.joints)
 
     @cached_property
     def gltf(self) -> Gltf:
         """The file as glTF; errors as in `parse_gltf`."""
         return parse_gltf(self.content, self.path, self.beside)
+
+    @cached_property
+    def arrays(self) -> ArraysFile:
+        """The arrays in an npz or npy file, or a FileError."""
+        return ArraysFile.of(self.content, self.path)
 
     @cached_property
     def text(self) -> str:

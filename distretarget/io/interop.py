@@ -1,4 +1,4 @@
-"""Motions for other programs: npz files for numpy, and the containers of bvhio.
+"""Motions as the containers of bvhio.
 
 bvhio (https://github.com/Wasserwecken/bvhio) keeps a `Pose` per joint and frame: a position, which the position
 channels replace, and a rotation, both in float32.
@@ -8,20 +8,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, cast, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.checks import check_choice, check_kind
+from distretarget.checks import check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
 from distretarget.io.bvh import add_offsets, joint_names
-from distretarget.io.files import write_whole
-from distretarget.io.npz import Arrays, Precision, npz
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import RotationKind
 from distretarget.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -30,25 +26,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LARGEST_FLOAT32 = float(np.finfo(np.float32).max)  # the largest coordinate that bvhio holds [file units]
-
-
-def write_npz(
-    path: str | Path,
-    motion: Motion,
-    rotations: RotationKind = "quaternion",
-    overwrite: bool = False,
-    precision: Precision = "float64",
-) -> None:
-    """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all; "float32" makes it half as large.
-
-    `numpy.load(path)` gives them back under their names, without pickle. Equal motions make equal files.
-
-    Raises:
-        FileError: the file exists and `overwrite` is false, or it cannot be written.
-    """
-    check_kind("motion", motion, Motion)
-    check_choice("precision", precision, get_args(Precision))
-    write_whole(path, npz(cast(Arrays, motion.to_dict(rotations)), precision), overwrite)
 
 
 def from_bvhio(container: bvhio.BvhContainer) -> Motion:

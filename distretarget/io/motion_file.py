@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from types import NoneType
 
 from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of
 from distretarget.character.nodes import Scene
-from distretarget.checks import check_kind, check_number
+from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import DistretargetError, FileError, MotionError, SkeletonError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.fbx import parse_fbx
@@ -18,15 +19,20 @@ from distretarget.io.input_file import InputFile, load_file
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion
 
 
-def read_motion(path: str | Path, clip: str | None = None, fps: float | None = None) -> Motion:
-    """Return the motion in a file: BVH, glTF 2.0 (.glb, .gltf), VRM 0 or 1, VRM animation (.vrma), or FBX.
+def read_motion(
+    path: str | Path, clip: str | None = None, fps: float | None = None, *, joints: str | Path | None = None
+) -> Motion:
+    """Return the motion in a file: BVH, glTF 2.0 (.glb, .gltf), VRM 0 or 1, VRM animation (.vrma), FBX, or arrays.
 
-    The skeleton of a character file is what its skins use, in the bind pose; its animation is sampled.
+    The skeleton of a character file is what its skins use, in the bind pose; its animation is sampled. Arrays, .npz or
+    .npy, are parameters of SMPL, SMPL-H or SMPL-X as AMASS has them (`poses`, `trans`), or positions of joints,
+    (frames, joints, 3), for which rotations are solved.
 
     Args:
         path: of the file; its content decides what it is.
         clip: the name of one of several animations in the file, or "#2" for the second.
-        fps: the frame rate [frames/s]; the file's own keys if not given.
+        fps: the frame rate [frames/s]; the file's own keys if not given. Arrays that do not say theirs have this one.
+        joints: the file of the skeleton that arrays are for: one that `load_target` reads, of SMPL also a model, .npz.
 
     Raises:
         FileError: the file cannot be read or has no such animation.
@@ -40,7 +46,9 @@ def read_motion(path: str | Path, clip: str | None = None, fps: float | None = N
     check_kind("clip", clip, str, NoneType)
     if fps is not None:
         check_number("fps", fps, 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME)
-    motion, notes = parse_motion(load_file(path), clip, fps)
+    check_path("path", path)
+    file = load_file(path) if joints is None else replace(load_file(path), joints=load_file(joints))
+    motion, notes = parse_motion(file, clip, fps)
     for note in notes:
         warnings.warn(note, stacklevel=2)
     return motion
@@ -54,11 +62,15 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
         case "BVH":
             motion = parse_bvh(file.text, file.path)
             if clip is not None:
-                raise FileError(file.path, "is BVH, which holds one motion without a name; leave out --clip")
+                raise FileError(file.path, "is BVH, which holds one motion without a name; leave out clip")
             try:
                 return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), ()
             except MotionError as error:
                 raise error.in_file(file.path) from None
+        case "arrays":
+            from distretarget.io.array_motion import array_motion  # which imports the solver
+
+            return array_motion(file, fps), ()
     scene = read_scene(file, clip, fps)
     if scene.animation is None:
         raise FileError(file.path, "has no animation; expected a file with a motion")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import NoneType
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.npz import Arrays, Precision, npz
+from distretarget.io.smpl import smpl_parameters
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.motion import Motion
@@ -121,6 +122,26 @@ def write_motion(
     write_whole(path, content, overwrite)
 
 
+def write_npz(
+    path: str | Path,
+    motion: Motion,
+    rotations: RotationKind = "quaternion",
+    overwrite: bool = False,
+    precision: Precision = "float64",
+) -> None:
+    """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all; "float32" makes it half as large. Of a
+    body of SMPL it has `poses` and `trans` as well.
+
+    `numpy.load(path)` gives them back under their names, without pickle. Equal motions make equal files.
+
+    Raises:
+        FileError: the file exists and `overwrite` is false, or it cannot be written.
+    """
+    check_kind("motion", motion, Motion)
+    check_choice("precision", precision, get_args(Precision))
+    write_whole(path, npz(arrays_of(motion, rotations), precision), overwrite)
+
+
 @dataclass(frozen=True)
 class NamedClip:
     """A motion to write, its name, what to keep beside it, and arrays that say more of its frames (`labels_of`)."""
@@ -148,8 +169,8 @@ class OutputSettings:
     precision: Precision = "float64"
 
     def arrays(self, clip: NamedClip) -> bytes:
-        """Return the content of an npz file with the arrays of a clip, and its labels."""
-        return npz({**cast(Arrays, clip.motion.to_dict(self.rotations)), **clip.labels}, self.precision)
+        """Return the content of an npz file with the arrays of a clip, its labels, and its parameters of SMPL."""
+        return npz({**arrays_of(clip.motion, self.rotations), **clip.labels}, self.precision)
 
     def clip(self, motion: Motion, name: str, up: Array | None = None) -> NamedClip:
         """Return a motion as it is to be written; `up` is the unit vector up, by default Y."""
@@ -160,6 +181,11 @@ class OutputSettings:
 
 
 DEFAULT_OUTPUT = OutputSettings()
+
+
+def arrays_of(motion: Motion, rotations: RotationKind) -> Arrays:
+    """Return the arrays of a motion, and its parameters if its body is one of SMPL."""
+    return {**cast(Arrays, motion.to_dict(rotations)), **smpl_parameters(motion)}
 
 
 def in_place(motion: Motion, up: Array) -> Motion:

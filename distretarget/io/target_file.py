@@ -5,6 +5,7 @@ the source's (short form).
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +19,18 @@ from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
 from distretarget.io.mesh_file import CharacterMesh, HeldMesh
 from distretarget.io.motion_file import parse_character
+from distretarget.io.smpl import array_skeleton
 from distretarget.motion import check_reach
-from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, USUAL_ROTATIONS, JointMap, Skeleton
+from distretarget.skeleton import (
+    AXES,
+    POSITION_CHANNELS,
+    ROTATION_CHANNELS,
+    UNITS,
+    USUAL_ROOT,
+    USUAL_ROTATIONS,
+    JointMap,
+    Skeleton,
+)
 from distretarget.target import SkeletonEdit, Target, with_bones
 
 FORMAT = "distretarget-skeleton"
@@ -27,7 +38,6 @@ VERSION = 1
 FULL_KEYS = ("joints", "units", "up", "map")
 SHORT_KEYS = ("scale", "lengths", "factors")
 ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
-ROOT_CHANNELS = POSITION_CHANNELS + USUAL_ROTATIONS  # of a root for which the file states none
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,6 +93,8 @@ def parse_target(file: InputFile) -> Target | SkeletonEdit:
             return _json_target(parse_json(file.path, file.text))
         case "BVH":
             return _bvh_target(file.text, file.path)
+        case "arrays":
+            return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
     character = parse_character(file)
     skeleton = with_bones(character.skeleton, file.path)
     return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character))
@@ -182,7 +194,7 @@ def _offset(node: Node) -> list[float]:
 def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
     """The channels of a joint: those that the file states, else the usual ones."""
     if "channels" not in joint:
-        usual = USUAL_ROTATIONS if joint["parent"].value is not None else ROOT_CHANNELS
+        usual = USUAL_ROTATIONS if joint["parent"].value is not None else USUAL_ROOT
         return () if end else usual
     channels: list[str] = []
     for node in joint["channels"].items():
@@ -205,17 +217,18 @@ def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) 
         roots[0].fail("the root must be the first joint")
     if len(roots) > 1:
         roots[1].expected(f"the name of a joint, since {names[0]!r} is the root")
-    parents = [-1]
+    parents, known = [-1], {names[0]: [0]}
     for node in nodes[1:]:
-        parents.append(_parent(node, names, parents))
+        parents.append(_parent(node, names, parents, known))
+        known.setdefault(names[len(parents) - 1], []).append(len(parents) - 1)
         if ends[parents[-1]]:
             node.fail(f"{node.text()!r} is an End Site, which has no children")
     return parents
 
 
-def _parent(node: Node, names: Sequence[str], parents: Sequence[int]) -> int:
-    """The joint that a node names, which must be one of the first `len(parents)` joints."""
-    meant = joints_meant(node.text(), names, parents)
+def _parent(node: Node, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]) -> int:
+    """The joint that a node names, which must be one of the `known` joints, by name."""
+    meant = joints_meant(node.text(), names, parents, known)
     if not meant and node.text() in names:
         node.fail(f"expected the name of an earlier joint, found {node.text()!r}, which is not one")
     if not meant:
@@ -226,13 +239,17 @@ def _parent(node: Node, names: Sequence[str], parents: Sequence[int]) -> int:
     return meant[0]
 
 
-def joints_meant(reference: str, names: Sequence[str], parents: Sequence[int]) -> list[int]:
-    """The joints among the first `len(parents)` that a reference `name`, `parent/name` and so on may mean.
+def joints_meant(
+    reference: str, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]
+) -> list[int]:
+    """The joints among those `known`, by name, that a reference `name`, `parent/name` and so on may mean.
 
     A reference that is the whole path from the root to a joint means that joint alone. So each of `Skeleton.keys` means
     its own joint, as long as no name contains "/".
     """
-    tops = {joint: _top(reference, joint, names, parents) for joint in range(len(parents))}
+    ends = (reference[start:] for start in (0, *(slash.end() for slash in re.finditer("/", reference))))
+    joints = sorted(joint for name in ends for joint in known.get(name, ()))
+    tops = {joint: _top(reference, joint, names, parents) for joint in joints}
     whole = [joint for joint, top in tops.items() if top == 0]
     return whole if len(whole) == 1 else [joint for joint, top in tops.items() if top >= 0]
 
@@ -262,7 +279,9 @@ def skeleton_to_json(
     head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
     lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
     thick = radii or {}
-    joints = ",\n".join(f"    {_dump(_joint(skeleton, joint, thick.get(joint)))}" for joint in range(len(skeleton)))
+    parents = _references(skeleton)
+    entries = (_joint(skeleton, joint, parents[joint], thick.get(joint)) for joint in range(len(skeleton)))
+    joints = ",\n".join(f"    {_dump(entry)}" for entry in entries)
     pairs = f',\n  "map": {pairs_to_json(joint_map, "  ")}' if joint_map else ""
     return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
 
@@ -273,16 +292,31 @@ def pairs_to_json(joint_map: Mapping[str, object], indent: str = "") -> str:
     return f"{{\n{pairs}\n{indent}}}"
 
 
-def _joint(skeleton: Skeleton, joint: int, radius: float | None) -> dict[str, object]:
-    """The entry of a joint in the full form."""
-    parent, key = int(skeleton.parents[joint]), None
-    if joint:
-        key = skeleton.keys[parent]
-        if joints_meant(key, skeleton.names, skeleton.parents[:joint].tolist()) != [parent]:
+def _references(skeleton: Skeleton) -> list[str | None]:
+    """The key of each joint's parent, by which a file names it; None for the root."""
+    references: list[str | None] = []
+    known: dict[str, list[int]] = {}
+    parents = skeleton.parents.tolist()
+    for joint, parent in enumerate(parents):
+        key = skeleton.keys[parent] if joint else None
+        if key is not None and joints_meant(key, skeleton.names, parents, known) != [parent]:
             raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
+        references.append(key)
+        known.setdefault(skeleton.names[joint], []).append(joint)
+    return references
+
+
+def _joint(skeleton: Skeleton, joint: int, parent: str | None, radius: float | None) -> dict[str, object]:
+    """The entry of a joint in the full form."""
     last = {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
     thick = {} if radius is None else {"radius": float(f"{radius:.6g}")}
-    return {"name": skeleton.names[joint], "parent": key, "offset": skeleton.offsets[joint].tolist(), **last, **thick}
+    return {
+        "name": skeleton.names[joint],
+        "parent": parent,
+        "offset": skeleton.offsets[joint].tolist(),
+        **last,
+        **thick,
+    }
 
 
 def _dump(value: object) -> str:

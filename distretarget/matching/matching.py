@@ -81,7 +81,7 @@ class Matching:
         distances = []  # from all joints to the landmarks, relative to the largest between landmarks
         for body, own in zip((self.source, self.target), roles, strict=True):
             joints = [own[mark] for mark in marks]
-            tau = body.skeleton.path_lengths[:, joints]
+            tau = np.stack([body.skeleton.paths_from(joint) for joint in joints], axis=1)
             distances.append(tau / (tau[joints].max() or 1.0))
         difference = np.abs(distances[0][self.drivers] - distances[1]).mean(axis=1)
         return np.asarray(by_method * np.clip(1.0 - difference, 0.0, 1.0))
@@ -157,8 +157,8 @@ class Matching:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
         the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
         A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
-        on either body are left out, and so are those from a joint of the body to one that is none of it (jaw, eye,
-        hair, prop), which do not show how the body is turned.
+        on either body are left out, and so are bones to joints that are not part of the body (jaw, eye, hair, prop),
+        which do not show how the body is turned.
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False

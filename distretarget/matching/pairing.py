@@ -150,7 +150,7 @@ def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> NDArray[np
     evenly spaced in a chain without length.
     """
     ends = [*chain, top if top >= 0 else chain[-1]]
-    along = skeleton.path_lengths[chain[0], ends]
+    along = skeleton.paths_from(chain[0])[ends]
     if not along[-1] > 0:
         along = np.arange(len(ends), dtype=np.float64)
     return np.asarray((along[1:] + along[:-1]) / (2.0 * along[-1]))

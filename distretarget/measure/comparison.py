@@ -199,7 +199,7 @@ def _bone_error(result: Motion, body: Body) -> Array:
 
 def _jerk(motion: Motion, body: Body) -> Array:
     """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
-    size = body.skeleton.path_lengths.max() * motion.frame_time**3
+    size = body.skeleton.longest_path * motion.frame_time**3
     return np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size)
 
 

@@ -134,5 +134,5 @@ def _check(motion: Motion, name: str) -> None:
     if not len(motion):
         raise MotionError(f"{name} has no frames; there is nothing to compare")
     check_reach(motion, name)
-    if not motion.rigid_skeleton.path_lengths.max() > 0:
+    if not motion.rigid_skeleton.longest_path > 0:
         raise MotionError(f"no bone of {name} has a length; there is nothing to compare")

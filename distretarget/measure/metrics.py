@@ -53,7 +53,7 @@ Metrics = Mapping[Variant, Mapping[str, float | None]]  # of whole clips, by key
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """The value above which a metric of a result needs a look: `factor` times that of another motion, plus `margin`."""
+    """The value above which a metric of a result is too high: `factor` times that of another motion, plus `margin`."""
 
     margin: float = 0.0  # in the unit of the metric
     factor: float = 0.0  # 0 if the limit is the margin alone
@@ -90,7 +90,7 @@ class Metric:
             the number of frames in which any value is above 0.
         judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
         still: for a ratio, source values up to this are rounding errors; `--fail-over` divides by at least this.
-        limit: the value above which a run needs a look; None for no limit.
+        limit: the value above which a run has a warning; None for no limit.
         rivals_copy: whether a run warns if it is worse than the rotation copy by more than `least`; false where the
             rotation copy is best by definition.
         instead: the key of the metric that judges instead of this one, where that is known.
@@ -189,7 +189,7 @@ class Metric:
         """The ratio that `--fail-over` limits, as a formula; empty if it limits the value itself."""
         return f"{result} / {source}" if self.judged == "ratio" else ""
 
-    def needs_look(self, metrics: Metrics) -> bool:
+    def over_limit(self, metrics: Metrics) -> bool:
         """Whether the result's value is above the limit; false where either is missing, or another metric judges."""
         if self._is_judged_by_another(metrics):
             return False
@@ -225,6 +225,20 @@ METRICS = tuple(_metric(key, entry) for key, entry in _REGISTRY.items())  # the 
 BY_KEY = {metric.key: metric for metric in METRICS}
 
 
+# The metrics of all sides in one list, by these names: `jerk_source`, `jerk_copy`, `jerk`.
+COLUMNS: dict[str, tuple[Variant, Metric]] = {
+    metric.key + suffix: (side, metric)
+    for metric in METRICS
+    for side, suffix in SUFFIXES.items()
+    if side != "source" or metric.of_source
+}
+
+
+def in_columns(metrics: Metrics) -> dict[str, float | None]:
+    """Return the metrics of a clip, by `COLUMNS`; None where nothing was measured."""
+    return {name: metrics.get(side, {}).get(metric.key) for name, (side, metric) in COLUMNS.items()}
+
+
 def metrics_at(place: str) -> tuple[Metric, ...]:
     """The metrics shown in one of the places."""
     return tuple(metric for metric in METRICS if place in metric.places)
@@ -236,7 +250,7 @@ def clip_metrics(tracks: Tracks) -> dict[str, float | None]:
 
 
 def clip_limits(metrics: Metrics) -> dict[str, float | None]:
-    """The values above which the metrics of a clip need a look, by key; None where there is no limit."""
+    """The values above which the metrics of a clip are over their limits, by key; None where there is no limit."""
     return {one.key: one.limit.value(one.key, metrics) if one.limit else None for one in METRICS}
 
 

@@ -229,5 +229,5 @@ def _check(performers: Sequence[Diff], props: Sequence[tuple[Motion, Motion]], w
 
 def _size_ratio(a: Motion, b: Motion) -> float:
     """The size of a prop in B over that in A; 0 for a single point."""
-    size = a.rigid_skeleton.path_lengths.max()
-    return float(b.rigid_skeleton.path_lengths.max() / size) if size > 0 else 0.0
+    size = a.rigid_skeleton.longest_path
+    return float(b.rigid_skeleton.longest_path / size) if size > 0 else 0.0

@@ -1,4 +1,4 @@
-"""The verdict on a result: a plain sentence of what was kept and what changed, and warnings of what needs a look."""
+"""The verdict on a result: a plain sentence of what was kept and what changed, and warnings."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from distretarget.measure.metrics import BY_KEY, METRICS, Metric, Metrics, Track
 
 SAME = 1.15  # contacts that are kept less than this times better are kept as well as by copied rotations
 MOST_TIMES = 100.0  # a larger ratio of contact errors is given as "more than"
+NO_CONTACTS = "the source has no self-contacts"
 STILL = 0.01  # feet slower than this do not slide [leg lengths/s]
 UNCHANGED = 0.05  # a smaller error of direction is not mentioned [degrees]
 LEAST_BOUND = 0.1  # the least error that is given for the height of the hips [% of leg length]
 
 
-def what_needs_a_look(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[str]:
+def limit_warnings(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[str]:
     """Yield a warning for each metric of the result above its limit, with value, worst frame and likely cause; and one
     warning that names the other metrics that are worse than the rotation copy's.
 
     `metrics` are of the whole clip, computed from `tracks`.
     """
     for metric in METRICS:
-        if metric.limit and metric.needs_look(metrics):
+        if metric.limit and metric.over_limit(metrics):
             limit = metric.limit.value(metric.key, metrics)
             copy = _number(metric, metrics, "rotation_copy")
             better = f" ({copy} in the rotation copy)" if metric.worse_than_copy(metrics) else ""
@@ -29,7 +30,7 @@ def what_needs_a_look(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Ite
             frame, part = metric.worst(tracks["result"])
             worst = f"worst in frame {frame}" + (f", {part}" if part else "")
             yield f"{value}{better}, limit {limit:.3g}; {worst}; likely cause: {metric.limit.cause}"
-    worse = [metric for metric in METRICS if metric.worse_than_copy(metrics) and not metric.needs_look(metrics)]
+    worse = [metric for metric in METRICS if metric.worse_than_copy(metrics) and not metric.over_limit(metrics)]
     if worse:
         yield f"worse than the rotation copy in {', '.join(_against_copy(metric, metrics) for metric in worse)}"
 
@@ -46,7 +47,7 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
     """Return a sentence on contacts, skin, feet, other supports, hips and the largest direction error, and the names of
-    the metrics that need a look.
+    the metrics over their limits or worse than copied rotations.
 
     `metrics` are of the whole clip, computed from `tracks`.
     """
@@ -55,20 +56,18 @@ def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
     parts += [*_hips(metrics, of_result), *_turned(of_result)]
     text = f"{'; '.join(parts)}."
     text = text[0].upper() + text[1:]
-    looks = [metric.label for metric in METRICS if metric.needs_look(metrics) or metric.worse_than_copy(metrics)]
-    return f"{text} Needs a look: {', '.join(looks)}." if looks else text
+    looks = [metric.label for metric in METRICS if metric.over_limit(metrics) or metric.worse_than_copy(metrics)]
+    return f"{text} Check: {', '.join(looks)}." if looks else text
 
 
 def _contacts(metrics: Metrics) -> str:
     if metrics["result"].get("skin_depth") is not None:
         gap = metrics["result"]["skin_gap"]
-        return (
-            "no skins touch in the source" if gap is None else f"gaps of skins that touch {gap:.1f} % of the height off"
-        )
+        return NO_CONTACTS if gap is None else f"skin contacts off by {gap:.1f} % of the height on average"
     metric = BY_KEY["contact_error"]
     result, copy = (metrics[side][metric.key] for side in ("result", "rotation_copy"))
     if result is None or copy is None:
-        return "the source has no self-contacts"
+        return NO_CONTACTS
     if metric.worse_than_copy(metrics):
         return "contacts kept worse than by copied rotations"
     if copy <= metric.least or copy < SAME * result:
@@ -92,8 +91,8 @@ def _feet(metrics: Metrics) -> str:
     metric = BY_KEY["foot_skate"]
     skate = metrics["result"][metric.key]
     if skate is None:
-        return "no foot rests in the source"
-    if metric.needs_look(metrics):
+        return "no foot is planted in the source"
+    if metric.over_limit(metrics):
         return "feet skate more than in the source"
     return "feet do not skate" if skate < STILL else "feet skate no more than in the source"
 
@@ -102,9 +101,9 @@ def _supports(metrics: Metrics) -> Iterator[str]:
     skate, height = BY_KEY["support_skate"], BY_KEY["support_height"]
     if metrics["result"][skate.key] is None:
         return
-    if skate.needs_look(metrics):
+    if skate.over_limit(metrics):
         yield "hands, knees or other supports skate more than in the source"
-    elif height.needs_look(metrics):
+    elif height.over_limit(metrics):
         yield "hands, knees or other supports float over the floor or sink into it"
     else:
         yield "hands, knees or other supports stay in place"
@@ -113,7 +112,7 @@ def _supports(metrics: Metrics) -> Iterator[str]:
 def _hips(metrics: Metrics, tracks: Tracks) -> Iterator[str]:
     metric, name = BY_KEY["hips_height_largest"], BY_KEY["hips_height"].label
     value = metrics["result"][metric.key]
-    if value is not None and metric.needs_look(metrics):
+    if value is not None and metric.over_limit(metrics):
         yield f"{name} off by up to {value:.0f} % of a leg at frame {metric.worst(tracks)[0]}"
     elif value is not None:
         yield f"{name} kept within {max(math.ceil(10 * value) / 10, LEAST_BOUND):.1f} % of a leg"

@@ -1,22 +1,27 @@
-"""Functions compiled by numba, and the folder that keeps their code between runs."""
+"""Functions compiled by numba, and the folder that keeps their code between runs.
+
+numba is imported when the first of them is called: what needs none of them, such as `--help`, does not wait for it.
+"""
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import os
 import platform
+import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
-from numba import njit
-from numba.core import config as numba_config
-from numba.core import event
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 PACKAGE = Path(__file__).parent.parent
@@ -27,10 +32,16 @@ MARK = b"distretarget.numerics.compiled import"  # in all files with functions t
 # passed to other functions as values, for which numba would make another entry point (`no_cfunc_wrapper`).
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
-config: Any = numba_config  # whose settings have no types
+FEW = 200_000  # numbers that Python computes with sooner than numba is imported
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Value = TypeVar("Value", bound=np.generic)
+
+_inlined: list[tuple[Callable[..., Any], bool]] = []  # functions that numba does not know yet, and whether fastmath
+_merged: dict[Callable[..., Any], Any] = {}  # functions, and what numba makes of them; None while it does not know them
+_lock = threading.Lock()  # while functions are made known to numba
+_light = ContextVar("_light", default=False)  # whether functions on few numbers run as Python
+_tellers: list[Callable[[str], object]] = []  # are told of the first compilation
 
 
 def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
@@ -42,14 +53,37 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
     """
 
     def decorate(function: Function) -> Function:
-        folder, before = code_folder(), config.CACHE_DIR
-        config.CACHE_DIR = str(folder)
-        try:
-            return cast(Function, njit(fastmath=fastmath, nogil=True, cache=bool(folder), **_OPTIONS)(function))
-        finally:
-            config.CACHE_DIR = before
+        code: Callable[..., Any] | None = None
+
+        @functools.wraps(function)
+        def call(*arguments: Any) -> Any:
+            nonlocal code
+            if code is None:
+                if runs_as_python(sum(each.size for each in arguments if isinstance(each, np.ndarray))):
+                    with np.errstate(all="ignore"):
+                        return function(*arguments)
+                with _lock:
+                    code = code or _code_of(function, fastmath)
+            return code(*arguments)
+
+        return cast(Function, call)
 
     return decorate
+
+
+@contextmanager
+def uncompiled() -> Iterator[None]:
+    """Run functions on few numbers as Python in the block, unless numba is imported: for what has to start at once."""
+    before = _light.set(True)
+    try:
+        yield
+    finally:
+        _light.reset(before)
+
+
+def runs_as_python(numbers: int) -> bool:
+    """Return whether a compiled function runs as Python on arrays with so many numbers."""
+    return _light.get() and numbers <= FEW and "numba" not in sys.modules
 
 
 def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
@@ -59,16 +93,70 @@ def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
     If its code did not become a part of theirs, a process that compiles would run another copy of it than a process
     that loads its callers from the folder of compiled code, and results could differ in their last bits.
     """
-    return register_jitable(fastmath=fastmath, forceinline=True, **_OPTIONS)
+
+    def decorate(function: Function) -> Function:
+        _inlined.append((function, fastmath))
+        return function
+
+    return decorate
 
 
 def merged(function: Function) -> Function:
     """Decorate a function that one compiled function calls. Its source becomes a part of that one's, with the same
-    options, and is compiled there alone; Python that calls it compiles it anew in every run.
+    options, and is compiled there alone; Python that calls it runs it as it is written.
 
     An `inlined` function is compiled by itself first, which a large one takes long for.
     """
-    return cast(Function, njit(inline="always", **_OPTIONS)(function))
+    _merged[function] = None
+    return function
+
+
+def introduced(function: Function) -> Function:
+    """Decorate a function for numba: make known to numba what it may call, `inlined` and `merged` functions."""
+    from numba import njit
+    from numba.extending import register_jitable
+
+    while _inlined:
+        each, is_fast = _inlined.pop()
+        register_jitable(fastmath=is_fast, forceinline=True, **_OPTIONS)(each)
+    for each in [each for each, made in _merged.items() if made is None]:
+        _merged[each] = njit(inline="always", **_OPTIONS)(each)
+    _name_merged(function)
+    for other in _merged:
+        _name_merged(other)
+    return function
+
+
+def _code_of(function: Callable[..., Any], fastmath: bool) -> Any:
+    """What numba makes of a function."""
+    from numba import njit
+    from numba.core import config
+
+    introduced(function)
+    _announce()
+    settings: Any = config
+    folder, before = code_folder(), settings.CACHE_DIR
+    settings.CACHE_DIR = str(folder)
+    try:
+        return njit(fastmath=fastmath, nogil=True, cache=bool(folder), **_OPTIONS)(function)
+    finally:
+        settings.CACHE_DIR = before
+
+
+def _name_merged(function: Callable[..., Any]) -> None:
+    """Let the names of `merged` functions in a function stand for what numba made of them."""
+    assert isinstance(function, FunctionType)
+    names = function.__globals__
+    for name in function.__code__.co_names:
+        if _is_merged(names.get(name)):
+            names[name] = _merged[names[name]]
+    for cell in function.__closure__ or ():
+        if _is_merged(cell.cell_contents):
+            cell.cell_contents = _merged[cell.cell_contents]
+
+
+def _is_merged(value: object) -> bool:
+    return isinstance(value, FunctionType) and value in _merged
 
 
 def read_only(array: NDArray[Value]) -> NDArray[Value]:
@@ -86,7 +174,7 @@ def code_folder() -> Path | None:
     folder of the package, and the cache of the user. numba would take code for up to date when only a function that
     becomes a part of it has changed, in another file.
     """
-    for place in (config.CACHE_DIR, PACKAGE / "__pycache__", "~/.cache/distretarget"):
+    for place in (os.environ.get("NUMBA_CACHE_DIR"), PACKAGE / "__pycache__", "~/.cache/distretarget"):
         with suppress(OSError, RuntimeError):  # RuntimeError: the user has no home
             if place:
                 folder = Path(place).expanduser() / f"compiled-{_version()}"
@@ -99,7 +187,7 @@ def code_folder() -> Path | None:
 def _version() -> str:
     """A hash of all files with functions to compile, and of the versions of Python and numba."""
     contents = (path.read_bytes() for path in sorted(PACKAGE.rglob("*.py")))
-    versions = platform.python_version() + numba.__version__
+    versions = platform.python_version() + version("numba")
     sources = b"".join(content for content in contents if MARK in content)
     return hashlib.sha256(versions.encode() + sources).hexdigest()[:16]
 
@@ -107,24 +195,28 @@ def _version() -> str:
 @contextmanager
 def announced_compilation(tell: Callable[[str], object]) -> Iterator[None]:
     """Call `tell` with a line for the user before the first function is compiled, if any is."""
-    with event.install_listener("numba:compile", _Announcer(tell)):
+    _tellers.append(tell)
+    try:
         yield
+    finally:
+        with suppress(ValueError):  # it has been called
+            _tellers.remove(tell)
 
 
-class _Announcer(event.Listener):
-    """Tells of the first compilation."""
+@cache
+def _announce() -> None:
+    """Let numba tell of compilations."""
+    from numba.core import event
 
-    def __init__(self, tell: Callable[[str], object]) -> None:
-        self._tell = tell
-        self._told = False
+    class Announcer(event.Listener):
+        def on_start(self, event: event.Event) -> None:  # noqa: ARG002
+            while _tellers:
+                _tellers.pop()(_announcement())
 
-    def on_start(self, event: event.Event) -> None:  # noqa: ARG002
-        if not self._told:
-            self._told = True
-            self._tell(_announcement())
+        def on_end(self, event: event.Event) -> None:
+            """Do nothing."""
 
-    def on_end(self, event: event.Event) -> None:
-        """Do nothing."""
+    event.register("numba:compile", Announcer())
 
 
 def _announcement() -> str:

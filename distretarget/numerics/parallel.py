@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from itertools import starmap
 from typing import Any, TypeVar
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 Value = TypeVar("Value", bound=np.generic)
 
+LIMIT = "OMP_NUM_THREADS"  # the environment variable that limits threads
 BLOCK_FRAMES = 384  # most frames of a block
 
 
@@ -48,8 +50,23 @@ def cores() -> int:
 
 def threads() -> int:
     """Return the number of threads to use: one per core, or fewer if OMP_NUM_THREADS says so."""
-    limit = os.environ.get("OMP_NUM_THREADS", "").strip()
+    limit = os.environ.get(LIMIT, "").strip()
     return min(cores(), max(int(limit), 1)) if limit.isdecimal() else cores()
+
+
+@contextmanager
+def thread_limit(count: int | None) -> Iterator[None]:
+    """Use so many threads in the block; None for the usual number."""
+    before = os.environ.get(LIMIT)
+    if count:
+        os.environ[LIMIT] = str(count)
+    try:
+        yield
+    finally:
+        if count and before is None:
+            del os.environ[LIMIT]
+        elif count:
+            os.environ[LIMIT] = str(before)
 
 
 def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) -> Iterator[Result]:

@@ -118,3 +118,17 @@ def represented(quaternions: Array, kind: RotationKind) -> Array:
         case "6d":
             return np.concatenate([matrices[..., 0], matrices[..., 1]], axis=-1)
     raise ValueError(f"no representation {kind!r}; there are {', '.join(get_args(RotationKind))}")
+
+
+def from_represented(values: Array) -> Array:
+    """Return the unit quaternions (..., 4) of rotations in any representation (`represented`), by its shape.
+
+    Raises:
+        ValueError: they are no rotations.
+    """
+    if values.shape[-2:] == (3, 3) and values.ndim > 3:
+        return Rotation.from_matrix(values.reshape(-1, 3, 3)).as_quat().reshape(*values.shape[:-2], 4)
+    if values.shape[-1] == 6:
+        one, other = values[..., :3], values[..., 3:]
+        return from_represented(np.stack([one, other, np.cross(one, other)], axis=-1))
+    return Rotation.from_quat(values.reshape(-1, 4)).as_quat().reshape(values.shape)

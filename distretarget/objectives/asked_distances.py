@@ -52,7 +52,7 @@ def find_distances(contacts: ContactList, wishes: Wishes) -> AskedDistances:
         points = [_point(contacts, problem, entry, int(joints[0]), clip.skeleton.keys) for joints in wish.joints]
         ends.append(points)
         size = wishes.length(entry.value) * clip.unit / problem.body_size
-        values.append((size, entry.priority, problem.priorities[points[0], points[1]], wish.weight))
+        values.append((size, entry.priority, problem.priorities[points[0], points[1]], wishes.firmness(wish)))
     u, v = np.array(ends, np.intp).reshape(-1, 2).T
     delta, pi, own = (np.array([each[n] for each in values], float) for n in range(3))
     weight = np.stack([each[3] for each in values], axis=1)

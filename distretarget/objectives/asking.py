@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Look, Plant
+from distretarget.body.body import Body
+from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
-from distretarget.numerics.time_series import averaged, by_shot, largest, widened
-from distretarget.objectives.asked import Asked, Drop, Touch
+from distretarget.motion import Motion
+from distretarget.numerics.time_series import by_shot, widened
+from distretarget.numerics.vectors import normalised
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.supports import BLEND
+from distretarget.objectives.dropped import Drop, Dropped
+from distretarget.objectives.supports import BLEND as FOOT_BLEND
 from distretarget.objectives.units import centimetres
 
 Array = NDArray[np.float64]
@@ -23,7 +27,26 @@ Flags = NDArray[np.bool_]
 Joints = NDArray[np.intp]
 
 KEYS = {Contact: "between", Plant: "plant", Distance: "distance", Look: "look"}
+NO_OTHERS: Mapping[str, Carrier] = {}
 TURNED = ("head", "hand", "foot")  # parts whose direction can be kept
+
+
+def _away(place: Array) -> tuple[Array, Array]:
+    """A joint itself, and the direction from it to a place, (3,)."""
+    return np.zeros(3), normalised(place[None])[0]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Carrier:
+    """What a part rests on and moves with: a joint of the body itself or of another performer, or a prop."""
+
+    motion: Motion | None = None  # in the target's world; None for the body itself
+    joint: int = 0
+    is_whole: bool = False  # whether it is named as a whole, as a prop is, and not by a joint
+    radii: tuple[float, ...] = (0.0,)  # of the skin about its joints [target file units]
+    # the place on its surface nearest to a place, (3,), both relative to the joint as it is turned, and the direction
+    # out of it there [target file units]
+    nearest: Callable[[Array], tuple[Array, Array]] = _away
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +56,19 @@ class Wish:
     entry: Entry
     joints: tuple[Joints, ...]  # the target's joints of each part
     frames: Flags  # (frames,)
-    weight: Array  # (frames,), 1 in these frames, blended to 0
-    apart: Array | None = None  # (frames, 3), between the joints of a contact, if it is known better [body units]
+    weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
+    lead: int  # it sets in and lets go over so many frames
+    carrier: Carrier | None = None  # what a part is planted on
 
     @property
     def named(self) -> tuple[str, ...]:
         """The names of its parts, in the order of the file."""
         return tuple(_named(self.entry))
+
+    @property
+    def drops(self) -> bool:
+        """Whether it only drops a contact."""
+        return isinstance(self.entry, Contact) and not self.entry.keep
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,65 +76,110 @@ class Wishes:
     """The entries of a contact list that change something, on a clip."""
 
     clip: Clip
-    blend: float  # frames; a wish sets in and lets go over twice this
     wishes: tuple[Wish, ...]
 
     @classmethod
-    def of(cls, contacts: ContactList, clip: Clip, blend: float) -> Wishes:
-        """Return the entries on a clip; a contact blends in over twice `blend` [s], and out over as much.
+    def of(
+        cls, contacts: ContactList, clip: Clip, body: Body, blend: float, others: Mapping[str, Carrier] = NO_OTHERS
+    ) -> Wishes:
+        """Return the entries on a clip whose target is a `body`; they set in over twice `blend` [s], and let go over as
+        much. `others` are the performers and props that parts may rest on, by their names.
 
         Raises:
             ContactsError: an entry names what is not there, goes beyond the clip, contradicts another, or asks for a
                 distance that the body cannot have.
         """
-        frames, found = blend / clip.frame_time, []
+        found = []
         for entry in contacts:
             joints = tuple(_joints_of(contacts, clip, entry, n, name) for n, name in enumerate(_named(entry)))
-            on = _frames_of(contacts, clip, entry)
+            on = frames_of(contacts, clip, entry)
             _check_parts(contacts, clip, entry, joints)
+            carrier = _carrier_of(contacts, clip, entry, joints[0], others)
             if entry.acts:
-                lead = BLEND / clip.frame_time if isinstance(entry, Plant) else frames
-                weight = by_shot(partial(widened, frames=lead), clip.shots, on[:, None].astype(float))[:, 0]
-                found.append(Wish(entry, joints, on, weight))
+                if isinstance(entry, Contact) and entry.keep:
+                    joints = tuple(_without_neck(body, part) for part in joints)
+                is_foot = isinstance(entry, Plant) and clip.regions.inside("foot")[joints[0]].any()
+                lead = int(2.0 * (FOOT_BLEND if is_foot else blend) / clip.frame_time)
+                firmness = entry.firmness if isinstance(entry, Contact) else 1.0
+                weight = by_shot(partial(_eased, frames=lead), clip.shots, on)
+                found.append(Wish(entry, joints, on, firmness * weight, lead, carrier))
         for one, other in combinations(found, 2):
             _check_agree(contacts, one, other)
-        return cls(clip, frames, tuple(found))
+        return cls(clip, tuple(found))
 
     @property
-    def asked(self) -> Asked:
-        """What the terms of the objective and the skin need to know."""
-        drops, touches = [], []
-        for wish in self.wishes:
-            if isinstance(wish.entry, Contact):
-                one, other = (self._among(joints) for joints in wish.joints)
-                drops.append(Drop(one, other, wish.frames))
-                if wish.entry.gap is not None:
-                    gap = None if wish.entry.gap == "source" else self.length(float(wish.entry.gap))
-                    touches.append(Touch(one, other, wish.entry.firmness * wish.weight, gap))
-        return Asked(tuple(drops), tuple(touches))
+    def drops(self) -> Wishes:
+        """Those that only drop a contact."""
+        return replace(self, wishes=tuple(wish for wish in self.wishes if wish.drops))
+
+    @property
+    def made(self) -> Wishes:
+        """All others."""
+        return replace(self, wishes=tuple(wish for wish in self.wishes if not wish.drops))
+
+    @property
+    def dropped(self) -> Dropped:
+        """The contacts that are only dropped; of made ones, what was found between the parts is dropped as well."""
+        among = [wish for wish in self.wishes if isinstance(wish.entry, Contact)]
+        spans = (wish.frames if wish.drops else wish.weight > 0.0 for wish in among)
+        return Dropped(tuple(Drop((*wish.joints,), on) for wish, on in zip(among, spans, strict=True)))
+
+    @property
+    def on(self) -> Flags:
+        """(frames,), the frames of any."""
+        return np.asarray(np.any([np.zeros(len(self.clip), bool), *(wish.frames for wish in self.wishes)], axis=0))
+
+    @property
+    def share(self) -> Array:
+        """(frames,), how far each frame is as asked, 0 to 1: what is asked is solved as if it held from where it sets
+        in to where it lets go, and the result is between that and the clip without it.
+        """
+        return np.asarray(np.max([np.zeros(len(self.clip)), *(wish.weight for wish in self.wishes)], axis=0))
+
+    def firmness(self, wish: Wish) -> Array:
+        """(frames,), how far a wish is met where all is as asked: less than 1 only where others hold more."""
+        return np.divide(wish.weight, self.share, out=np.zeros(len(self.clip)), where=wish.weight > 0.0)
 
     def length(self, cm: float) -> float:
         """Return a length [cm] in body units."""
         return cm / centimetres(self.clip.unit) / self.clip.unit
 
-    @property
-    def reach(self) -> Array:
-        """(frames,), how far each frame may change, 0 to 1: 1 within three quarters of the time in which a contact sets
-        in or lets go, 0 beyond that time.
-        """
-        on = np.any([wish.frames for wish in self.wishes], axis=0)[:, None].astype(float)
-        fade = round(0.25 * self.blend)
-        full = int(2.0 * self.blend) - fade
 
-        def around(values: Array) -> Array:
-            return averaged(largest(values, full), fade) if fade else largest(values, full)
+def _without_neck(body: Body, part: Joints) -> Joints:
+    """The joints of a part without the neck's, if it is the head: that is what is to be touched."""
+    head = body.anatomy.roles.get("head") if body.anatomy else None
+    return part if head is None or head not in part else np.intersect1d(part, [*body.skeleton.subtree(head)])
 
-        return np.asarray(np.clip(by_shot(around, self.clip.shots, on)[:, 0], 0.0, 1.0))
 
-    def _among(self, joints: Joints) -> Flags:
-        among = np.zeros(len(self.clip.skeleton), bool)
-        among[joints] = True
-        return among
+def _eased(on: Flags, frames: int) -> Array:
+    """(frames,), 1 in some frames and 0 farther than `frames` from them, smooth in between."""
+    weight = widened(on[:, None].astype(float), (frames - 1) // 2)[:, 0]
+    return np.where(on, 1.0, np.minimum(weight, 1.0))
+
+
+def _carrier_of(
+    contacts: ContactList, clip: Clip, entry: Entry, part: Joints, others: Mapping[str, Carrier]
+) -> Carrier | None:
+    """What a part is planted on, if it is a joint or a prop."""
+    if not isinstance(entry, Plant) or not isinstance(entry.on, str) or entry.on in get_args(Ground):
+        return None
+    name, _, joint = (each.strip() for each in entry.on.partition(":"))
+    other = others.get(entry.on if entry.on in others else name)
+    if other and other.is_whole:
+        return other
+    if other and other.motion and joint in other.motion.skeleton.keys:
+        return replace(other, joint=other.motion.skeleton.keys.index(joint))
+    if other and other.motion:
+        what = f"performer {name} has no joint {joint!r}; {closest(joint, other.motion.skeleton.keys)}"
+        raise contacts.fault(entry, "on", what)
+    own = _find_joints(clip, entry.on, regions=True)
+    if own is None:
+        props = (name for name, each in others.items() if each.is_whole)
+        names = (*get_args(Ground), *props, *clip.regions.names, *clip.skeleton.keys)
+        raise contacts.fault(entry, "on", f"no joint or prop {entry.on!r}; {closest(entry.on, names)}")
+    if clip.regions.of_joint[own[0]] == clip.regions.of_joint[part[0]]:
+        raise contacts.fault(entry, "on", f"{quoted((*entry.parts, entry.on))} are the same part of the body")
+    return Carrier(joint=int(own[0]))
 
 
 def _named(entry: Entry) -> Sequence[str]:
@@ -115,25 +189,34 @@ def _named(entry: Entry) -> Sequence[str]:
 
 
 def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, name: str) -> Joints:
-    """The target's joints of a region; or the target's joint of this name, or that which the source's drives."""
-    regions, keys, sources = clip.regions.names, clip.skeleton.keys, clip.source.skeleton.keys
-    if name in regions and not isinstance(entry, Distance):
-        return np.flatnonzero(clip.regions.of_joint == regions.index(name))
-    if name in keys:
-        return np.array([keys.index(name)])
-    if name in sources:
-        driven = np.flatnonzero(clip.drivers == sources.index(name))
-        if len(driven):
-            return driven[:1]
-    what, available = ("part or joint", (*regions, *keys))
-    if isinstance(entry, Distance):
-        what, available = "joint", tuple(keys)
-    key = KEYS[type(entry)] + (f"[{number}]" if len(_named(entry)) > 1 else "")
-    raise contacts.fault(entry, key, f"no {what} {name!r}; {closest(name, available)}")
+    """The target's joints of a part that an entry names."""
+    regions = not isinstance(entry, Distance)
+    joints = _find_joints(clip, name, regions=regions)
+    if joints is None:
+        what, available = ("part or joint", clip.regions.names) if regions else ("joint", ())
+        key = KEYS[type(entry)] + (f"[{number}]" if len(_named(entry)) > 1 else "")
+        near = closest(name, (*available, *clip.skeleton.keys))
+        raise contacts.fault(entry, key, f"no {what} {name!r}; {near}")
+    return joints
 
 
-def _frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
-    """(frames,), those in which an entry holds."""
+def _find_joints(clip: Clip, name: str, *, regions: bool) -> Joints | None:
+    """The target's joints of a region; or its joint of this name, or that which the source's drives; None for none."""
+    if regions and name in clip.regions.names:
+        return np.flatnonzero(clip.regions.of_joint == clip.regions.names.index(name))
+    if name in clip.skeleton.keys:
+        return np.array([clip.skeleton.keys.index(name)])
+    sources = clip.source.skeleton.keys
+    driven = np.flatnonzero(clip.drivers == sources.index(name)) if name in sources else np.zeros(0, np.intp)
+    return driven[:1] if len(driven) else None
+
+
+def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
+    """Return the frames in which an entry holds, (frames,).
+
+    Raises:
+        ContactsError: they go beyond the clip.
+    """
     on, last = np.ones(len(clip), bool), len(clip) - 1
     span = entry.frames
     if entry.seconds is not None:

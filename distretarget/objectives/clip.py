@@ -20,7 +20,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import lowest_heights
 from distretarget.numerics.time_series import Shots
-from distretarget.objectives.asked import Asked
+from distretarget.objectives.dropped import Dropped
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Clip:
     distances: DistanceProblem  # the points that source and target share, with their path lengths
     roots: Joints  # (joints,), the topmost joint of the rigid part that each joint belongs to
     parts: Joints  # (joints,), the rigid part that carries the bones below each joint
-    asked: Asked | None = None  # what the user says of contacts
+    dropped: Dropped | None = None  # contacts that the user drops
 
     @classmethod
     def of(cls, matching: Matching, scale: RootScale) -> Clip:
@@ -101,8 +101,8 @@ class Clip:
     def __getitem__(self, frames: slice) -> Clip:
         source, copy = self.source[frames], self.copy[frames]
         root, shots, arms = self.root[frames], self.shots[frames], self.raised_arms[frames]
-        asked = self.asked and self.asked[frames]
-        return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms, asked=asked)
+        dropped = self.dropped and self.dropped[frames]
+        return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms, dropped=dropped)
 
     @property
     def skeleton(self) -> Skeleton:
@@ -128,12 +128,6 @@ class Clip:
     def source_floor(self) -> Array:
         """(frames,), the height of the source's lowest joint [source file units]."""
         return lowest_heights(self.source.positions, self.up)
-
-    @property
-    def bones(self) -> Array:
-        """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
-        bones = np.take(self.copy.positions, self.skeleton.parents, axis=1)
-        return np.subtract(self.copy.positions, bones, out=bones)
 
     @property
     def loose_parts(self) -> Joints:

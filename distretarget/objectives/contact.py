@@ -15,7 +15,6 @@ places of resting joints, which are averaged over about the whole rest.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -76,25 +75,18 @@ def solve_contact(
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
     poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
-    solved = np.array(poses.v) if len(supports.asked_springs.a) else None
-    smooth_flips(poses.v, _held_parts(clip, supports, settings), clip.shots, clip.frame_time)
-    if solved is not None:  # limbs stay where they are asked to be
-        share = _held_above(clip, supports.asked)[..., None]
-        poses.v[:, :-1] += share * (solved - poses.v)[:, :-1]
+    smooth_flips(poses.v, held_parts(clip, supports, settings), clip.shots, clip.frame_time)
     smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses
 
 
-def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
-    """(frames, parts), 1 while a joint below a part rests on something or touches another performer, blended to 0."""
+def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
+    """Return 1 while a joint below a part rests on something or touches another performer, blended to 0, (frames,
+    parts).
+    """
+    held = np.zeros((len(clip), clip.parts.max() + 1))
     holds = [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()
-    return _held_above(clip, holds)
-
-
-def _held_above(clip: Clip, holds: Iterable[tuple[int, Array]]) -> Array:
-    """(frames, parts), how firmly a joint below each part is held, by joints and how firmly each is, (frames,)."""
-    held = np.zeros((len(clip), clip.parts.max() + 1))
     for joint, weight in holds:
         for part in np.unique(clip.parts[[*clip.skeleton.line(joint)[1:]]]):
             np.maximum(held[:, part], weight, out=held[:, part])
@@ -162,7 +154,7 @@ class Contacts:
             block=block,
             frame_time=self.clip.frame_time,
             settings=self.settings,
-            asked=self.clip.asked,
+            dropped=self.clip.dropped,
         )
 
 
@@ -195,7 +187,7 @@ def _with_bent_knees(clip: Clip) -> Array:
     `SLIGHT`, as each foot points, and ankles stay in place. No force on a straight leg bends it, although its foot is
     to come nearer to the hips.
     """
-    bones = clip.bones
+    bones = clip.copy.bones
     for leg in (leg for leg in clip.target_legs or () if leg.toe != leg.ankle):
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
         down = normalised(shin)

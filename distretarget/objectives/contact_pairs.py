@@ -20,7 +20,7 @@ from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.time_series import Shots
 from distretarget.objectives.activation import SelfContact
-from distretarget.objectives.asked import Asked
+from distretarget.objectives.dropped import Dropped
 from distretarget.objectives.settings import ContactSettings
 
 Array = NDArray[np.float64]
@@ -99,13 +99,13 @@ def near_pairs(
     block: slice,
     frame_time: float,
     settings: ContactSettings,
-    asked: Asked | None = None,
+    dropped: Dropped | None = None,
 ) -> NearPairs:
     """Return the pairs that are in contact in any frame of a block.
 
     `source`, (frames, points, 3) [file units], `copy`, the same of the rotation copy [body units], `shots`, (frames,),
     and `raised`, (frames, points), 1 while the arm of a point is raised or bent, cover the whole clip; `standing`,
-    (frames of the block,), is 1 while a foot rests; `frame_time` is in [s]; `asked` says which contacts to drop.
+    (frames of the block,), is 1 while a foot rests; `frame_time` is in [s]; `dropped` are contacts that do not count.
     """
     contact = SelfContact.of(settings, frame_time)
     first, last = max(block.start - contact.window, 0), min(block.stop + contact.window, len(source))
@@ -115,7 +115,7 @@ def near_pairs(
     on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, apart * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
     D = normalised_distances(window, window, u, v, pairs.tau1[on])
-    kept = asked[first:last].kept(pairs.a[on], pairs.b[on]) if asked else None
+    kept = dropped[first:last].kept(pairs.a[on], pairs.b[on]) if dropped else None
     arms = np.maximum(raised[:, u], raised[:, v])
     f = contact.activation(D, pairs.hanging[on], arms, shots[first:last], kept)[inside]
     f *= 1.0 - np.outer(standing, pairs.passing[on])

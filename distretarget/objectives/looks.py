@@ -26,16 +26,20 @@ def with_looks(posed: Motion, wishes: Wishes, body: Body) -> Motion:
             joint = roles.get(wish.entry.look, int(wish.joints[0][0]))  # the region of the head begins at the neck
             goal = Rotation.from_quat(clip.copy.world_rotations[:, joint])
             if wish.entry.like != "source":
-                goal = _facing(goal, wish.entry.like, body, joint)
-            posed = _turned(posed, joint, goal, wish.weight)
+                goal = _facing(goal, wish.entry.like, front_of(body, clip.copy, joint))
+            posed = _turned(posed, joint, goal, wishes.firmness(wish))
     return posed
 
 
-def _facing(turned: Rotation, direction: Place, body: Body, joint: int) -> Rotation:
-    """The rotations of a joint turned the shortest way so that its front, as in the reference pose, has a direction."""
+def front_of(body: Body, motion: Motion, joint: int) -> Array:
+    """(frames, 3), where the front of a joint points, as in the reference pose the body's does."""
     pose = body.reference
     front = Rotation.from_quat(pose.rotations[joint]).inv().apply(pose.axes[:, 2])
-    now = turned.apply(front)
+    return np.asarray(Rotation.from_quat(motion.world_rotations_of(joint)).apply(front))
+
+
+def _facing(turned: Rotation, direction: Place, now: Array) -> Rotation:
+    """The rotations of a joint turned the shortest way so that its front, which points to `now`, has a direction."""
     goal = np.broadcast_to(normalised(np.array([direction], float)), now.shape)
     axis = cross(now, goal)
     angle = np.arctan2(lengths(axis), (now * goal).sum(axis=1))

@@ -21,6 +21,7 @@ from distretarget.ik.poses import Poses, Progress, ignore_progress
 from distretarget.ik.rigid_parts import fit_rotations
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
 from distretarget.ik.springs import Springs
+from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import blocks_of
@@ -58,7 +59,8 @@ def solve_paper(
     source's.
     """
     postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions, asked=asked)
-    return solve_poses(clip, _fitted_poses(clip, postures), progress, asked), postures
+    posed = Posed(clip.source, clip.copy, clip.root, clip.distances, clip.parts)
+    return solve_poses(posed, _fitted_poses(clip, postures), progress, asked), postures
 
 
 def _fitted_poses(clip: Clip, postures: Postures) -> Array:
@@ -175,8 +177,18 @@ class Given(NamedTuple):
     springs: NDArray[np.intp]  # (asked,), the spring of each of them
 
 
+class Posed(NamedTuple):
+    """What `solve_poses` needs of a clip; see `Clip`."""
+
+    source: Motion
+    copy: Motion
+    root: Array
+    distances: DistanceProblem
+    parts: NDArray[np.intp]
+
+
 def solve_poses(
-    clip: Clip, guess: Array, progress: Progress = ignore_progress, asked: AskedDistances | None = None
+    clip: Posed, guess: Array, progress: Progress = ignore_progress, asked: AskedDistances | None = None
 ) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame of a clip.
 
@@ -184,17 +196,17 @@ def solve_poses(
     `progress` is called with the number of frames solved since the last call; `asked` are distances in place of the
     source's.
     """
-    asked = asked or no_distances(len(clip))
+    asked = asked or no_distances(len(clip.copy))
     distances, unit = clip.distances, clip.distances.body_size
     parts = int(clip.parts.max()) + 1
     stiffness = np.append(np.full(parts, PART_STIFFNESS), ROOT_STIFFNESS)
-    body = Articulation.of(clip.skeleton, clip.parts, stiffness)
-    bones, root = np.ascontiguousarray(clip.bones / unit), np.ascontiguousarray(clip.root / unit)
+    body = Articulation.of(clip.copy.skeleton, clip.parts, stiffness)
+    bones, root = np.ascontiguousarray(clip.copy.bones / unit), np.ascontiguousarray(clip.root / unit)
     S = np.ascontiguousarray(clip.source.positions[:, distances.sources].transpose(0, 2, 1))
-    v, log = np.zeros((len(clip), parts + 1, 3)), np.zeros((4, len(clip)))
+    v, log = np.zeros((len(clip.copy), parts + 1, 3)), np.zeros((4, len(clip.copy)))
     terms, work = _terms(distances), Workspace.of(body)
     springs = _springs_of(asked, terms)
-    for block in blocks_of(len(clip)):
+    for block in blocks_of(len(clip.copy)):
         copy = CopiedBones(bones[block], root[block])
         given = Given(S[block], guess[block], distances.ratio, terms, asked.of_frames(block), springs)
         _solve_poses(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)

@@ -141,7 +141,7 @@ def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
     for column in np.flatnonzero(np.isin(names, (*TRUNK_REGIONS, "head")) & near_floor.any(axis=0)):
         joint = int(sources[column])
         around = [skeleton.parents[joint], *skeleton.children[joint]] if joint else skeleton.children[joint]
-        around = [each for each in around if skeleton.path_lengths[joint, each] > 0]
+        around = [each for each in around if skeleton.paths_from(joint)[each] > 0]
         if around:
             high = heights_of(clip.source.positions, [joint, *around], clip.up)
             lies[:, column] = near_floor[:, column] & (high[:, :1] <= high[:, 1:]).all(axis=1)

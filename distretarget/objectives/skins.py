@@ -15,8 +15,8 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.skin.balls import NEVER, Balls, balls_of, ordered
 from distretarget.skin.capsules import IS_ARM, Capsules
-from distretarget.skin.displacement import LEAST_SHARE, Displaced
 from distretarget.skin.limbs import Limb, shares_of
+from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -46,22 +46,19 @@ class BodySkin:
         balls = balls_of(scaled, posed / body.unit)
         own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))
         of_joint = [next((own[a] for a in skeleton.line(joint) if a in own), -1) for joint in range(len(skeleton))]
-        limbs = _limbs_of(body)
-        t, on = balls.places[:, None], balls.carriers
-        centres = (1.0 - t) * posed[on, 0] + t * posed[on, 1]
-        of_ball, ball_shares = shares_of(limbs, skeleton, pose.positions, capsules.joints[on], centres)
+        limbs = limbs_of(body)
         ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
+        of_capsule, shares = ends[0][0], np.stack([share for _, share in ends], axis=1)
+        t, on = balls.places[:, None], balls.carriers
+        moving = (1.0 - t) * shares[on, 0] + t * shares[on, 1]
         is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
-        moving = np.where(is_leg[of_ball, None], [1.0, 0.0], 1.0) * ball_shares  # feet stay
-        fixed = (moving**2).sum(axis=1) < LEAST_SHARE**2
-        balls.spare[fixed] = NEVER
+        moving[is_leg[of_capsule[on]], 1] = 0.0  # feet stay
+        balls.spare[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
         return cls(
             capsules=capsules,
             balls=balls,
             limbs=limbs,
-            displaced=Displaced(
-                of_ball, ball_shares, ends[0][0], np.stack([e[1] for e in ends], axis=1), _mutual(balls)
-            ),
+            displaced=Displaced(of_capsule, shares, _mutual(balls)),
             of_joint=np.array(of_joint, np.intp),
             unit=body.unit,
         )
@@ -73,6 +70,11 @@ class BodySkin:
         on = (np.isin(first, a) & np.isin(second, b)) | (np.isin(first, b) & np.isin(second, a))
         return np.flatnonzero(on)
 
+    def thickness(self, joint: int) -> float:
+        """Return the mean radius of the part of the body that a joint belongs to [body units]."""
+        radii = self.balls.cap_radii[self.capsules.segments == self.of_joint[joint]]
+        return float(radii.mean()) if radii.size else 0.0
+
     def posed(self, motion: Motion) -> Array:
         """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""
         posed = self.capsules.posed(motion)
@@ -80,8 +82,8 @@ class BodySkin:
         return posed
 
 
-def _limbs_of(body: Body) -> tuple[Limb, ...]:
-    """The limbs whose three joints are known, arms before legs."""
+def limbs_of(body: Body) -> tuple[Limb, ...]:
+    """Return the limbs whose three joints are known, arms before legs."""
     roles = body.anatomy.roles if body.anatomy else {}
     named = [[side + part for part in parts] for parts in LIMBS for side in SIDES]
     known = [names for names in named if roles.keys() >= {*names}]

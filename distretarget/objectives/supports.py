@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,13 +63,9 @@ class Supports:
     @property
     def touches(self) -> Iterator[tuple[int, Array]]:
         """The joints that touch other performers or props, each with how firmly, (frames,), 0 to 1."""
-        return _held_by(self.scene_springs, self.scene_springs.a)
-
-    @property
-    def asked(self) -> Iterator[tuple[int, Array]]:
-        """The joints of contacts and distances that are asked for, each with how firmly, (frames,), 0 to 1."""
-        springs = self.asked_springs
-        return chain(_held_by(springs, springs.a), _held_by(springs, springs.b))
+        springs = self.scene_springs
+        stiffness = np.trace(springs.A, axis1=-2, axis2=-1)
+        return zip(springs.a.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)
 
     def __getitem__(self, frames: slice) -> Supports:
         floor, springs = self.floor.of_frames(frames), self.scene_springs.of_frames(frames)
@@ -82,12 +77,6 @@ class Supports:
             scene_springs=springs,
             asked_springs=self.asked_springs.of_frames(frames),
         )
-
-
-def _held_by(springs: Springs, joints: NDArray[np.intp]) -> Iterator[tuple[int, Array]]:
-    """The joints at one end of springs, each with how firmly, (frames,), 0 to 1."""
-    stiffness = np.trace(springs.A, axis1=-2, axis2=-1)
-    return zip(joints.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)
 
 
 def no_supports(frames: int) -> Supports:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from types import NoneType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
-from distretarget.body.build import OWN_BUILDS, average_adult
+from distretarget.body.build import OWN_BUILDS, average_for
 from distretarget.checks import check_kind
 from distretarget.contact_entries import Contact, ContactList, Entry, Plant
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import spans_of
+from distretarget.objectives.asking import frames_of
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import Contacts
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
@@ -25,9 +27,10 @@ from distretarget.objectives.skins import BodySkin
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.objectives.units import centimetres
 from distretarget.pipeline.options import Options
-from distretarget.pipeline.performer import match_performer
+from distretarget.pipeline.performer import Match, match_performer
+from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
-from distretarget.skin.balls import segment_gaps
+from distretarget.skin.meetings import segment_gaps
 from distretarget.target import SkeletonEdit, Target
 
 Array = NDArray[np.float64]
@@ -63,12 +66,54 @@ def find_contacts(
     check_kind("settings", settings, ContactSettings)
     options = Options(skin="none")
     match = match_performer(motion, motion if target is None else target, options, joint_map, None, OWN_BUILDS)
+    return _found(match, settings)
+
+
+def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> ContactList:
+    options = Options(skin="none")
     performer = match.performer(RootScale.even(find_root_scale(match.matching)), options)
     performer = performer.with_supports(options, settings)
     clip = performer.clip
     touching = _touching(match.matching, clip, performer.supports, settings)
     entries = [*touching, *_resting(clip, performer.supports)]
     return ContactList(tuple(sorted(entries, key=lambda entry: entry.frames or (0, 0))))
+
+
+@dataclass(frozen=True)
+class MarkedContact:
+    """A contact of a clip: found, or dropped or added by the user; its entry is as in a contact file, with frames."""
+
+    entry: Entry
+    mark: Literal["found", "dropped", "added"]
+
+
+def marked_contacts(result: RetargetResult) -> tuple[MarkedContact, ...]:
+    """Return what was found in the source of a result, and what the user dropped and added, by their first frames."""
+    found = _found(Match(result.world, result.matching))
+    clip = Clip.of(result.matching, RootScale.even(result.root_scale))
+    said = [(entry, frames_of(result.asked, clip, entry)) for entry in result.asked if entry.acts]
+    marked = []
+    for entry, on in said:
+        if getattr(entry, "keep", True):
+            marked += [MarkedContact(each, "added") for each in _spans(entry, on)]
+    for entry in found:
+        on = np.zeros(len(clip), bool)
+        on[slice(int(entry.frames[0]), int(entry.frames[1]) + 1) if entry.frames else slice(None)] = True
+        gone = on & np.any([~on & on, *(at for each, at in said if _lets_go(each, entry))], axis=0)
+        marked += [MarkedContact(each, "dropped") for each in _spans(entry, gone)]
+        marked += [MarkedContact(each, "found") for each in _spans(entry, on & ~gone)]
+    return tuple(sorted(marked, key=lambda each: each.entry.frames or (0, 0)))
+
+
+def _lets_go(said: Entry, found: Entry) -> bool:
+    """Whether an entry of the user drops what was found."""
+    return type(said) is type(found) and said.parts == found.parts and not getattr(said, "keep", True)
+
+
+def _spans(entry: Entry, on: NDArray[np.bool_]) -> Iterator[Entry]:
+    """An entry for each span of frames."""
+    for first, end in spans_of(on).tolist():
+        yield replace(entry, frames=(first, end - 1), seconds=None)
 
 
 def _touching(matching: Matching, clip: Clip, supports: Supports, settings: ContactSettings) -> Iterator[Entry]:
@@ -91,11 +136,11 @@ def _touching(matching: Matching, clip: Clip, supports: Supports, settings: Cont
 
 
 class _SkinGaps:
-    """The gaps between the skins of an average adult with the source's bones."""
+    """The gaps between the skins of an average body with the source's bones."""
 
     def __init__(self, matching: Matching, clip: Clip) -> None:
         body, self.clip = matching.source, clip
-        capsules = average_adult().on(body)
+        capsules = average_for(body).on(body)
         self.skin = BodySkin.of(body, capsules) if len(capsules) else None
         self.of_segment = {
             int(segment): clip.regions.of_joint[joint]

@@ -26,7 +26,7 @@ def labels_of(result: RetargetResult) -> Labels:
     - `shots`, (frames,): the number of the shot of each frame, from 0; it goes up at a cut.
     - `not_converged`, (frames,): whether the solver did not converge.
     - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
-      above it, of those that need a look in the clip as a whole.
+      above it, of the metrics that are over their limits in the clip as a whole.
     """
     not_converged = np.zeros(len(result.motion), bool)
     not_converged[result.effort.not_converged] = True
@@ -56,6 +56,6 @@ def _flags(result: RetargetResult) -> NDArray[np.bool_]:
     flags = np.zeros((frames, len(JUDGED)), bool)
     for column, metric in enumerate(JUDGED):
         limit = limits[metric.key]
-        if limit is not None and metric.needs_look(result.metrics):
+        if limit is not None and metric.over_limit(result.metrics):
             flags[:, column] = metric.over_time(tracks, frames) > (0.0 if metric.reduction == "frames" else limit)
     return flags

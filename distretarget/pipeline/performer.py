@@ -11,7 +11,7 @@ from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Builds, average_adult
+from distretarget.body.build import OWN_BUILDS, Builds, average_for
 from distretarget.body.thickness import capsules_of
 from distretarget.errors import MotionError
 from distretarget.ik.poses import Poses
@@ -19,11 +19,9 @@ from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
-from distretarget.objectives.asking import Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_floor
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
-from distretarget.objectives.looks import with_looks
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
@@ -94,16 +92,16 @@ def _find_skins(matching: Matching, goal: Target, given: object, options: Option
     thickness is not known and not to be an average one.
     """
     build = builds.source if isinstance(given, SkeletonEdit) and not builds.target else builds.target
-    build = average_adult() if options.skin == "average" else build
+    build = average_for(matching.target) if options.skin == "average" else build
     if options.skin == "none" or not (build or goal.is_measured):
         return None
     target = build.on(matching.target) if build else target_capsules(goal)
-    return Skins.of(matching, (builds.source or average_adult()).on(matching.source), target)
+    return Skins.of(matching, (builds.source or average_for(matching.source)).on(matching.source), target)
 
 
 @lru_cache(maxsize=1)
 def target_capsules(target: Target) -> Capsules:
-    """Return the capsules of a target, from its mesh or radii, or of an average adult."""
+    """Return the capsules of a target, from its mesh or radii, or of an average body."""
     if target.capsules is not None:
         return target.capsules
     return capsules_of(Body.of(target.skeleton, target.motion), target.mesh(), target.radii)
@@ -118,7 +116,6 @@ class Performer:
     clip: Clip  # the clip as the solvers take it
     supports: Supports  # the joints that rest on the world
     settings: ContactSettings  # of the contact objective
-    wishes: Wishes | None = None  # what the user says of contacts
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
@@ -137,8 +134,7 @@ class Performer:
 
     def posed(self, poses: Poses) -> Motion:
         """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
-        posed = posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
-        return with_looks(posed, self.wishes, self.match.matching.target) if self.wishes else posed
+        return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def with_own_skin(self, posed: Motion) -> Motion:
         """Return a motion with its limbs bent as the performer's skin asks; the same motion without skin."""

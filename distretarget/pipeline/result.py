@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.world import World
+from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
@@ -19,8 +20,9 @@ from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
 from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import find_skin
-from distretarget.measure.verdict import verdict, what_needs_a_look
+from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
+from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.skins import Skins
@@ -50,7 +52,8 @@ class RetargetResult:
         postures: the paper's solved points; None for the contact objective.
         distances: the points that source and target share, with their path lengths.
         skins: the surfaces of source and target; None for stick figures.
-        unmet: what was asked of contacts and distances and could be met in part only, a line each.
+        asked: what the user said of contacts.
+        unmet: what of that could be met in part only, a line each.
         mesh: of the target, by which the metrics of skin are measured; None to measure them by its surface.
     """
 
@@ -66,6 +69,7 @@ class RetargetResult:
     distances: DistanceProblem
     skins: Skins | None = None
     mesh: SkinnedMesh | None = None
+    asked: ContactList = NO_CONTACTS
     unmet: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -116,7 +120,9 @@ class RetargetResult:
             of_target = find_skin(target, self.skins.target.capsules, self.mesh)
             skins = find_skin(source, self.skins.source.capsules), of_target
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
-        return reference.compare(self.motion), reference.compare(self.rotation_copy)
+        side_by_side = mapper_for(len(self.motion), len(self.motion.skeleton))
+        result, copy = side_by_side(reference.compare, (self.motion, self.rotation_copy))
+        return result, copy
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
@@ -147,14 +153,15 @@ class RetargetResult:
     @cached_property
     def verdict(self) -> str:
         """What was kept and what changed, in a plain sentence, with the names of metrics over their limits."""
-        return verdict(self.metrics, self.tracks)
+        text = verdict(self.metrics, self.tracks)
+        return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings, one line each: metrics over their limits, metrics worse than the rotation copy's, and resting
         joints that do not reach their places.
         """
-        return (*what_needs_a_look(self.metrics, self.tracks), *self._missed_places(), *self.unmet)
+        return (*limit_warnings(self.metrics, self.tracks), *self._missed_places(), *self.unmet)
 
     def _missed_places(self) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys
@@ -178,4 +185,4 @@ class RetargetResult:
             return False
         leg, motion = self.matching.legs[1][support // 2], self.motion
         reach = motion.positions[frame, leg.ankle] - motion.positions[frame, leg.hip]
-        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.path_lengths[leg.hip, leg.ankle])
+        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])

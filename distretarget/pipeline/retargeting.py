@@ -25,7 +25,7 @@ from distretarget.objectives.asking import Wishes
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import solve_paper
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
-from distretarget.pipeline.asked_motion import solve_as_asked, spliced, unmet
+from distretarget.pipeline.asked_motion import asked_result, dropping, layered, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -59,7 +59,7 @@ def retarget(
         rest: a motion of the source's joints in whose first frame the body stands, in T-pose, A-pose or with arms down,
             for a source whose rest pose does not show it (`docs/rigs.md`).
         builds: how thick the bodies are, if another file says it than their own, or than a motion from a character's
-            file, which is taken for an average adult otherwise (`load_build`).
+            file, which is taken for an average body of its age otherwise (`load_build`).
         settings: of the contact objective; the paper's objective has none.
         contacts: which contacts to keep, drop, make or change, what to plant, and which distances and directions to
             keep (`load_contacts`, `find_contacts`); what it does not mention stays as found.
@@ -92,28 +92,27 @@ def retarget(
     if options.objective == "paper":
         return _by_paper(performer, contacts, settings, progress)
     performer = performer.with_supports(options, settings)
-    poses = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
-    wishes = Wishes.of(contacts, performer.clip, settings.blend)
-    if not wishes.wishes:
-        return performer.result(poses)
-    without = performer.with_own_skin(performer.posed(poses))
-    asked, poses = solve_as_asked(performer, wishes, mapper)
-    posed = spliced(without, asked.with_own_skin(asked.posed(poses)), wishes.reach)
-    return replace(asked.result(poses, posed=posed), unmet=tuple(unmet(asked, wishes, posed)))
+    wishes = Wishes.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
+    free = dropping(performer, wishes.drops)
+    poses = solve_contact(free.clip, free.supports, free.settings, mapper=mapper, progress=progress)
+    if not wishes.made.wishes:
+        return replace(free.result(poses), asked=contacts)
+    return replace(asked_result(free, poses, wishes, mapper), asked=contacts)
 
 
 def _by_paper(
     performer: Performer, contacts: ContactList, settings: ContactSettings, progress: Progress
 ) -> RetargetResult:
     """The result of the paper's objective, with the distances that are asked for."""
-    wishes = Wishes.of(contacts, performer.clip, settings.blend)
+    wishes = Wishes.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
+    distances = find_distances(contacts, wishes) if wishes.wishes else None
     poses, postures = solve_paper(performer.clip, progress)
-    if not wishes.wishes:
+    if distances is None:
         return performer.result(poses, postures)
-    asked, postures = solve_paper(performer.clip, asked=find_distances(contacts, wishes))
-    posed = spliced(performer.posed(poses), performer.posed(asked), wishes.reach)
+    asked, postures = solve_paper(performer.clip, asked=distances)
+    posed = layered([wishes], performer.posed(poses), performer.posed(asked))
     result = performer.result(asked, postures, posed=posed)
-    return replace(result, unmet=tuple(unmet(performer, wishes, posed)))
+    return replace(result, asked=contacts, unmet=tuple(unmet(performer, wishes, posed)))
 
 
 def retarget_onto(

@@ -26,8 +26,9 @@ from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 Array = NDArray[np.float64]
 Role = Literal["source", "copy", "result", "other", "prop"]
 
-BUDGET = 8_000_000  # most characters for the rotations of all actors; longer clips are shown in part
-IMAGES = 6_000_000  # most bytes for the images of a character
+BUDGET = 8_000_000  # most characters for the rotations of all actors; of longer clips some frames are shown
+IMAGES = 4_000_000  # most bytes for the images of a character
+MEDIA = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}  # images by how they begin
 SAMPLES = 48  # frames from which the height of the floor is found
 ON_FLOOR = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
 STICK = 0.009  # radius of bones without skin [body units]
@@ -76,11 +77,11 @@ def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | N
     return float(np.percentile(heights.min(axis=1), ON_FLOOR))
 
 
-def thinned(actors: Sequence[Actor]) -> dict[str, Any]:
-    """Return the actors of a page as `actors_data`, with as many frames as fit in `BUDGET`."""
+def thinned(actors: Sequence[Actor], budget: int = BUDGET) -> dict[str, Any]:
+    """Return the actors of a page as `actors_data`, with as many frames as fit in a budget."""
     data, step = actors_data(actors, 1), 1
-    while (size := sum(len(actor["rotations"]) for actor in data["actors"])) > BUDGET:
-        step *= -(-size // BUDGET)
+    while (size := sum(len(actor["rotations"]) for actor in data["actors"])) > budget:
+        step *= -(-size // budget)
         data = actors_data(actors, step)
     return data
 
@@ -88,10 +89,11 @@ def thinned(actors: Sequence[Actor]) -> dict[str, Any]:
 def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
     """Return the actors of a page, and their bodies, each once; one frame in `step` is in it."""
     bodies: list[dict[str, Any]] = []
-    known: dict[tuple[int, int], int] = {}
+    known: dict[tuple[int, bytes, bytes, float], int] = {}
     data = []
     for actor in actors:
-        key = id(actor.mesh or actor.capsules or actor.motion.skeleton), id(actor.motion.skeleton)
+        skeleton, turn = actor.motion.skeleton, actor.turn.as_quat().tobytes()
+        key = id(actor.mesh or actor.capsules or skeleton), skeleton.rest_positions.tobytes(), turn, actor.unit
         if key not in known:
             known[key] = len(bodies)
             bodies.append(_body_data(actor))
@@ -203,27 +205,37 @@ def _mesh_data(mesh: SkinnedMesh, turn: Rotation, unit: float) -> dict[str, Any]
         "weights": packed(np.rint(65535 * weights / weights.sum(axis=1, keepdims=True)), "<u2"),
         "triangles": packed(np.concatenate(triangles), "<u4"),
         "materials": materials,
-        "uv": packed(looks.uv, "<f4") if looks and any(one["image"] for one in materials) else "",
+        "uv": packed(looks.uv, "<f4") if looks and any(one["image"] or one["normal_map"] for one in materials) else "",
     }
 
 
 def _materials(looks: Looks) -> Iterator[dict[str, Any]]:
     """The materials that triangles have, first those of most, with their images as long as these fit in `IMAGES`."""
-    counts, room = np.bincount(looks.of_triangle + 1, minlength=len(looks.materials) + 1), IMAGES
-    for number in np.argsort(-counts, kind="stable").tolist():
-        material = looks.materials[number - 1] if number else Material()
-        image = material.image if material.kind and len(material.image) <= room else b""
-        room -= len(image)
-        if counts[number]:
-            yield {
-                "number": number - 1,
-                "triangles": int(counts[number]),
-                "colour": material.colour,
-                "image": f"data:{material.kind};base64,{b64encode(image).decode('ascii')}" if image else "",
-                "mode": material.mode,
-                "cutoff": material.cutoff,
-                "two_sided": material.two_sided,
-            }
+    counts = np.bincount(looks.of_triangle + 1, minlength=len(looks.materials) + 1)
+    numbers = [number for number in np.argsort(-counts, kind="stable").tolist() if counts[number]]
+    materials = [looks.materials[number - 1] if number else Material() for number in numbers]
+    addresses = [*_addresses([*(one.image for one in materials), *(one.normal_map for one in materials)])]
+    for k, (number, material) in enumerate(zip(numbers, materials, strict=True)):
+        yield {
+            "number": number - 1,
+            "triangles": int(counts[number]),
+            "colour": material.colour,
+            "image": addresses[k],
+            "normal_map": addresses[len(materials) + k],
+            "mode": material.mode,
+            "cutoff": material.cutoff,
+            "two_sided": material.two_sided,
+        }
+
+
+def _addresses(images: Sequence[bytes]) -> Iterator[str]:
+    """The data URLs of images, as long as they fit in `IMAGES`; empty for others."""
+    room = IMAGES
+    for image in images:
+        kind = next((kind for head, kind in MEDIA.items() if image.startswith(head)), "")
+        shown = bool(kind) and len(image) <= room
+        room -= shown * len(image)
+        yield f"data:{kind};base64,{b64encode(image).decode('ascii')}" if shown else ""
 
 
 def _normals(vertices: Array, triangles: NDArray[np.intp]) -> Array:

@@ -14,14 +14,18 @@ const [ROUND, STEPS] = SOFTWARE ? [9, 3] : [18, 6]; // sides of a capsule, and r
 const THIN = 5; // sides of a bone
 const BONE = 0.012; // radius below which a capsule is a bone without skin [body units]
 
-/** The geometry of a body in its rest pose, with the places of its joints there as `bind`, (joints, 3), and what its
- * file says of its materials.
+/** A body in its rest pose: its geometry, what its file says of its materials, the places of its joints as `bind`,
+ * (joints, 3), and the joints that move each vertex, with their weights.
  */
 export async function bodyOf(data) {
   const bind = await unpacked(data.bind, Float32Array), {materials = []} = data.mesh || {};
-  const images = await Promise.all(materials.map(({image}) => image && loaded(image)));
-  const geometry = data.mesh ? await meshOf(data.mesh) : await capsulesOf(data);
-  return {bind, materials, images, geometry, crown: crownOf(geometry, bind)};
+  const images = await Promise.all(materials.map(async ({image, normal_map: normals}) => ({
+    map: await loaded(image, THREE.SRGBColorSpace), normalMap: await loaded(normals, '')})));
+  const {geometry, joints, weights} = await (data.mesh ? meshOf(data.mesh) : capsulesOf(data));
+  const inverses = Array.from({length: bind.length / 3}, (_, k) => new THREE.Matrix4().makeTranslation(
+    -bind[3 * k], -bind[3 * k + 1], -bind[3 * k + 2]));
+  return {materials, images, geometry, joints, weights, inverses, moves: new Float32Array(16 * inverses.length),
+    crown: crownOf(geometry, bind)};
 }
 
 /** How far the skin reaches above the highest joint of the rest pose. */
@@ -31,15 +35,16 @@ function crownOf(geometry, bind) {
   return Math.max(geometry.boundingBox.max.y - top, 0);
 }
 
-/** A texture of an image, or null where the browser cannot read it. */
-async function loaded(address) {
+/** A texture of an image; null without one, or where the browser cannot read it. */
+async function loaded(address, colorSpace) {
+  if (!address) return null;
   const image = Object.assign(new Image(), {src: address});
   try {
     await image.decode();
   } catch {
     return null;
   }
-  return Object.assign(new THREE.Texture(image), {flipY: false, colorSpace: THREE.SRGBColorSpace,
+  return Object.assign(new THREE.Texture(image), {flipY: false, colorSpace,
     wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping, needsUpdate: true});
 }
 
@@ -47,25 +52,24 @@ async function loaded(address) {
 export function materialsOf({materials, images}) {
   if (!materials.length) return [new THREE.MeshLambertMaterial()];
   return materials.map(({colour, mode, cutoff, two_sided: both}, k) => new THREE.MeshLambertMaterial({
-    color: new THREE.Color(...colour), map: images[k] || null, alphaTest: mode === 'MASK' ? cutoff : 0,
+    color: new THREE.Color(...colour), ...images[k], alphaTest: mode === 'MASK' ? cutoff : 0,
     opacity: mode === 'BLEND' ? colour[3] : 1, transparent: mode === 'BLEND', ...both && {side: THREE.DoubleSide}}));
 }
 
 async function meshOf({vertices, normals, joints, weights, triangles, offset, scale, materials, uv}) {
-  const places = Float32Array.from(await unpacked(vertices, Uint16Array), (x, k) => offset[k % 3] + scale * x);
-  const geometry = new THREE.BufferGeometry();
-  const attributes = [['position', places, 3, false], ['normal', await unpacked(normals, Int8Array), 3, true],
-    ['skinIndex', await unpacked(joints, Uint16Array), 4, false],
-    ['skinWeight', await unpacked(weights, Uint16Array), 4, true]];
-  for (const [name, ...rest] of attributes) geometry.setAttribute(name, new THREE.BufferAttribute(...rest));
-  if (uv) geometry.setAttribute('uv', new THREE.BufferAttribute(await unpacked(uv, Float32Array), 2));
+  const geometry = new THREE.BufferGeometry(), add = (name, array, size) => (
+    geometry.setAttribute(name, new THREE.BufferAttribute(array, size)));
+  add('position', Float32Array.from(await unpacked(vertices, Uint16Array), (x, k) => offset[k % 3] + scale * x), 3);
+  add('normal', Float32Array.from(await unpacked(normals, Int8Array), x => x / 127), 3);
+  if (uv) add('uv', await unpacked(uv, Float32Array), 2);
   geometry.setIndex(new THREE.BufferAttribute(await unpacked(triangles, Uint32Array), 1));
   let start = 0;
   materials.forEach(({triangles: count}, k) => {
     geometry.addGroup(start, 3 * count, k);
     start += 3 * count;
   });
-  return geometry;
+  const shares = Float32Array.from(await unpacked(weights, Uint16Array), x => x / 65535);
+  return {geometry, joints: await unpacked(joints, Uint16Array), weights: shares};
 }
 
 /** The outline of a tapered capsule along y, from its tip below to its tip above. */
@@ -81,39 +85,46 @@ function outline(length, first, last, steps) {
 /** One geometry of all capsules of a body, each moved by its carrier alone. */
 async function capsulesOf(data) {
   const ends = await unpacked(data.ends, Float32Array), radii = await unpacked(data.radii, Float32Array);
-  const parts = data.carriers.map((carrier, k) => {
+  const parts = data.carriers.map((_, k) => {
     const [from, to] = [0, 3].map(end => new THREE.Vector3().fromArray(ends, 6 * k + end));
     const along = to.clone().sub(from), length = along.length(), thin = radii[2 * k] < BONE;
     const part = new THREE.LatheGeometry(
       outline(length, radii[2 * k], radii[2 * k + 1], thin ? 1 : STEPS), thin ? THIN : ROUND);
-    const turn = new THREE.Quaternion(), {count} = part.attributes.position;
+    const turn = new THREE.Quaternion();
     if (length > 0) turn.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.divideScalar(length));
-    part.applyQuaternion(turn).translate(from.x, from.y, from.z);
-    const joints = Uint16Array.from({length: 4 * count}, (_, place) => (place % 4 ? 0 : carrier));
-    const weights = Float32Array.from({length: 4 * count}, (_, place) => (place % 4 ? 0 : 1));
-    part.setAttribute('skinIndex', new THREE.BufferAttribute(joints, 4));
-    part.setAttribute('skinWeight', new THREE.BufferAttribute(weights, 4));
-    return part;
+    return part.applyQuaternion(turn).translate(from.x, from.y, from.z);
   });
-  return parts.length ? THREE.mergeGeometries(parts) : new THREE.BufferGeometry();
+  const joints = data.carriers.flatMap((carrier, k) => Array(parts[k].attributes.position.count).fill(carrier));
+  const geometry = parts.length ? THREE.mergeGeometries(parts) : new THREE.PlaneGeometry(0, 0);
+  return {geometry, joints, weights: joints.map(() => 1)};
 }
 
-/** A mesh of a body that `pose` bends as a motion is placed. */
-export function skinnedBody({bind, geometry}, materials) {
-  const joints = Array.from({length: bind.length / 3}, () => new THREE.Bone());
-  const inverses = joints.map((_, k) => new THREE.Matrix4().makeTranslation(
-    -bind[3 * k], -bind[3 * k + 1], -bind[3 * k + 2]));
-  const mesh = new THREE.SkinnedMesh(geometry, materials.length > 1 ? materials : materials[0]);
-  mesh.bindMode = 'detached';
-  mesh.bind(new THREE.Skeleton(joints, inverses), new THREE.Matrix4());
-  Object.assign(mesh, {castShadow: true, frustumCulled: false});
-  return mesh;
+/** A mesh of a body that `bend` bends. It is bent here, not by the graphics card, which may be a program. */
+export function bendable(body, materials) {
+  const mesh = new THREE.Mesh(body.geometry.clone(), materials.length > 1 ? materials : materials[0]);
+  return Object.assign(mesh, {body, castShadow: true, frustumCulled: false});
 }
 
-const place = new THREE.Vector3(), turn = new THREE.Quaternion(), unscaled = new THREE.Vector3(1, 1, 1);
+const move = new THREE.Matrix4(), place = new THREE.Vector3(), turn = new THREE.Quaternion();
+const unscaled = new THREE.Vector3(1, 1, 1);
 
-/** Bends a mesh as a motion is placed. */
-export function bend(mesh, {positions, rotations}) {
-  mesh.skeleton.bones.forEach((bone, k) => bone.matrixWorld.compose(
-    place.fromArray(positions, 3 * k), turn.fromArray(rotations, 4 * k), unscaled));
+/** Bends a mesh as a motion is placed: each vertex goes to the mean of where its joints move it. */
+export function bend({geometry, body}, {positions, rotations}) {
+  const {inverses, moves: m, joints, weights} = body, {position, normal} = body.geometry.attributes;
+  inverses.forEach((inverse, k) => move.compose(place.fromArray(positions, 3 * k), turn.fromArray(rotations, 4 * k),
+    unscaled).multiply(inverse).toArray(m, 16 * k));
+  const {position: places, normal: normals} = geometry.attributes, each = joints.length / position.count;
+  const x = position.array, n = normal.array, y = places.array, o = normals.array;
+  for (let i = 0, first = 0; i < x.length; i += 3, first += each) {
+    y[i] = y[i + 1] = y[i + 2] = o[i] = o[i + 1] = o[i + 2] = 0;
+    for (let at = first; at < first + each && weights[at]; at++) {
+      const w = weights[at], k = 16 * joints[at];
+      for (let row = 0; row < 3; row++) {
+        const a = m[k + row], b = m[k + 4 + row], c = m[k + 8 + row];
+        y[i + row] += w * (a * x[i] + b * x[i + 1] + c * x[i + 2] + m[k + 12 + row]);
+        o[i + row] += w * (a * n[i] + b * n[i + 1] + c * n[i + 2]);
+      }
+    }
+  }
+  places.needsUpdate = normals.needsUpdate = true;
 }

@@ -21,7 +21,7 @@ function limitLine(name, limit, over, factor) {
 
 function cardOf(report, metric) {
   const {key, factor, judged, comparison, whole, missing, instead} = metric, inUnits = judged === 'ratio' ? 1 : factor;
-  const {source, result, rotation_copy: copy, needs_look_above: above} = report.metrics;
+  const {source, result, rotation_copy: copy, limits: above} = report.metrics;
   const value = scaled(result[key], factor), number = whole ? String(value) : shown(value);
   const unjudged = result[key] === null || above[key] === null || (result[instead] ?? null) !== null;
   const look = unjudged ? null : result[key] > above[key];

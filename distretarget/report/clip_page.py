@@ -14,11 +14,15 @@ from distretarget.body.body import Body
 from distretarget.body.legs import leg_length
 from distretarget.body.thickness import capsules_of
 from distretarget.checks import check_kind
+from distretarget.errors import DistretargetError
 from distretarget.io.files import write_whole
+from distretarget.io.input_file import InputFile
+from distretarget.io.target_file import parse_full_target
 from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
+from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Actor, Role, lowest_skin, packed, thinned, upright
 from distretarget.report.diff_document import About, DiffDocument, document
@@ -64,9 +68,14 @@ def write_report(
     write_whole(path, html, overwrite)
 
 
-def run_page(result: RetargetResult, about: About, target: Target | SkeletonEdit | None = None) -> str:
+def run_page(
+    result: RetargetResult,
+    about: About,
+    target: Target | SkeletonEdit | None = None,
+    source: InputFile | None = None,
+) -> str:
     """The HTML of the report on a run: its source, its rotation copy and its result; `target` has the mesh to show, if
-    the result was made without it.
+    the result was made without it, and `source` the source's own.
     """
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
@@ -77,7 +86,23 @@ def run_page(result: RetargetResult, about: About, target: Target | SkeletonEdit
         ("Result", "result", diff.b),
     ]
     mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
-    return _page(diff, document(diff, about), moving, skins, mesh)
+    meshes = _mesh_of(source, diff.a), mesh
+    return _page(diff, document(diff, about), moving, skins, meshes, marked_contacts(result))
+
+
+def _mesh_of(file: InputFile | None, motion: Motion) -> SkinnedMesh | None:
+    """The mesh in the file of a motion; None where there is none on its joints as they stand in the motion."""
+    if file is None or file.kind not in ("glTF", "FBX"):
+        return None
+    try:
+        target = parse_full_target(file)
+    except DistretargetError:
+        return None
+    own, shown = target.skeleton, motion.skeleton
+    same = own.keys == shown.keys and np.allclose(
+        own.rest_positions, shown.rest_positions, atol=1e-6 * own.lengths.sum()
+    )
+    return target.mesh() if same else None
 
 
 def run_diff(result: RetargetResult) -> Diff:
@@ -97,11 +122,11 @@ def run_diff(result: RetargetResult) -> Diff:
 def diff_page(diff: Diff, document: DiffDocument) -> str:
     """The HTML of the report on a diff, from its document."""
     moving: list[tuple[str, Role, Motion]] = [("A", "source", diff.a), ("B", "result", diff.b)]
-    return _page(diff, document, moving, _skins(diff), None)
+    return _page(diff, document, moving, _skins(diff), (None, None))
 
 
 def _skins(diff: Diff) -> tuple[Capsules, Capsules]:
-    """The surfaces of A and B; those of average adults."""
+    """The surfaces of A and B; those of average bodies."""
     return capsules_of(diff.matching.source), capsules_of(diff.matching.target)
 
 
@@ -110,11 +135,12 @@ def _page(
     document: DiffDocument,
     moving: Sequence[tuple[str, Role, Motion]],
     skins: tuple[Capsules, Capsules],
-    mesh: SkinnedMesh | None,
+    meshes: tuple[SkinnedMesh | None, SkinnedMesh | None],
+    marked: Sequence[MarkedContact] = (),
 ) -> str:
     """The page on a diff that plays motions, first that of A; the others are those of B's body."""
-    actors = [*_actors(diff, moving, skins, mesh)]
-    rows = rows_of(diff, skins[1], range(len(actors)))
+    actors = [*_actors(diff, moving, skins, meshes)]
+    rows = rows_of(diff, skins[1], range(len(actors)), marked=marked)
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
     frames = document["frames"]
@@ -142,25 +168,26 @@ def _actors(
     diff: Diff,
     moving: Sequence[tuple[str, Role, Motion]],
     skins: tuple[Capsules, Capsules],
-    mesh: SkinnedMesh | None,
+    meshes: tuple[SkinnedMesh | None, SkinnedMesh | None],
 ) -> Iterator[Actor]:
     """The actors, in units of twice the leg length of each body; those of B stand on one floor."""
-    matching, floor = diff.matching, lowest_skin(diff.b, skins[1], mesh, diff.up)
+    matching = diff.matching
+    floors = [lowest_skin(motion, skins[k], meshes[k], diff.up) for k, motion in enumerate((diff.a, diff.b))]
     legs = matching.legs or (None, None)
     for side, (name, role, motion) in enumerate(moving):
-        body = matching.target if side else matching.source
-        own = legs[1] if side else legs[0]
+        other = min(side, 1)
+        body, own = (matching.source, matching.target)[other], legs[other]
         yield Actor(
             name=name,
             side=side,
             role=role,
             motion=motion,
             body=body,
-            capsules=skins[1] if side else skins[0],
-            mesh=mesh if side else None,
+            capsules=skins[other],
+            mesh=meshes[other],
             turn=upright(diff.up),
             unit=(2 * leg_length(body.skeleton, own) if own else 0.0) or body.unit or 1.0,
-            floor=floor if side else lowest_skin(motion, skins[0], None, diff.up),
+            floor=floors[other],
         )
 
 
@@ -197,7 +224,7 @@ def _worst(document: DiffDocument) -> Iterator[dict[str, Any]]:
 
 def contact_jumps(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     """The beginnings of the first contacts of a timeline, for a menu."""
-    starts = sorted((row.spans[0][0], row.name) for row in rows if row.kind == "contact")
+    starts = sorted((row.spans[0][0], row.name) for row in rows if row.kind == "contact" and row.spans)
     for frame, name in starts[:JUMPS]:
         yield {"frame": frame, "kind": "Contacts", "text": f"{name} \u00b7 {frame}"}
 

@@ -52,7 +52,7 @@ class DiffMetrics(TypedDict):
     source: MetricValues
     rotation_copy: MetricValues | None
     result: MetricValues
-    needs_look_above: MetricValues
+    limits: MetricValues
 
 
 class DiffLimit(TypedDict):
@@ -139,7 +139,7 @@ def document(diff: Diff, about: About) -> DiffDocument:
             "source": source,
             "rotation_copy": copy,
             "result": result,
-            "needs_look_above": clip_limits({"source": source, "rotation_copy": copy or {}, "result": result}),
+            "limits": clip_limits({"source": source, "rotation_copy": copy or {}, "result": result}),
         },
         "limits": [_limit(key, limit, result[key], source.get(key)) for key, limit in about.limits],
         "worst": {metric.key: _worst(frames[metric.key]) for metric in metrics_at("worst frames")},

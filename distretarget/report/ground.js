@@ -16,8 +16,9 @@ export class Ground {
     Object.assign(light.shadow, {radius: 3, normalBias: 0.012});
     Object.assign(light.shadow.camera, {left: -reach, right: reach, top: reach, bottom: -reach, far: 8 * reach});
     this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
-    const plane = new THREE.PlaneGeometry(3 * reach, 3 * reach).rotateX(-Math.PI / 2);
+    const plane = new THREE.PlaneGeometry(2.2 * reach, 2.2 * reach).rotateX(-Math.PI / 2);
     this.floor = new THREE.Mesh(plane, new THREE.ShadowMaterial({depthWrite: false}));
+    this.floor.position.set(-light.position.x, 0, -light.position.z).setLength(0.3 * reach);
     this.floor.receiveShadow = true;
     this.grids = [[CELL, 'line-floor'], [4 * CELL, 'line-strong']].map(([cell, tone]) => {
       const grid = new THREE.GridHelper(80 * CELL, Math.round(80 * CELL / cell));

@@ -22,7 +22,7 @@ class RunMetricsDocument(TypedDict):
         frame_time: the time between frames [s].
         root_scale: target units per source unit of the root's path.
         verdict: what was kept and what changed, in a sentence.
-        warnings: what needs a look, a line each.
+        warnings: a line each.
         metrics: of the whole clip, for source, rotation copy and result; None where nothing was to be measured.
         frames: columns with an entry for each frame: the metrics, with `_source` or `_copy` after their keys for source
             and rotation copy; the solver's `iterations` and `evaluations`, and the `reason` why it stopped; with the

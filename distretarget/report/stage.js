@@ -3,7 +3,7 @@
 
 import {clamp, colourOf, onTheme} from './dom.js';
 import {Ground} from './ground.js';
-import {bend, bodyOf, materialsOf, skinnedBody, SOFTWARE} from './bodies.js';
+import {bend, bendable, bodyOf, materialsOf, SOFTWARE} from './bodies.js';
 import {Motion} from './motion.js';
 
 const SAMPLES = 24; // frames from which the size of the view is found
@@ -27,7 +27,7 @@ export class Stage {
       const body = bodies[actor.body], plain = actor.role === 'copy' || !body.materials.length;
       const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
       materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
-      const mesh = skinnedBody(body, materials), {crown} = body;
+      const mesh = bendable(body, materials), {crown} = body;
       const made = {...actor, number, tone, mesh, materials, plain, crown};
       side.actors.push(made);
       side.group.add(mesh);
@@ -35,7 +35,7 @@ export class Stage {
       return made;
     }));
     if (canvas.clientWidth < NARROW && stage.sides.length === 3) stage.sides[1].shown = false;
-    if (stage.sides.length > MOST_VIEWS) stage.sides.forEach((side, k) => { side.shown = !k; });
+    if (stage.sides.length > MOST_VIEWS) stage.sides.forEach((side, k) => { side.shown = k === (data.first || 0); });
     stage.build(repaint);
     return stage;
   }
@@ -138,7 +138,7 @@ export class Stage {
     clearTimeout(this.waiting);
     if (moving && !playing) this.waiting = setTimeout(this.repaint, 1.5 * RESTS);
     this.drawn = now;
-    return moving ? 1 : 2;
+    return !moving ? 2 : this.views.length > 1 ? 0.75 : 1;
   }
 
   draw(frame, playing = false) {
@@ -190,7 +190,8 @@ export class Stage {
     const veiled = this.overlaid && side !== together[together.length - 1];
     for (const {motion, mesh, materials} of side.actors) {
       motion.place(frame);
-      bend(mesh, motion);
+      if (mesh.bent !== motion.frame) bend(mesh, motion);
+      mesh.bent = motion.frame;
       if (side.veiled === veiled) continue;
       for (const one of materials) {
         Object.assign(one, veiled ? {transparent: true, opacity: VEILED} : one.userData, {needsUpdate: true});

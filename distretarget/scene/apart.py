@@ -2,8 +2,8 @@
 
 Balls along the capsules of trunk and head show how far two performers have to part in each frame: along the floor, or
 upwards where one sits or lies on the other in the source. As far as flesh gives way, and beside each other as far as
-the source's bodies overlap, they stay in each other. They part and come back slowly, mostly while somebody steps, and each resting foot stays
-where it is: its place moves by the mean over its rest.
+the source's bodies overlap, they stay in each other. They part and come back slowly, mostly while somebody steps, and
+each resting foot stays where it is: its place moves by the mean over its rest.
 """
 
 from __future__ import annotations

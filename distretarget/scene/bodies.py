@@ -18,10 +18,11 @@ from distretarget.numerics.time_series import median_of_three
 from distretarget.objectives.skin import limb_places
 from distretarget.objectives.skins import BodySkin
 from distretarget.scene.prop_surface import Surface, nearest_places
-from distretarget.skin.balls import NEVER, Balls, segment_gaps
+from distretarget.skin.balls import NEVER, Balls
 from distretarget.skin.capsules import SEGMENTS
-from distretarget.skin.displacement import Displaced
 from distretarget.skin.limbs import bent
+from distretarget.skin.meetings import segment_gaps
+from distretarget.skin.tangents import Displaced
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -111,7 +112,6 @@ class Bodies:
             cap_radii=np.concatenate(
                 [*(scale * b.cap_radii for b, scale in zip(own, scales, strict=True)), np.stack([radii] * 2, axis=1)]
             ),
-            reaches=np.concatenate([*(scale * b.reaches for b, scale in zip(own, scales, strict=True)), radii]),
             of_ball=np.concatenate([of_ball, *[np.full(len(of_ball) - 1, balls[-1])] * len(shapes)]),
             of_capsule=np.concatenate([of_capsule, *to_props]),
             pairs=np.concatenate(pairs),
@@ -125,12 +125,10 @@ class Bodies:
         self.encloses[between:] = np.array([within[k][segment] for k, segment in zip(prop, body, strict=True)], bool)
         shares = [skin.displaced for skin in skins]
         self.displaced = Displaced(
-            of_ball=np.concatenate([_shifted(m.of_ball, by) for m, by in zip(shares, limbs, strict=False)]),
-            ball_shares=np.concatenate([m.ball_shares for m in shares]),
-            of_end=np.concatenate(
-                [*(_shifted(m.of_end, by) for m, by in zip(shares, limbs, strict=False)), np.full(len(radii), -1)]
+            limbs=np.concatenate(
+                [*(_shifted(m.limbs, by) for m, by in zip(shares, limbs, strict=False)), np.full(len(radii), -1)]
             ),
-            end_shares=np.concatenate([*(m.end_shares for m in shares), np.zeros((len(radii), 2, 2))]),
+            shares=np.concatenate([*(m.shares for m in shares), np.zeros((len(radii), 2, 2))]),
             mutual=np.equal(*np.isin(self.parts, np.flatnonzero(RANK > 2)).T),  # as of one body
         )
 

@@ -19,17 +19,15 @@ from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_g
 from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
-from distretarget.objectives.asking import Wishes
 from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
-from distretarget.pipeline.asked_motion import as_asked, unmet
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult
-from distretarget.scene.apart import kept_apart
+from distretarget.scene.asking import solve_scene
 from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
-from distretarget.scene.skin import skins_in_company, with_skins
-from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
+from distretarget.scene.skin import skins_in_company
+from distretarget.scene.sweeps import SceneContacts
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
 
@@ -105,7 +103,7 @@ def retarget_scene(
         supports: as in `retarget`.
         environment: as in `retarget`.
         skin: as in `Options`, for all performers or for each. Where others have a thickness, one without counts as an
-            average adult to them, unless its skin is "none".
+            average body to them, unless its skin is "none".
         builds: for each performer as in `retarget`.
         contacts: for each performer as in `retarget`.
         settings: as in `retarget`.
@@ -167,17 +165,13 @@ def retarget_scene(
         performer.performer(RootScale(level, height), options).with_supports(options, settings)
         for performer, height in zip(performers, heights, strict=True)
     ]
-    wishes = [Wishes.of(*each, settings.blend) for each in zip(asked, (one.clip for one in prepared), strict=True)]
-    prepared = [as_asked(one, each) if each.wishes else one for one, each in zip(prepared, wishes, strict=True)]
-    skins = skins_in_company(performers, modes)
-    touching = kept_apart(find_contacts(prepared, placed), skins)
-    poses, sweeps, gap_error = solve_in_sweeps(touching, mapper, progress)
-    moved = with_skins(touching, poses, skins)
-    results = list[RetargetResult]()
-    for number, (one, pose, posed) in enumerate(zip(touching.performers, poses, moved, strict=True)):
+    names, company = [prop.name for prop in props], skins_in_company(performers, modes)
+    solved = solve_scene(prepared, placed, names, company, asked, mapper, progress)
+    results, touching = list[RetargetResult](), solved.contacts
+    each = zip(touching.performers, solved.poses, solved.motions, asked, solved.unmet, strict=True)
+    for number, (one, pose, posed, said, found) in enumerate(each):
         with _performer(number):
-            found = tuple(unmet(one, one.wishes, posed)) if one.wishes else ()
-            results.append(replace(one.result(pose, posed=posed), unmet=found))
+            results.append(replace(one.result(pose, posed=posed), asked=said, unmet=found))
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
     return SceneResult(
         results=tuple(results),
@@ -191,8 +185,8 @@ def retarget_scene(
         longest_strides=tuple(longest),
         gaps=_gaps(touching, results, motions),
         copy_gaps=_gaps(touching, results, copies),
-        sweeps=sweeps,
-        gap_error=gap_error,
+        sweeps=solved.sweeps,
+        gap_error=solved.gap_error,
     )
 
 

@@ -153,7 +153,7 @@ def how_far_joints_give(one: Performer) -> Array:
     clip, skeleton = one.clip, one.clip.skeleton
     trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
     limbs = [[*takewhile(lambda each: not trunk[each], skeleton.line(joint))] for joint in range(len(skeleton))]
-    length = np.array([skeleton.path_lengths[limb[0], limb[-1]] if limb else 0.0 for limb in limbs])
+    length = np.array([skeleton.paths_from(limb[0])[limb[-1]] if limb else 0.0 for limb in limbs])
     held = np.zeros((len(clip), len(skeleton)))
     for support, joint in enumerate(one.supports.joints):
         held[:, limbs[joint]] = np.maximum(held[:, limbs[joint]], one.supports.weights[:, support, None])
@@ -246,7 +246,7 @@ def _contact_points(one: Performer) -> ContactPoints:
         regions=regions[kept],
         source=matching.source_motion.positions[:, sources],
         reach=tau[matching.drivers[matching.pelvis]][sources],
-        target_reach=matching.target.skeleton.path_lengths[matching.pelvis][joints],
+        target_reach=matching.target.skeleton.paths_from(matching.pelvis)[joints],
         shots=one.clip.shots,
     )
 

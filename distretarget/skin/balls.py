@@ -11,11 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, inlined, read_only
-from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.compiled import compiled
 from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.closest import place_on_axis
+from distretarget.skin.closest import gap_at, write_axis
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -58,7 +56,6 @@ class Balls(NamedTuple):
     radii: Array  # (balls,)
     joints: Numbers  # (capsules,), the joint that carries each capsule
     cap_radii: Array  # (capsules, 2)
-    reaches: Array  # (capsules,), the radius of a ball about the middle of each that holds it
     of_ball: Numbers  # (segments + 1,), the first ball of each segment
     of_capsule: Numbers  # (segments + 1,), the first capsule of each segment
     pairs: Numbers  # (pairs, 2), the segments that can touch: that of the balls, that of the capsules
@@ -83,9 +80,8 @@ def balls_of(capsules: Capsules, posed: Array) -> Balls:
     of_capsule = np.searchsorted(capsules.segments, segments)
     pairs = np.array([pair for pair in TOUCHING if _has_both(pair, of_ball, of_capsule)], np.intp).reshape(-1, 2)
     spare = np.full((len(carriers), len(capsules)), NEVER)
-    reaches = 0.5 * lengths(capsules.ends[:, 1] - capsules.ends[:, 0]) + capsules.radii.max(axis=1, initial=0.0)
-    balls = Balls(carriers, places, radii, capsules.joints, capsules.radii, reaches, of_ball, of_capsule, pairs, spare)
-    _write_spare(balls, posed, np.zeros(3), spare)
+    balls = Balls(carriers, places, radii, capsules.joints, capsules.radii, of_ball, of_capsule, pairs, spare)
+    _write_spare(balls, posed, np.zeros(3), np.zeros(8), spare)
     return balls
 
 
@@ -109,91 +105,16 @@ def _has_both(pair: tuple[int, int], of_ball: Numbers, of_capsule: Numbers) -> b
 
 
 @compiled()
-def _write_spare(balls, posed, p, spare):  # type: ignore[no-untyped-def]
+def _write_spare(balls, posed, p, axis, spare):  # type: ignore[no-untyped-def]
     """Write `Balls.spare`; the balls that meet a capsule have a finite value."""
     for pair in range(len(balls.pairs)):
         a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
-        for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-            place_ball(balls, ball, posed, p)
-            for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
-                gap = gap_between(p, balls.radii[ball], posed[capsule], balls.cap_radii[capsule])
+        for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
+            write_axis(posed[capsule], balls.cap_radii[capsule], axis)
+            for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
+                carrier, t = balls.carriers[ball], balls.places[ball]
+                for i in range(3):
+                    p[i] = (1.0 - t) * posed[carrier, 0, i] + t * posed[carrier, 1, i]
+                gap = gap_at(p, balls.radii[ball], axis, balls.cap_radii[capsule])[0]
                 if gap > -OVERLAP * balls.radii[ball]:
                     spare[ball, capsule] = min(gap, 0.0)
-
-
-@inlined(fastmath=True)
-def place_ball(balls: Balls, ball: int, posed: Array, p: Array) -> None:
-    """Write the centre of a ball to p, (3,); `posed`, (capsules, 2, 3), are the ends of the capsules."""
-    capsule, t = balls.carriers[ball], balls.places[ball]
-    for i in range(3):
-        p[i] = (1.0 - t) * posed[capsule, 0, i] + t * posed[capsule, 1, i]
-
-
-@inlined(fastmath=True)
-def gap_between(p: Array, radius: float, ends: Array, radii: Array) -> float:
-    """Return the gap between a ball about p, (3,), and a tapered capsule; negative where they overlap."""
-    t = place_on_axis(p, ends, radii)
-    square = 0.0
-    for i in range(3):
-        square += (p[i] - (1.0 - t) * ends[0, i] - t * ends[1, i]) ** 2
-    return float(np.sqrt(square) - (1.0 - t) * radii[0] - t * radii[1] - radius)
-
-
-def segment_gaps(balls: Balls, posed: Array, farthest: float) -> Array:
-    """Return the least gap of each pair of segments in each frame, (frames, pairs), or `farthest` if that is less, for
-    capsules whose ends are at `posed`, (frames, capsules, 2, 3); in the unit of `posed` and of the radii. Overlaps
-    count only beyond those of the reference pose.
-    """
-    gaps = np.empty((len(posed), len(balls.pairs)))
-    count = len(balls.carriers)
-
-    def write(block: slice) -> None:
-        room = np.empty((count, 3)), np.empty((len(balls.of_ball), 4))
-        _write_gaps(balls, read_only(posed[block]), farthest, *room, gaps[block])
-
-    over_blocks(write, len(posed), count)
-    return gaps
-
-
-@compiled(fastmath=True)
-def _write_gaps(balls, posed, farthest, centres, spheres, gaps):  # type: ignore[no-untyped-def]
-    for frame in range(len(posed)):
-        for ball in range(len(balls.carriers)):
-            place_ball(balls, ball, posed[frame], centres[ball])
-        for segment in range(len(balls.of_capsule) - 1):
-            _write_sphere(balls, segment, posed[frame], spheres[segment])
-        for pair in range(len(balls.pairs)):
-            a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
-            least = farthest
-            apart = 0.0
-            for i in range(3):
-                apart += (spheres[a, i] - spheres[b, i]) ** 2
-            if apart < (spheres[a, 3] + spheres[b, 3] + farthest) ** 2:
-                for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
-                    ends, radii = posed[frame, capsule], balls.cap_radii[capsule]
-                    for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-                        square, reach = 0.0, least + balls.radii[ball] + balls.reaches[capsule]
-                        for i in range(3):
-                            square += (centres[ball, i] - 0.5 * (ends[0, i] + ends[1, i])) ** 2
-                        if balls.spare[ball, capsule] < NEVER and reach > 0.0 and square < reach * reach:
-                            gap = gap_between(centres[ball], balls.radii[ball], ends, radii)
-                            least = min(least, gap - balls.spare[ball, capsule])
-            gaps[frame, pair] = least
-
-
-@inlined(fastmath=True)
-def _write_sphere(balls, segment, posed, sphere):  # type: ignore[no-untyped-def]
-    """Write the centre and the radius of a sphere round the capsules of a segment."""
-    first, last = balls.of_capsule[segment], balls.of_capsule[segment + 1]
-    for i in range(4):
-        sphere[i] = 0.0
-    for capsule in range(first, last):
-        for end in range(2):
-            for i in range(3):
-                sphere[i] += posed[capsule, end, i] / (2 * (last - first))
-    for capsule in range(first, last):
-        for end in range(2):
-            square = 0.0
-            for i in range(3):
-                square += (posed[capsule, end, i] - sphere[i]) ** 2
-            sphere[3] = max(sphere[3], np.sqrt(square) + balls.cap_radii[capsule, end])

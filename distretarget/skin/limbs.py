@@ -20,6 +20,8 @@ Numbers = NDArray[np.intp]
 
 WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
 LEAST = 1e-9  # smaller angles are none [rad]
+STRETCHED = 1e-3  # a limb that reaches for something is shorter than its bones by this share of them
+FOLDED = np.radians(30.0)  # it folds up to this angle between its bones, if it was not folded more [rad]
 UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -90,6 +92,25 @@ def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motio
     rotations = motion.rotations.copy()
     rotations[frames] = local
     return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)
+
+
+def reaching(motion: Motion, limb: Limb, by: Array) -> Array:
+    """Return the displacements of middle and end of a limb, (frames, 2, 3), that move its end by vectors, (frames, 3),
+    as far as it reaches [file units]. The limb turns about its top by the least rotation, and then bends in its plane.
+    """
+    top, middle, end = (motion.positions[:, joint] for joint in limb.joints)
+    upper, lower = (motion.skeleton.lengths[joint] for joint in (limb.middle, limb.end))
+    now, way = end - top, end + by - top
+    far, most = lengths(way), (1.0 - STRETCHED) * (upper + lower)
+    least = np.minimum(np.sqrt(upper**2 + lower**2 - 2.0 * upper * lower * np.cos(FOLDED)), lengths(now))
+    aim = (np.clip(far, least, most) / np.maximum(far, LEAST))[:, None] * way
+    far = np.maximum(lengths(aim), LEAST)[:, None]
+    turned = Rotation.from_quat(least_rotation(now, aim)).apply(middle - top)
+    along = (upper**2 - lower**2 + far**2) / (2.0 * far)
+    aside = turned - (turned * aim).sum(axis=1, keepdims=True) / far**2 * aim
+    aside *= np.sqrt(np.maximum(upper**2 - along**2, 0.0)) / np.maximum(lengths(aside)[:, None], LEAST)
+    moved = np.stack([top + along / far * aim + aside - middle, top + aim - end], axis=1)
+    return np.where((by != 0.0).any(axis=1)[:, None, None], moved, 0.0)
 
 
 def _excess(turns: Array) -> Array:

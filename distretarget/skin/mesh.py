@@ -22,7 +22,7 @@ class Material:
     Attributes:
         colour: red, green, blue and opacity, linear [0 to 1].
         image: the content of the picture that is laid on it; empty for none.
-        kind: the media type of the image.
+        normal_map: the content of the picture of its normals; empty for none.
         mode: how its opacity is used, "OPAQUE", "MASK" or "BLEND", as in glTF.
         cutoff: with "MASK", what is less opaque than this is not seen.
         two_sided: whether it is seen from behind.
@@ -30,7 +30,7 @@ class Material:
 
     colour: tuple[float, ...] = (0.8, 0.8, 0.8, 1.0)
     image: bytes = b""
-    kind: str = ""
+    normal_map: bytes = b""
     mode: str = "OPAQUE"
     cutoff: float = 0.5
     two_sided: bool = False

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
-from distretarget.batch.interrupts import interrupts_kept
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.resting import above_lowest, joint_speeds, still_joints
@@ -13,16 +14,18 @@ from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
 from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import code_folder
+from distretarget.numerics.interrupts import interrupts_kept
 from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import median_of_three
 from distretarget.objectives.skins import BodySkin
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
-from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb, bent
+from distretarget.skin.meetings import segment_gaps
 
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact
@@ -36,6 +39,17 @@ def warm(objective: Objective) -> None:
         _run_for_legs(source)
         retarget(source, target, Options(objective=objective)).metrics  # noqa: B018 - what it needs is compiled
         _measure_skin(source)
+
+
+def warm_for_others(objective: Objective) -> None:
+    """Compile all code for `objective` so that other processes find it, unless an earlier run has done so."""
+    folder = code_folder()
+    mark = folder / f"whole-{objective}" if folder else None
+    if mark is None or not mark.exists():
+        warm(objective)
+    if mark:
+        with suppress(OSError):
+            mark.touch()
 
 
 def _clip() -> tuple[Motion, Skeleton]:
@@ -65,8 +79,8 @@ def _keep_apart(body: BodySkin, motion: Motion) -> None:
     """Run what keeps the skin of a body apart."""
     ends, frames = median_of_three(body.posed(motion)), len(motion)
     gaps, some = segment_gaps(body.balls, ends, 1.0), np.zeros((frames, 1, 2, 3))
-    limbs, free, acts = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2)), np.ones(frames, bool)
-    displacements(body.balls, body.displaced, ends, limbs, free, acts, gaps, gaps, gaps, gaps, some)
+    limbs, free = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2))
+    displacements(body.balls, body.displaced, ends, limbs, free, gaps, gaps, gaps, some)
     bent(motion, (Limb(1, 2, 3, True),), some + 0.1)
 
 

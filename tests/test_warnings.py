@@ -1,9 +1,9 @@
-"""What needs a look: metrics above their limits, with frame and cause, and metrics worse than the rotation copy's."""
+"""Warnings: metrics above their limits, with frame and cause, and metrics worse than the rotation copy's."""
 
 import numpy as np
 
 from distretarget.measure.metrics import BY_KEY, METRICS, SUFFIXES, Track
-from distretarget.measure.verdict import what_needs_a_look
+from distretarget.measure.verdict import limit_warnings
 
 NOTHING = {metric.key: None for metric in METRICS}
 
@@ -11,7 +11,7 @@ NOTHING = {metric.key: None for metric in METRICS}
 def lines(result, copy=None, source=None, tracks=None):
     metrics = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
     sides = {side: {} for side in SUFFIXES} | {"result": tracks or {}}
-    return list(what_needs_a_look(metrics, sides))
+    return list(limit_warnings(metrics, sides))
 
 
 def test_a_metric_above_its_limit_names_value_frame_part_and_cause():

@@ -1,0 +1,121 @@
+"""The table `metrics.csv` in a folder of results: a row for each clip that was measured.
+
+A row is found by the hash of what it says, which is its first cell, so that a damaged row is not used.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TypedDict
+
+from distretarget.batch.journal import Journal
+from distretarget.batch.plan import METRICS as NAME
+from distretarget.measure.metrics import COLUMNS as METRICS
+
+TEXTS = ("verdict", "warnings", "notes", "alignment")
+COLUMNS = ("row", "output", *TEXTS, *METRICS)
+HEADER = ",".join(COLUMNS).encode()
+BETWEEN = " | "  # warnings of a clip, and notes
+
+
+class Measured(TypedDict):
+    """What was measured of a clip.
+
+    Attributes:
+        metrics: by `measure.metrics.COLUMNS`; None where nothing was to be measured; empty of a clip that failed.
+        verdict: on the result, in a sentence.
+        warnings: a line each.
+        notes: joints of the target without a counterpart, in a line, and which readers refuse the result.
+        alignment: of the two bodies, as `alignment_text` has it.
+    """
+
+    metrics: Mapping[str, float | None]
+    verdict: str
+    warnings: list[str]
+    notes: list[str]
+    alignment: str
+
+
+def row_of(output: str, measured: Measured) -> bytes:
+    """Return the row of an output."""
+    warnings, notes = (BETWEEN.join(measured[key]) for key in ("warnings", "notes"))
+    texts = [" ".join(each.splitlines()) for each in (output, measured["verdict"], warnings, notes)]
+    row = io.StringIO()
+    numbers = (measured["metrics"].get(name) for name in METRICS)
+    csv.writer(row, lineterminator="").writerow([*texts, measured["alignment"], *numbers])
+    content = row.getvalue().encode("utf-8", "surrogateescape")
+    return _hash_of(content) + b"," + content
+
+
+def parse_row(line: bytes) -> Measured | None:
+    """Return what a row says; None if it is damaged, or of another version."""
+    name, _, content = line.rstrip(b"\n").partition(b",")
+    if name != _hash_of(content):
+        return None
+    _, verdict, warnings, notes, alignment, *cells = next(csv.reader([content.decode("utf-8", "surrogateescape")]))
+    numbers = [float(cell) if cell else None for cell in cells]
+    return Measured(
+        metrics=dict(zip(METRICS, numbers, strict=True)),
+        verdict=verdict,
+        warnings=warnings.split(BETWEEN) if warnings else [],
+        notes=notes.split(BETWEEN) if notes else [],
+        alignment=alignment,
+    )
+
+
+def _hash_of(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest()[:16].encode()
+
+
+def _name_in(row: bytes) -> str:
+    return row.partition(b",")[0].decode("ascii", "replace")
+
+
+class MetricRows:
+    """The rows in a folder of results."""
+
+    def __init__(self, folder: Path, lock: AbstractContextManager[object]) -> None:
+        self._starts: dict[str, int] = {}  # where each row begins [bytes], by its name
+        self._lock = lock
+        self._journal = Journal(folder / NAME, lock, self._note)
+
+    def add(self, output: str, measured: Measured) -> str:
+        """Add the row of an output, unless it is there, and return its name; a FileError if that fails.
+
+        The file is locked. It need not be on the disk: the clip of a row that gets lost is retargeted again.
+        """
+        row = row_of(output, measured)
+        self._journal.catch_up()
+        head = () if self._has_header() else (HEADER,)
+        if (name := _name_in(row)) not in self._starts:
+            self._journal.add(*head, row, flush=False)
+        return name
+
+    def find(self, name: str) -> Measured | None:
+        """Return what the row with this name says; None if there is none."""
+        self._journal.catch_up()
+        lines = self._journal.lines_at([self._starts[name]]) if name in self._starts else ()
+        return next(map(parse_row, lines), None)
+
+    def _has_header(self) -> bool:
+        """Whether the file begins as this version writes it; one of another version is put aside."""
+        path = self._journal.path
+        if not path.exists():
+            return False
+        with path.open("rb") as file:
+            first = file.readline()
+        if first and first.rstrip(b"\n") != HEADER:
+            path.replace(path.with_suffix(".old.csv"))
+            self._starts.clear()
+            self._journal = Journal(path, self._lock, self._note)
+            return False
+        return bool(first)
+
+    def _note(self, row: bytes, start: int) -> bool:
+        self._starts[_name_in(row)] = start
+        return True

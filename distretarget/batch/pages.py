@@ -1,0 +1,125 @@
+"""What is made of a batch as a whole: the page over all clips, reports on single ones, and the table."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+
+from distretarget.batch.metric_table import check_table, is_table, table
+from distretarget.batch.plan import Clip, check_page
+from distretarget.batch.record import VERSION, ManifestRecord
+from distretarget.batch.results import Results
+from distretarget.batch.tally import worst
+from distretarget.errors import DistretargetError, FileError
+from distretarget.io.files import check_inside, check_writable, is_folder, make_folder, write_whole
+from distretarget.io.input_file import load_file
+from distretarget.measure.metrics import METRICS
+from distretarget.report.diff_document import About
+from distretarget.report.index_page import index_page
+from distretarget.report.view_page import small_stage
+
+MARK = '<meta name="generator" content="distretarget">'
+OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
+PLAYED = 24  # clips that the page over all clips plays
+HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
+
+
+@dataclass(frozen=True)
+class Pages:
+    """The pages and the table of a batch.
+
+    Attributes:
+        about: what a report says of a clip, from its path and that of its result.
+        index: the page over all clips; None for no pages.
+        reports: how many clips get a report beside it, the worst first; None for all.
+        table: the table of all clips, .csv or .parquet.
+        problems: why a report could not be written, by its path.
+    """
+
+    about: Callable[[PurePath, PurePath], About]
+    index: Path | None = None
+    reports: int | None = None
+    table: Path | None = None
+    problems: dict[Path, FileError] = field(default_factory=dict)
+
+    def check(self, clips: Sequence[Clip], results: Results, map_path: str | Path) -> None:
+        """Raise a BatchError or FileError if page or table cannot be written, or would replace a file of the batch."""
+        if self.table:
+            check_table(self.table)
+        for path in filter(None, (self.index, self.table)):
+            check_page(path, clips, results.folder, map_path)
+            above = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
+            if above == path:
+                check_writable(path, results.overwrite or self._is_own(path))
+            elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
+                raise FileError(path, f"nothing can be written to {str(above)!r}")
+
+    def about_at_once(self, clip: Clip) -> About | None:
+        """What the report on a clip says, if all clips get one; they are made as clips are retargeted."""
+        return self.about(clip.path, clip.place) if self.index and self.reports is None else None
+
+    def without_report(self, records: Sequence[ManifestRecord]) -> Iterator[str]:
+        """Yield the outputs that are to get a report, and have none on their present content."""
+        done = [record for record in records if record["status"] == "done"]
+        for record in worst(done, METRICS[0])[: self.reports] if self.index else ():
+            if not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
+                yield record["output"]
+
+    def write_report(self, record: ManifestRecord, report: str, results: Results) -> None:
+        """Write the report on a clip, if any, or remember why that failed."""
+        path = self._report_path(record["output"])
+        try:
+            if report and self.index:
+                check_inside(path, self.index.parent)
+                self._write(path, report.replace(MARK, MARK + OF.format(record["output_hash"]), 1), results)
+        except FileError as error:
+            self.problems[path] = error
+
+    def write(self, records: Sequence[ManifestRecord], results: Results) -> None:
+        """Write the page over all clips and the table; a FileError if that fails."""
+        if self.table:
+            self._write(self.table, table(self.table, records, VERSION), results)
+        if self.index:
+            paths = {one["output"]: self._report_path(one["output"]) for one in records if self._has_report(one)}
+            links = {name: Path(os.path.relpath(path, self.index.parent)).as_posix() for name, path in paths.items()}
+            title = f"{len(records)} clips in {results.folder.resolve().name}"
+            page = index_page(records, links, title, VERSION, dict(_stages(records, results.folder)))
+            self._write(self.index, page, results)
+
+    def _write(self, path: Path, content: str | bytes, results: Results) -> None:
+        make_folder(path.parent)
+        with results.manifest.locked():
+            write_whole(path, content, results.overwrite or self._is_own(path))
+
+    def _is_own(self, path: Path) -> bool:
+        """Whether this program wrote a file."""
+        return is_table(path) if path == self.table else MARK in _head(path)
+
+    def _report_path(self, output: str) -> Path:
+        index = self.index or Path()
+        return index.parent / f"{index.stem}_reports" / PurePath(output).with_suffix(".html")
+
+    def _has_report(self, record: ManifestRecord) -> bool:
+        """Whether a clip has a report on its present output, not on an earlier one."""
+        return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
+
+
+def _stages(records: Sequence[ManifestRecord], folder: Path) -> Iterator[tuple[str, object]]:
+    """Yield what the page plays, by output: the worst clips, first those with warnings, whose files can be read."""
+    done = [record for record in records if record["status"] == "done"]
+    for record in sorted(worst(done, METRICS[0]), key=lambda record: not record["warnings"])[:PLAYED]:
+        with suppress(DistretargetError):
+            files = load_file(record["input"]), load_file(folder / record["output"])
+            yield record["output"], small_stage(files[0], record["options"].get("clip"), files[1])
+
+
+def _head(path: Path) -> str:
+    """The beginning of a page; empty if it cannot be read, which writing it will report."""
+    with suppress(OSError):
+        if path.is_file():
+            with path.open(encoding="utf-8", errors="replace") as file:
+                return file.read(HEAD)
+    return ""

@@ -1,0 +1,264 @@
+"""SMPL, SMPL-H and SMPL-X: the joints of their bodies, and parameters of their poses as AMASS has them.
+
+    poses  (frames, 3 joints)  how each joint is turned against its parent, as rotation vectors [rad]
+    trans  (frames, 3)         where the model is [m]; its pelvis is at `trans` plus the pelvis of the rest pose
+    betas  (n,)                the shape of the body, for which a model's file is needed
+
+No joint is turned in the rest pose, a T-pose with Y up that faces Z. The world of AMASS has Z up. Loper et al., "SMPL",
+doi:10.1145/2816795.2818013; Mahmood et al., "AMASS", doi:10.1109/ICCV.2019.00554.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.anatomy import SIDES, Anatomy
+from distretarget.body.body import Body
+from distretarget.body.conventions import convention_of
+from distretarget.body.reference_pose import t_pose
+from distretarget.errors import FileError, SkeletonError, quoted
+from distretarget.io.npz import ArraysFile
+from distretarget.motion import Motion
+from distretarget.skeleton import METRES, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
+
+Array = NDArray[np.float64]
+
+# The joints whose turns are parameters, in their order: the name of each, that of its parent, and its role.
+TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+LIMBS = {
+    "hip": ("pelvis", "UpperLeg"),
+    "knee": ("hip", "LowerLeg"),
+    "ankle": ("knee", "Foot"),
+    "foot": ("ankle", "Toes"),
+    "collar": ("spine3", "Shoulder"),
+    "shoulder": ("collar", "UpperArm"),
+    "elbow": ("shoulder", "LowerArm"),
+    "wrist": ("elbow", "Hand"),
+}
+FINGERS = {"index": "Index", "middle": "Middle", "pinky": "Little", "ring": "Ring", "thumb": "Thumb"}
+ORDER = "pelvis hip spine1 knee spine2 ankle spine3 foot neck collar head shoulder elbow wrist"
+BODY = tuple(
+    name for part in ORDER.split() for name in ([part] if part in TRUNK else [f"{side}_{part}" for side in SIDES])
+)
+HANDS = tuple(f"{side}_{finger}{bone}" for side in SIDES for finger in FINGERS for bone in (1, 2, 3))
+FACE = ("jaw", "left_eye_smplhf", "right_eye_smplhf")
+# The joints of the body alone, of SMPL, SMPL-H and SMPL-X, by their number.
+MODELS = {len(names): names for names in (BODY, (*BODY, "left_hand", "right_hand"), BODY + HANDS, BODY + FACE + HANDS)}
+CONVENTION = "SMPL"
+SHAPE = ("v_template", "shapedirs", "J_regressor")  # the arrays of a model's file that give the joints of a shape
+PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")  # of `poses`, in files without it
+SAME_RATE = 1e-4  # a frame rate this near to a whole number is one; frame times in files have few digits [relative]
+LEVEL = 0.9  # an arm in T-pose has a larger cosine than this with the sideways axis [cosine]
+SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0  # bounds of a person's height [m]
+UPRIGHT = 0.7  # a body with a larger mean cosine than this between its up and Y moves in a world with Y up [cosine]
+TO_Y_UP = Rotation.from_rotvec([-0.5 * np.pi, 0.0, 0.0])  # from the world of AMASS
+
+
+def _parent(name: str) -> str | None:
+    """The name of the joint above one; None for the pelvis."""
+    if name in TRUNK:
+        return TRUNK[TRUNK.index(name) - 1] if name != TRUNK[0] else None
+    if name in FACE:
+        return "head"
+    side, part = name.split("_")
+    if part[:-1] in FINGERS and not part.endswith("1"):
+        return f"{name[:-1]}{int(name[-1]) - 1}"
+    above = LIMBS[part][0] if part in LIMBS else "wrist"
+    return above if above in TRUNK else f"{side}_{above}"
+
+
+def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
+    """Return the skeleton in a file of arrays: `names`, `parents` and `offsets`, as `Motion.to_dict` gives them, or
+    those of SMPL (`smpl_skeleton`).
+    """
+    if not all(name in arrays for name in ("names", "parents", "offsets")):
+        return smpl_skeleton(arrays, betas)
+    names = tuple(map(str, arrays.array("names").ravel()))
+    ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
+    try:
+        return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
+    except SkeletonError as error:
+        raise error.in_file(arrays.path) from None
+
+
+def smpl_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
+    """Return the skeleton in a file of arrays: with `J`, (joints, 3), the joints of the rest pose [m], or of a model,
+    whose joints depend on the shape `betas`, by default the mean one.
+
+    Raises:
+        FileError: it has neither, or not as many joints as one of the models.
+    """
+    if "J" in arrays:
+        places = arrays.numbers("J", "joints", 3)
+    elif all(name in arrays for name in SHAPE):
+        places = _shaped(arrays, np.zeros(0) if betas is None else betas)
+    else:
+        raise FileError(arrays.path, f"has no joints; expected J, (joints, 3), or the {', '.join(SHAPE)} of a model")
+    if len(places) not in MODELS:
+        known = ", ".join(map(str, MODELS))
+        raise FileError(arrays.path, f"has {len(places)} joints; expected one of {known}, as SMPL, SMPL-H and SMPL-X")
+    names = MODELS[len(places)]
+    above = [_parent(name) for name in names]
+    parents = np.array([-1 if parent is None else names.index(parent) for parent in above])
+    offsets = places - np.where(parents[:, None] < 0, 0.0, places[parents])
+    return replace(_free(names, parents, offsets, np.zeros(len(names), bool)), units="m", up="Y")
+
+
+def _free(names: tuple[str, ...], parents: NDArray[Any], offsets: NDArray[Any], ends: NDArray[Any]) -> Skeleton:
+    """The skeleton whose root moves freely and whose other joints turn freely."""
+    free = [() if end else USUAL_ROTATIONS if joint else USUAL_ROOT for joint, end in enumerate(ends.ravel().tolist())]
+    return Skeleton(names=names, parents=parents, offsets=offsets, channels=tuple(free), end_sites=ends)
+
+
+def _shaped(arrays: ArraysFile, betas: Array) -> Array:
+    """(joints, 3), the joints of a model's shape [m]."""
+    vertices = arrays.numbers("v_template", "vertices", 3)
+    shapes = arrays.numbers("shapedirs", len(vertices), 3, "shapes")[..., : len(betas)]
+    return arrays.numbers("J_regressor", "joints", len(vertices)) @ (vertices + shapes @ betas[: shapes.shape[2]])
+
+
+@dataclass(frozen=True, eq=False)
+class SmplBody:
+    """A skeleton that parameters pose.
+
+    Attributes:
+        skeleton: its joints.
+        joints: the joints that parameters turn, by SMPL's names.
+        turns: (joints, 4), the world rotations that bring its rest pose into SMPL's.
+        exact: whether its rest pose is SMPL's, and its joints have SMPL's names.
+    """
+
+    skeleton: Skeleton
+    joints: Mapping[str, int]
+    turns: Array
+    exact: bool
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> SmplBody:
+        """Return the body of a skeleton with the joints of SMPL, under any names and in any rest pose.
+
+        Raises:
+            SkeletonError: it lacks one.
+        """
+        body = Body.of(skeleton)
+        if body.anatomy is None or body.at_rest is None:
+            raise SkeletonError("is not recognised as human, so parameters of SMPL cannot pose it")
+        joints = _joints_of(skeleton, body.anatomy)
+        if lacking := [name for name in BODY if name not in joints]:
+            raise SkeletonError(f"lacks joints of SMPL: {quoted(lacking)}")
+        left = [body.at_rest.bone(f"{side}UpperArm", f"{side}Hand") for side in SIDES]
+        level = all(arm is not None and sign * arm[0] > LEVEL for arm, sign in zip(left, (1.0, -1.0), strict=True))
+        exact = body.anatomy.convention == CONVENTION and level
+        return cls(skeleton, joints, skeleton.unturned if exact else t_pose(skeleton, body.at_rest, None), exact)
+
+    @property
+    def metre(self) -> float:
+        """A metre [file units]; where the file states no unit, that in which the body is as tall as a person."""
+        height = float(np.ptp(self.skeleton.rest_positions, axis=0).max())
+        likely = (unit for unit in ("m", "cm", "mm") if SMALLEST_BODY < METRES[unit] * height < LARGEST_BODY)
+        return 1.0 / METRES[self.skeleton.units or next(likely, "m")]
+
+    @property
+    def pelvis(self) -> Array:
+        """(3,), where the pelvis is in SMPL's rest pose [file units]."""
+        return np.asarray(self.skeleton.offsets[0] + self._pelvis_from_root)
+
+    @property
+    def _pelvis_from_root(self) -> Array:
+        return np.asarray(self.skeleton.posed(self.turns)[self.joints[TRUNK[0]]])
+
+    def motion(self, poses: Array, trans: Array, frame_time_text: str) -> Motion:
+        """Return the motion of parameters, turned so that Y is up; those of joints that the body lacks are left out."""
+        names, skeleton = MODELS[poses.shape[1] // 3], self.skeleton
+        turns = dict(zip(names, poses.reshape(len(poses), -1, 3).swapaxes(0, 1), strict=True))
+        to_y_up = _to_y_up(turns[TRUNK[0]])
+        rest = Rotation.from_quat(self.turns)
+        rotations = np.tile(skeleton.unturned, (len(poses), 1, 1))
+        for joint, parent in enumerate(skeleton.parents.tolist()):
+            rotations[:, joint] = (rest[parent].inv() * rest[joint] if joint else rest[0]).as_quat()
+        for name, joint in self.joints.items():
+            if name in turns:
+                above = rest[skeleton.parents[joint]].inv() if joint else Rotation.identity()
+                turn = Rotation.from_rotvec(turns[name])
+                turn = to_y_up * turn if name == TRUNK[0] else turn
+                rotations[:, joint] = (above * turn * rest[joint]).as_quat()
+        path = to_y_up.apply(self.metre * trans + self.pelvis) - self._pelvis_from_root
+        return Motion(skeleton, path, rotations, frame_time_text)
+
+    def parameters(self, motion: Motion) -> dict[str, Array | float]:
+        """Return `poses`, `trans` and `mocap_frame_rate` of a motion of the body in which Y is up, for a world with Z
+        up as in AMASS.
+        """
+        has = self.joints.keys()
+        names = MODELS[len(BODY) + (2 if has.isdisjoint(HANDS) else 30 if has.isdisjoint(FACE) else 33)]
+        world, rest = motion.world_rotations, Rotation.from_quat(self.turns)
+        turned = {name: Rotation.from_quat(world[:, joint]) * rest[joint].inv() for name, joint in self.joints.items()}
+        poses = np.zeros((len(names), len(motion), 3))
+        for number, name in enumerate(names):
+            if name in turned:
+                above = _parent(name)
+                poses[number] = ((turned[above] if above else TO_Y_UP).inv() * turned[name]).as_rotvec()
+        places = TO_Y_UP.inv().apply(motion.positions[:, self.joints[TRUNK[0]]])
+        rate = 1.0 / motion.frame_time
+        return {
+            "poses": poses.swapaxes(0, 1).reshape(len(motion), -1),
+            "trans": (places - self.pelvis) / self.metre,
+            "mocap_frame_rate": float(round(rate)) if abs(round(rate) - rate) < SAME_RATE * rate else rate,
+        }
+
+
+def _joints_of(skeleton: Skeleton, anatomy: Anatomy) -> dict[str, int]:
+    """The joints that parameters turn, by SMPL's names."""
+    roles, spine = anatomy.roles, anatomy.spine
+    wanted = {f"{side}_{part}": f"{side}{role}" for part, (_, role) in LIMBS.items() for side in SIDES}
+    wanted |= {"pelvis": "hips", "neck": "neck", "head": "head"}
+    for side in SIDES:
+        wanted |= {f"{side}_{name}{n}": f"{side}{role}{n}" for name, role in FINGERS.items() for n in (1, 2, 3)}
+    joints = {name: roles[role] for name, role in wanted.items() if role in roles}
+    if len(spine) > 2:
+        joints |= zip(TRUNK[1:4], (spine[0], spine[(len(spine) - 1) // 2], spine[-1]), strict=True)
+    return joints | {name: skeleton.index(name) for name in (*FACE, *MODELS[24][-2:]) if name in skeleton.keys}
+
+
+def _to_y_up(turns: Array) -> Rotation:
+    """The rotation to a world with Y up, from the rotation vectors of the pelvis, (frames, 3) [rad]."""
+    cosines = Rotation.from_rotvec(turns).apply([0.0, 1.0, 0.0])[:, 1] if len(turns) else np.zeros(1)
+    return Rotation.identity() if cosines.mean() > UPRIGHT else TO_Y_UP
+
+
+def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) -> Motion:
+    """Return the motion of the parameters in a file.
+
+    Raises:
+        FileError: they are not such parameters.
+        SkeletonError: the skeleton lacks a joint of SMPL.
+    """
+    poses = poses_in(arrays)
+    return SmplBody.of(skeleton).motion(poses, arrays.numbers("trans", len(poses), 3), frame_time_text)
+
+
+def poses_in(arrays: ArraysFile) -> Array:
+    """Return `poses`, (frames, 3 joints) [rad], which some files have in parts, or raise a FileError."""
+    whole = ["poses"] if "poses" in arrays else [name for name in PARTS if name in arrays]
+    poses = np.concatenate([arrays.numbers(name, "frames", "3 joints") for name in whole], axis=1)
+    if poses.shape[1] not in [3 * number for number in MODELS]:
+        known = ", ".join(str(3 * number) for number in MODELS)
+        raise FileError(arrays.path, f"has {poses.shape[1]} numbers in each frame of poses; expected one of {known}")
+    return poses
+
+
+def smpl_parameters(motion: Motion) -> dict[str, Array | float]:
+    """Return the parameters of a motion on a body of SMPL (`SmplBody.parameters`); none on any other body."""
+    if convention_of(motion.skeleton) != CONVENTION:
+        return {}
+    try:
+        body = SmplBody.of(motion.skeleton)
+    except SkeletonError:
+        return {}
+    return body.parameters(motion) if body.exact else {}

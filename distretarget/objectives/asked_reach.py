@@ -1,0 +1,128 @@
+"""Limbs that reach for what is asked: arms, or legs among themselves, close what is left between two parts of a body.
+
+The solver brings parts near each other, with trunk and all limbs; then limbs bend until what is asked is met. Arms
+that would meet inside the trunk are brought out of it first, forwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.body import Body
+from distretarget.contact_entries import Contact, Plant
+from distretarget.motion import Motion
+from distretarget.numerics.time_series import averaged, by_shot, widened
+from distretarget.numerics.vectors import lengths
+from distretarget.objectives.asked_springs import off_by, pair_of
+from distretarget.objectives.asking import Wish, Wishes
+from distretarget.objectives.looks import front_of
+from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.objectives.supports import Supports
+from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.limbs import Limb, bent, reaching
+
+Array = NDArray[np.float64]
+
+FOREARM = 0.5  # what touches a forearm moves by about this share of what its wrist does
+STEPS = np.linspace(0.0, 0.5, 26)  # how far arms are brought out of the trunk, at most [body units]
+OUT = 0.15  # they lead in time over twice this [s]
+TRUNK = [SEGMENTS.index(name) for name in ("head", "neck", "chest", "belly", "pelvis", "left thigh", "right thigh")]
+
+
+def reached(
+    motion: Motion, wishes: Wishes, supports: Supports, limbs: Sequence[Limb], skins: Skins | None, steady: float
+) -> Motion:
+    """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others.
+
+    What limbs do is averaged over the time `steady` before and after each frame [s].
+    """
+    clip, moved = wishes.clip, np.zeros((len(motion), len(limbs), 3))
+    for wish in wishes.wishes:
+        moving = _moving(wishes, wish, supports, limbs)
+        if moving:
+            way = wishes.firmness(wish)[:, None] * clip.unit * off_by(wishes, wish, motion, supports, skins)
+            total = sum(free for _, _, free, _ in moving)
+            for number, sign, free, share in moving:
+                part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
+                moved[:, number] += (sign / share * part * free)[:, None] * way
+    return _moved(motion, wishes, limbs, moved, steady)
+
+
+def brought_out(
+    motion: Motion, wishes: Wishes, supports: Supports, limbs: Sequence[Limb], skin: BodySkin, body: Body
+) -> Motion:
+    """Return a motion in which arms that touch something are brought out of the trunk, forwards."""
+    clip, moved = wishes.clip, np.zeros((len(motion), len(limbs), 3))
+    spine = body.anatomy.spine if body.anatomy else ()
+    front, posed = front_of(body, motion, spine[-1] if spine else clip.pelvis), skin.posed(motion)
+    for wish in wishes.wishes:
+        if isinstance(wish.entry, Contact):
+            arms = [each for each in _moving(wishes, wish, supports, limbs) if limbs[each[0]].is_arm]
+            on = np.flatnonzero(wish.weight > 0.0)
+            parts = np.concatenate(wish.joints)
+            far = np.zeros(len(motion))
+            far[on] = _way_out(skin, posed[on], parts, front[on])
+            far = by_shot(partial(widened, frames=OUT / clip.frame_time), clip.shots, far[:, None])[:, 0]
+            for number, _, free, _ in arms:
+                moved[:, number] += (free * wishes.firmness(wish) * far)[:, None] * clip.unit * front
+    return _moved(motion, wishes, limbs, moved, 0.0)
+
+
+def _moved(motion: Motion, wishes: Wishes, limbs: Sequence[Limb], moved: Array, steady: float) -> Motion:
+    """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
+    clip = wishes.clip
+    average = partial(averaged, reach=round(steady / clip.frame_time))
+    moved = by_shot(average, clip.shots, moved) * (wishes.share > 0.0)[:, None, None]
+    displaced = np.stack([reaching(motion, limb, moved[:, n]) for n, limb in enumerate(limbs)], axis=1)
+    return bent(motion, tuple(limbs), displaced)
+
+
+def _moving(
+    wishes: Wishes, wish: Wish, supports: Supports, limbs: Sequence[Limb]
+) -> list[tuple[int, float, Array, float]]:
+    """The limbs that can close what a wish leaves: number, sign, how free each is, (frames,), and by which share of its
+    end the part moves. Legs stay where an arm can move.
+    """
+    found, skeleton, pair = [], wishes.clip.skeleton, pair_of(wishes.clip, wish)
+    planted = pair is None and isinstance(wish.entry, Plant) and wish.entry.keep
+    joints = (int(wish.joints[0][0]),) if planted else pair or ()
+    for joint, sign in zip(joints, (1.0, -1.0), strict=False):
+        for number, limb in enumerate(limbs):
+            if joint in skeleton.subtree(limb.middle) and (joint != limb.middle or len(wish.joints[0]) > 1):
+                below = np.isin(supports.joints, [*skeleton.subtree(limb.end)])
+                free = 1.0 - supports.weights[:, below].max(axis=1, initial=0.0)
+                free = np.ones_like(free) if planted else free
+                share = 1.0 if joint in skeleton.subtree(limb.end) else FOREARM
+                found.append((number, sign, free, share))
+    arms = [each for each in found if limbs[each[0]].is_arm]
+    return arms if arms or planted else found
+
+
+def _way_out(skin: BodySkin, posed: Array, parts: NDArray[np.intp], front: Array) -> Array:
+    """(frames,), how far the balls of limbs' parts have to go along `front`, (frames, 3), to leave the trunk, or what
+    of it is not among the parts [body units].
+    """
+    balls, segments, caps = skin.balls, {*skin.of_joint[parts].tolist()}, skin.capsules.segments
+    own = np.flatnonzero(np.isin(caps[balls.carriers], [s for s in segments if s not in TRUNK]))
+    others = np.flatnonzero(np.isin(caps, [s for s in TRUNK if s not in segments]))
+    if not len(own) or not len(others):
+        return np.zeros(len(posed))
+    t = balls.places[own, None]
+    p = (1.0 - t) * posed[:, balls.carriers[own], 0] + t * posed[:, balls.carriers[own], 1]
+    p = p[:, None] + STEPS[:, None, None] * front[:, None, None]
+    clear = np.ones((len(posed), len(STEPS)), bool)
+    for each in others.tolist():
+        a, axis, radii = posed[:, each, 0], posed[:, each, 1] - posed[:, each, 0], balls.cap_radii[each]
+        way = p - a[:, None, None]
+        along = np.einsum("fsbi,fi->fsb", way, axis) / np.maximum((axis**2).sum(axis=1), 1e-12)[:, None, None]
+        along = np.clip(along, 0.0, 1.0)
+        far = lengths(way - along[..., None] * axis[:, None, None])
+        radius = (
+            (1.0 - along) * radii[0] + along * radii[1] + balls.radii[own] + np.minimum(balls.spare[own, each], 0.0)
+        )
+        clear &= (far >= radius).all(axis=2)
+    return np.where(clear.any(axis=1), STEPS[clear.argmax(axis=1)], 0.0)

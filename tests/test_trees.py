@@ -1,0 +1,80 @@
+"""Trees of joints: orders, paths and reaches against plain searches; bodies are known without arrays of all pairs."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from distretarget import Skeleton
+from distretarget.body.body import Body
+from distretarget.body.segments import find_segments
+from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
+
+KINDS = {
+    "root with children": lambda joint: 0 * joint,
+    "chain": lambda joint: joint - 1,
+    "binary tree": lambda joint: (joint - 1) // 2,
+    "chain with twigs": lambda joint: joint - 1 - (joint % 2 == 0) * (joint > 1),
+    "three chains by turns": lambda joint: max(joint - 3, 0),
+}
+
+
+def tree(kind, count, seed=0):
+    """A skeleton of one of the kinds, some bones of length 0."""
+    draw = np.random.default_rng(seed)
+    offsets = draw.normal(size=(count, 3)) * (draw.random((count, 1)) < 0.9)
+    return Skeleton(
+        names=tuple(f"j{joint}" for joint in range(count)),
+        parents=np.array([-1, *map(KINDS[kind], range(1, count))]),
+        offsets=offsets,
+        channels=(POSITION_CHANNELS + USUAL_ROTATIONS,) + (USUAL_ROTATIONS,) * (count - 1),
+        end_sites=np.zeros(count, bool),
+    )
+
+
+def paths_by_search(skeleton, start):
+    """The lengths of the paths from a joint, by walking from neighbour to neighbour."""
+    found, waiting = {start: 0.0}, [start]
+    for joint in waiting:
+        above = [skeleton.parents.item(joint)] if joint else []
+        for near in (*above, *skeleton.children[joint]):
+            if near not in found:
+                found[near] = found[joint] + skeleton.lengths[max(joint, near)]
+                waiting.append(near)
+    return np.array([found[joint] for joint in range(len(skeleton))])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("count", [1, 2, 23])
+def test_paths_meets_and_reaches_are_those_of_plain_searches(kind, count):
+    skeleton = tree(kind, count)
+    lines = [skeleton.line(joint) for joint in range(count)]
+    for joint in range(count):
+        paths, below = paths_by_search(skeleton, joint), skeleton.subtree(joint)
+        np.testing.assert_array_equal(skeleton.paths_from(joint), paths)
+        np.testing.assert_array_equal(skeleton.path_lengths[joint], paths)
+        assert skeleton.reach[joint] == pytest.approx(paths[below].max())
+        assert paths[skeleton.farthest[joint]] == pytest.approx(paths[below].max())
+        assert skeleton.depths[joint] == len(lines[joint]) - 1
+        for other in range(count):
+            common = max({*lines[joint]} & {*lines[other]})
+            assert skeleton.meets[joint, other] == skeleton.meet([joint, other]) == common
+    assert skeleton.longest_path == pytest.approx(skeleton.path_lengths.max())
+    assert skeleton.depth_first == tuple(sorted(range(count), key=lambda joint: lines[joint][::-1]))
+
+
+def test_of_joints_equally_far_the_nearest_along_the_tree_is_the_farthest():
+    flat = tree("chain with twigs", 9)
+    flat = flat.with_offsets(0.0 * flat.offsets)
+    np.testing.assert_array_equal(flat.farthest, np.arange(9))
+
+
+@pytest.mark.parametrize("kind", ["root with children", "chain", "chain with twigs"])
+def test_what_is_known_of_a_body_takes_room_for_a_few_numbers_a_joint(kind):
+    skeleton = tree(kind, 3000)
+    tracemalloc.start()
+    body = Body.of(skeleton)
+    _ = body.legs, body.height, body.regions, body.handles, find_segments(body)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3000 * 12_000  # bytes; an array of all pairs of joints has 24,000 a joint
