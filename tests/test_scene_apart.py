@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 from distretarget import Prop, read_bvh, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
+from distretarget.measure.scene_skin_gaps import measure_skin_gap
+from distretarget.measure.skin import find_skin
 from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, SPEED, Core, _slowed
 from distretarget.scene.bodies import COUNT, Bodies, PropShape
 from distretarget.scene.prop_surface import Surface
@@ -165,3 +167,19 @@ def test_a_wall_that_leaves_an_arm_no_room_makes_it_no_worse(thickness, wall_fro
     after, before = (np.maximum(-bodies.gaps([each[0].motion])[:, arms], 0.0).max(axis=1) for each in (thick, thin))
     assert before.max() > 0.02
     assert np.all(after < before + 0.011)
+
+
+def test_gaps_between_skins_are_told():
+    thick, motions = fat("waltz")[0], scene("waltz")[0]
+    gap = retarget_scene(motions, [motion.rigid_skeleton for motion in motions], skin="average").skin_gaps[0, 1]
+    assert gap.frames > 100
+    assert gap.error < 0.5  # on bodies as thick as the source
+    assert f"{gap.error:.1f} % of height on average, worst in frame {gap.worst_frame} ({gap.parts[0]}" in gap.sentence
+    assert thick[0].skins
+    one, other = thick[0], thick[0].motion
+    skin = find_skin(one.matching.target, one.skins.target.capsules)
+    away = replace(other, root_positions=other.root_positions + 1000.0)
+    assert measure_skin_gap([other, away], [other, away], [skin] * 2, [skin] * 2) is None
+    far = measure_skin_gap([other, other], [other, away], [skin] * 2, [skin] * 2)
+    assert far.frames == len(other)
+    assert far.error == pytest.approx(100.0 * np.sqrt(3) * 1000.0 / skin.height, rel=0.1)
