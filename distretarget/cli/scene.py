@@ -297,13 +297,15 @@ def _write(
             )
     for (i, j), gap in result.gaps.items():
         line, copy = "nothing touches between them in the source", result.copy_gaps[i, j]
-        if gap and copy:
+        if skin_gap := result.skin_gaps.get((i, j)):
+            line = skin_gap.sentence
+        elif gap and copy:
             line = (
                 f"what touches between them in {gap.frames} frames is {100 * gap.b:.1f} % of a leg apart on average, "
                 f"1 % of it more than {100 * gap.worst:.1f} "
                 f"({100 * gap.a:.1f} on average in the source, {100 * copy.b:.1f} in copied rotations)"
             )
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")
-    if any(result.gaps.values()):
+    if any(gap and both not in result.skin_gaps for both, gap in result.gaps.items()):
         error = 100.0 * result.gap_error
         say(f"sweeps: {result.sweeps}; gaps between what touches are {error:.1f} % of a leg off on average")

@@ -130,11 +130,13 @@ class Underside:
         return np.asarray(np.unique(around[around >= 0]))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
-        """The vertices that stand for the skin nearer to a joint than `reach`."""
-        carriers, away = _carriers(mesh), mesh.vertices - self.body.skeleton.rest_positions[joint]
-        near = np.isin(self.segments[carriers], self._segments_about(joint)) & (lengths(away) < reach)
-        own = np.flatnonzero(near)
-        return own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own
+        """The vertices that stand for the skin nearer to a joint than `reach`, those of each segment."""
+        segments, away = self.segments[_carriers(mesh)], mesh.vertices - self.body.skeleton.rest_positions[joint]
+        near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
+        for segment in self._segments_about(joint):
+            own = np.flatnonzero(near & (segments == segment))
+            chosen.append(own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own)
+        return np.concatenate(chosen)
 
 
 @dataclass(frozen=True, eq=False)

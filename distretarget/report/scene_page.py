@@ -131,7 +131,8 @@ def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     bodies = [ShownBody.of_performer(name, run_diff(one), one) for name, one in pairs]
     props = zip(names[len(bodies) :], result.props, strict=True)
     bodies += [ShownBody.of_prop(name, prop.source, prop.copy, prop.motion) for name, prop in props]
-    title, tables = " and ".join(names), [_gaps_of_result(result, names)]
+    title, tables = " and ".join(names), [*_skin_gaps_of_result(result, names), _gaps_of_result(result, names)]
+    tables = [table for table in tables if table["rows"]]
     sides = ("Source", "Copied rotations", "Result")
     return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables)
 
@@ -147,9 +148,23 @@ def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
     return _player_page(title, sides, bodies, diff.performers[0], diff.world_scale, tables)
 
 
+def _skin_gaps_of_result(result: SceneResult, names: Sequence[str]) -> Iterator[Table]:
+    """The table of gaps between skins; none where fewer than two performers have skins."""
+    rows: list[list[str | int]] = []
+    for (i, j), gap in result.skin_gaps.items():
+        told = [f"{gap.error:.1f}", str(gap.worst_frame), " - ".join(gap.parts)] if gap else [NO_GAP] * 3
+        rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told])
+    if rows:
+        title = "Gaps between skins where they touch in the source: how far off the source\u2019s, in % of height"
+        yield {"title": title, "columns": ["between", "frames", "mean", "worst frame", "parts"], "rows": rows}
+
+
 def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
+    """The table of gaps between joints, where not both have skins."""
     rows: list[list[str | int]] = []
     for (i, j), gap in result.gaps.items():
+        if (i, j) in result.skin_gaps:
+            continue
         copy = result.copy_gaps[i, j]
         numbers = [f"{100 * mean:.1f}" for mean in (gap.a, copy.b, gap.b, gap.worst)] if gap and copy else [NO_GAP] * 4
         rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *numbers])

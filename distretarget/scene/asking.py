@@ -17,6 +17,7 @@ from distretarget.objectives.asking import Carrier, Wishes
 from distretarget.objectives.skins import Skins
 from distretarget.pipeline.asked_motion import as_asked, asked_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
+from distretarget.scene.apart import kept_apart
 from distretarget.scene.prop_surface import nearest_on_bones
 from distretarget.scene.props import PlacedProp, Placement
 from distretarget.scene.skin import with_skins
@@ -78,7 +79,7 @@ def solve_scene(
     copies = [replace(one.clip.copy, root_positions=one.clip.root) for one in performers]
     found = wishes_of(copies, [each.free for each in props])
     dropped = [dropping(one, wishes.drops) for one, wishes in zip(performers, found, strict=True)]
-    free = solved(find_contacts(dropped, props))
+    free = solved(kept_apart(find_contacts(dropped, props), skins))
     if not any(wishes.made.wishes for wishes in found):
         return free
     found = wishes_of(free.motions, free.contacts.placements(free.motions))

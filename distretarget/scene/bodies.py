@@ -17,7 +17,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import median_of_three
 from distretarget.objectives.skin import limb_places
 from distretarget.objectives.skins import BodySkin
-from distretarget.scene.prop_surface import Surface, in_world, nearest_on_bones
+from distretarget.scene.prop_surface import Surface, nearest_places
 from distretarget.skin.balls import NEVER, Balls
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.limbs import bent
@@ -51,10 +51,8 @@ class PropShape:
         return WITHIN if self.surface else 0.0
 
     def nearest(self, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
-        """The nearest places on it, and the directions out of it there, while it moves so; x is (frames, points, 3)."""
-        if self.surface:
-            return in_world(self.surface, motion, x, farthest)
-        return nearest_on_bones(motion.positions, motion.skeleton.parents, x)
+        """`nearest_places` on it."""
+        return nearest_places(self.surface, motion, x, farthest)
 
 
 class Bodies:

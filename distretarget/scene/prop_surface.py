@@ -196,6 +196,15 @@ def has_bones(motion: Motion) -> bool:
     return bool(motion.skeleton.lengths[1:].max(initial=0.0) > 0.0)
 
 
+def nearest_places(surface: Surface | None, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
+    """Return the places on a prop that moves like `motion` nearest to points x, (frames, points, 3), and the directions
+    out of it there: on its surface, where nan is farther than `farthest`, or without one on its bones.
+    """
+    if surface is None:
+        return nearest_on_bones(motion.positions, motion.skeleton.parents, x)
+    return in_world(surface, motion, x, farthest)
+
+
 def in_world(surface: Surface, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
     """Return the nearest places and directions of `Surface.nearest` for points x, (frames, points, 3), about a prop
     that moves like `motion`.

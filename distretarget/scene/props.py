@@ -228,6 +228,11 @@ class PropContacts:
     distances: Array  # (frames, joints), of the drivers from the nearest point of the prop [source file units]
     f: Array  # (frames, joints), the activation, 0 to 1
     A: Array  # (frames, joints, 3, 3), the stiffness
+    rises: Array  # (frames, joints, 3), how far a thick body's joints are from where the prop takes the source's
+
+    def places(self, placement: Placement) -> Array:
+        """(frames, joints, 3), where the joints belong on the prop [target file units]."""
+        return placement(self.source) + self.rises
 
     def springs(self, placement: Placement, copy: Array, unit: float) -> Springs:
         """The springs that draw the joints to their places on the prop, frames first.
@@ -235,7 +240,7 @@ class PropContacts:
         `copy`, (frames, joints, 3), are the joints of the rotation copy [target file units]; `unit` is the body unit.
         """
         copied = copy[:, self.joints]
-        places = copied + self.f[..., None] * (placement(self.source) - copied)
+        places = copied + self.f[..., None] * (self.places(placement) - copied)
         return Springs(self.joints, np.full(len(self.joints), -1), places / unit, self.A)
 
     def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
@@ -243,7 +248,7 @@ class PropContacts:
 
         `now` and `prop`, (frames, joints, 3), are the positions of the performer's joints and of the prop's points.
         """
-        return _nearest_distances(now[:, self.joints], prop), scale * self.distances
+        return _nearest_distances(now[:, self.joints], prop), scale * self.distances + lengths(self.rises)
 
 
 def find_prop_contacts(
@@ -265,7 +270,8 @@ def find_prop_contacts(
     w = firmness(D, settings) * pair_stiffness(f, D, ends, count, settings)
     w *= share_across((distances / (2.0 * leg)) ** 2)
     A = w[..., None, None] * np.eye(3)
-    return PropContacts(joints=points.joints[on], source=points.source[:, on], distances=distances, f=f, A=A)
+    source = points.source[:, on]
+    return PropContacts(joints=points.joints[on], source=source, distances=distances, f=f, A=A, rises=0.0 * source)
 
 
 def _nearest_distances(joints: Array, prop: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import combinations
 from types import NoneType
 
 import numpy as np
@@ -16,6 +17,8 @@ from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError, MatchingError, MotionError, SettingsError
 from distretarget.ik.poses import Mapper
 from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
+from distretarget.measure.scene_skin_gaps import SkinGap, measure_skin_gap
+from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
@@ -51,6 +54,8 @@ class SceneResult:
             `root_scale` makes before its legs are too short.
         gaps: the gap between each pair in source (A) and result (B); None if nothing touches.
         copy_gaps: the same in source and rotation copy.
+        skin_gaps: how well the gaps between the skins of each two performers that have skins are kept; None if no
+            skins touch.
         sweeps: how many times all performers were solved.
         gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
     """
@@ -61,6 +66,7 @@ class SceneResult:
     longest_strides: tuple[float, ...]
     gaps: Gaps
     copy_gaps: Gaps
+    skin_gaps: dict[tuple[int, int], SkinGap | None]
     sweeps: int
     gap_error: float
 
@@ -185,6 +191,7 @@ def retarget_scene(
         longest_strides=tuple(longest),
         gaps=_gaps(touching, results, motions),
         copy_gaps=_gaps(touching, results, copies),
+        skin_gaps=_skin_gaps(results),
         sweeps=solved.sweeps,
         gap_error=solved.gap_error,
     )
@@ -250,6 +257,23 @@ def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: S
         points, keys = prop.motion.positions, prop.motion.skeleton.keys
         props.append((ScenePart(a=points, b=place(points), keys=keys), place.scale))
     return dict(measure_gaps(bodies, props, contacts.performers[0].clip.scale.level))
+
+
+def _skin_gaps(results: Sequence[RetargetResult]) -> dict[tuple[int, int], SkinGap | None]:
+    """The gaps between the skins of performers that have skins."""
+    known = {
+        number: (
+            find_skin(one.matching.source, one.skins.source.capsules),
+            find_skin(one.matching.target, one.skins.target.capsules, one.mesh),
+        )
+        for number, one in enumerate(results)
+        if one.skins
+    }
+    gaps = {}
+    for both in combinations(known, 2):
+        sources, motions = ([getattr(results[n], side) for n in both] for side in ("source", "motion"))
+        gaps[both] = measure_skin_gap(sources, motions, *zip(*(known[n] for n in both), strict=True))
+    return gaps
 
 
 def _check_each(name: str, values: Sequence[object], *kinds: type) -> None:

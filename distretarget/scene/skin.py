@@ -20,7 +20,8 @@ from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.key_frames import KeyFrames
-from distretarget.numerics.time_series import averaged, by_shot, smoothstep
+from distretarget.numerics.time_series import averaged, by_shot, smoothstep, widened
+from distretarget.numerics.vectors import normalised
 from distretarget.objectives.skin import (
     APART,
     RATE,
@@ -39,12 +40,15 @@ from distretarget.scene.props import PropContacts
 from distretarget.scene.sweeps import SceneContacts
 from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
+from distretarget.skin.limbs import Limb
 from distretarget.skin.meetings import segment_gaps
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
+WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
+TRIES = 4  # to find the frames in which it stays
 BLEND = 0.16  # hands are drawn by the average over this time on each side, weighted by a raised cosine [s]
 
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
@@ -71,7 +75,7 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
     """Return the performers' motions with limbs bent as their own skins ask, and those that they have to the others."""
     performers = contacts.performers
     posed = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
-    held = zip(performers, contacts.springs(posed, posed), posed, strict=True)
+    unbent, held = posed, zip(performers, contacts.springs(posed, posed), posed, strict=True)
     posed = [_drawn(one, drawn).with_own_skin(now) for one, drawn, now in held]
     known = {number: skin for number, skin in enumerate(skins) if skin}
     numbers, shapes = [*known], _find_shapes(contacts, known)
@@ -91,7 +95,8 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
     bodies = Bodies([skin.target for skin in known.values()], sticks, [*shapes.values()], props_moved)
     props = [contacts.props[k].motion for k in shapes]
     sources = Bodies([skin.source for skin in known.values()], sticks, [*shapes.values()], lambda _: props)
-    return all_moved(_apart(chosen, bodies, sources, [posed[i] for i in numbers]))
+    apart = _apart(chosen, bodies, sources, [posed[i] for i in numbers])
+    return all_moved(_where_it_helps(chosen, bodies, [unbent[i] for i in numbers], apart))
 
 
 def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
@@ -158,6 +163,45 @@ def _apart(
     keys, given = KeyFrames.of(shots, time, RATE), (ends, bodies.limbs(posed), free)
     asked = tuple(each[keys.numbers] for each in (soft, aims, np.zeros_like(gaps)))
     return bodies.bent(posed, led(balls, bodies.displaced, given, asked, keys, FARTHEST))
+
+
+def _where_it_helps(
+    performers: Sequence[Performer], bodies: Bodies, before: Sequence[Motion], after: Sequence[Motion]
+) -> Sequence[Motion]:
+    """The motions `after` limbs are bent, with each limb as `before` where it is deeper in others than then, blended
+    over time: between a body and a wall that leave it no room, it is not displaced.
+    """
+    shots, time = np.sum([one.clip.shots for one in performers], axis=0), performers[0].clip.frame_time
+    on = bodies.displaced.limbs[bodies.balls.carriers[bodies.balls.of_ball[bodies.balls.pairs[:, 0]]]]
+    limbs = range(sum(len(skin.limbs) for skin in bodies.skins))
+
+    def depths(motions: Sequence[Motion]) -> Array:
+        """(frames, limbs)."""
+        gaps = bodies.gaps(motions)
+        return np.stack([-gaps[:, on == limb].min(axis=1, initial=0.0) for limb in limbs], axis=1)
+
+    least, result, deeper = depths(before) + WORSE, after, np.zeros((len(shots), len(limbs)), bool)
+    for _ in range(TRIES):
+        worse = depths(result) > least
+        if not worse.any():
+            break
+        deeper |= worse
+        kept = 1.0 - by_shot(partial(widened, frames=BLEND / time), shots, deeper.astype(float))
+        shares = np.split(kept.T, np.cumsum([len(skin.limbs) for skin in bodies.skins])[:-1])
+        each = zip(bodies.skins, before, after, shares, strict=True)
+        result = [_blended(skin.limbs, one, other, share) for skin, one, other, share in each]
+    return result
+
+
+def _blended(limbs: Sequence[Limb], before: Motion, after: Motion, shares: Array) -> Motion:
+    """The motion `after` with its limbs turned as `before` but for a share, (limbs, frames)."""
+    rotations = after.rotations.copy()
+    for limb, share in zip(limbs, shares, strict=True):
+        cells = np.ix_(share < 1.0, after.skeleton.subtree(limb.top))
+        a, b = before.rotations[cells], after.rotations[cells]
+        a = np.where((a * b).sum(axis=-1, keepdims=True) < 0.0, -a, a)
+        rotations[cells] = normalised(a + share[share < 1.0, None, None] * (b - a))
+    return replace(after, rotations=rotations)
 
 
 def _touching(pairs: Numbers, segments: Numbers, in_source: Array) -> Array:

@@ -34,6 +34,7 @@ from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.performer_contacts import ContactPoints, PerformerContacts, find_performer_contacts
 from distretarget.scene.props import Hold, PlacedProp, Placement, PropContacts, find_prop_contacts, held_placement
+from distretarget.scene.seats import rises_over, seated
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -136,7 +137,9 @@ def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) 
                 frames, columns = np.nonzero(near.f)
                 moving.append((frames, near.joints[columns], near.f[frames, columns]))
             else:
-                supports = _resting_on(supports, near, prop.free)
+                near = on_props[i, k] = replace(near, rises=rises_over(one, near, prop))
+                one = seated(replace(one, supports=supports), near, prop)
+                supports = _resting_on(one.supports, near, prop.free)
         supported.append(replace(one, supports=_yielding(one, supports, moving)))
     return SceneContacts(tuple(supported), tuple(props), between, on_props, tuple(map(how_far_joints_give, supported)))
 
@@ -268,7 +271,7 @@ def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, hold
 
 def _resting_on(supports: Supports, near: PropContacts, free: Placement) -> Supports:
     """Move supports, except feet, that touch a prop nobody holds to their places on the prop."""
-    places, on_prop = np.array(supports.places), free(near.source)
+    places, on_prop = np.array(supports.places), near.places(free)
     for support in range(supports.feet, len(supports.joints)):
         for column in np.flatnonzero(near.joints == supports.joints[support]):
             places[:, support] += near.f[:, column, None] * (on_prop[:, column] - places[:, support])
