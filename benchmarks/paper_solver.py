@@ -17,6 +17,7 @@ from scipy.optimize import OptimizeResult, minimize
 from distretarget.distances import DistanceProblem, filled, stress_and_gradient, target_distances
 from distretarget.ik import spg
 from distretarget.ik.spg import ETA, Minimum, Reason, scratch_for, spectral_gradient, steepest
+from distretarget.numerics.compiled import compiled, inlined, introduced
 from distretarget.objectives.paper import POINT_ITERATIONS, POINT_TOLERANCE
 
 Array = NDArray[np.float64]
@@ -59,12 +60,17 @@ class Task(NamedTuple):
         return Task(filled(self.start), Stress(*map(filled, self.stress)))
 
 
-@njit(cache=True, error_model="numpy")
+@inlined()
 def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
     return stress_and_gradient(x, problem.delta, problem.pi, gradient)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
+def _value(x, problem, gradient):  # type: ignore[no-untyped-def]
+    return _objective(x, problem, gradient)
+
+
+@compiled()
 def _write_distances(source, ratio, delta):  # type: ignore[no-untyped-def]
     target_distances(source, ratio, delta)
 
@@ -87,7 +93,7 @@ def descended_by_lbfgs(task: Task) -> OptimizeResult:
 
     def objective(flat: Array) -> tuple[float, Array]:
         gradient = np.empty(shape)
-        return _objective(flat.reshape(shape), task.stress, gradient), gradient.ravel()
+        return _value(flat.reshape(shape), task.stress, gradient), gradient.ravel()
 
     options = {"ftol": 0, "gtol": 1e-10}
     return minimize(objective, task.start.ravel(), jac=True, method="L-BFGS-B", options=options)
@@ -100,6 +106,7 @@ def _compiled(eta: float) -> Any:
         minimise = spectral_gradient(_objective, steepest, adaptive=True)
 
         @njit(error_model="numpy")
+        @introduced
         def solve(x, stress, tolerance, gradient, scratch):  # type: ignore[no-untyped-def]
             sigma = _objective(x, stress, gradient)
             return minimise(x, sigma, gradient, stress, tolerance, POINT_ITERATIONS, scratch)

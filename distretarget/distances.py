@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.parallel import over_blocks
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -153,15 +154,21 @@ def differences_of_distances(
     `x` and `y` are each positions, (frames, joints, 3), the joint at each point, (points,), and the length tau that
     each distance is divided by, (points, points); `weights` is (points, points). It is exactly 0 for equal x and y.
     """
-    scratch, sums = np.empty((2, 3, len(weights))), np.empty(len(y[0]))
+    sums = np.empty(len(y[0]))
     (of_x, points_x, tau_x), (of_y, points_y, tau_y) = x, y
     of_x, of_y = (read_only(np.ascontiguousarray(positions)) for positions in (of_x, of_y))
-    _write_differences(of_x, points_x, tau_x, of_y, points_y, tau_y, weights, power == 1, scratch, sums)
+    scales = 1.0 / tau_x, 1.0 / tau_y
+
+    def write(block: slice) -> None:
+        each, other = (of_x[block], points_x, scales[0]), (of_y[block], points_y, scales[1])
+        _write_differences(*each, *other, weights, power == 1, np.empty((2, 3, len(weights))), sums[block])
+
+    over_blocks(write, len(sums), len(weights))
     return sums
 
 
 @compiled(fastmath=True)
-def _write_differences(x, of_x, tau_x, y, of_y, tau_y, weights, linear, scratch, sums):  # type: ignore[no-untyped-def]
+def _write_differences(x, of_x, per_x, y, of_y, per_y, weights, linear, scratch, sums):  # type: ignore[no-untyped-def]
     points, p, q = len(of_x), scratch[0], scratch[1]
     for frame in range(len(sums)):
         for point in range(points):
@@ -172,7 +179,7 @@ def _write_differences(x, of_x, tau_x, y, of_y, tau_y, weights, linear, scratch,
             for v in range(u):
                 one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
                 other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
-                difference = abs(one / tau_x[u, v] - other / tau_y[u, v])
+                difference = abs(one * per_x[u, v] - other * per_y[u, v])
                 total += weights[u, v] * (difference if linear else difference * difference)
         sums[frame] = total
 

@@ -27,7 +27,7 @@ class Target:
         motion: the motion of a BVH file, if it has a valid one; it may show axes that the rest pose does not.
         mesh: returns the mesh of a character, or None; it is called where the mesh is needed.
         radii: of what single joints carry, by joint, as the file states them [file units].
-        capsules: its surface, where it is known already; else mesh or radii show it, or it is an average adult's.
+        capsules: its surface, where it is known already; else mesh or radii show it, or it is an average body's.
     """
 
     skeleton: Skeleton

@@ -19,6 +19,7 @@ from distretarget import (
     Options,
     Plant,
     find_contacts,
+    load_scene,
     load_target,
     read_motion,
     retarget,
@@ -277,6 +278,64 @@ def test_a_scene_takes_contacts_for_each_performer(walk, child):
     assert off[1] > 20.0
 
 
+def scene_of(name, body, *entries):
+    """A sample scene on a body, and with what is asked of its first performer."""
+    sources, props = load_scene(SAMPLES / "scenes" / name / "scene.json").read()
+    lists = [ContactList(entries), *[ContactList()] * (len(sources) - 1)]
+    bodies = [body.for_source(source.rigid_skeleton) for source in sources]
+    return [retarget_scene(sources, bodies, props, contacts=given) for given in (None, lists)]
+
+
+def local_places(carrier, joint, motion, hand, frames):
+    """Where a hand is in the frame of a joint that it rests on."""
+    turn = Rotation.from_quat(carrier.world_rotations[:, joint]).inv()
+    return turn.apply(motion.positions[:, hand] - carrier.positions[:, joint])[frames[0] : frames[1] + 1]
+
+
+def test_in_a_scene_nobody_changes_farther_away_than_two_blends(child):
+    without, made = scene_of("high_five", child, Contact(between=("left hand", "hips"), gap=0.0, frames=(10, 20)))
+    last = 20 + BLENDS / made.results[0].motion.frame_time
+    assert changed(without.results[0], made.results[0]).max() > 20
+    for before, after in zip(without.results, made.results, strict=True):
+        assert changed(before, after).max(initial=0) <= last
+    assert apart(made.results[0], "left hand", "hips", (10, 20)).max() < 0.003
+
+
+def test_a_hand_rests_on_the_surface_of_a_prop(child):
+    span = (40, 60)
+    without, planted = scene_of("drum_on_table", child, Plant(plant="left hand", on="table", frames=span))
+    hand, table = planted.results[0].motion.skeleton.index("LeftWrist"), planted.props[0].motion
+    before, after = (local_places(table, 0, one.results[0].motion, hand, span) for one in (without, planted))
+    top = table.positions[0, :, 1].max() - table.positions[0, 0, 1]
+    assert np.ptp(before, axis=0).max() > 3.0
+    assert np.ptp(after, axis=0).max() / planted.results[0].matching.target.height < 0.003
+    assert not planted.results[0].unmet
+    assert after[:, 1].max() < max(top, before[:, 1].max()) + 1.0
+
+
+def test_a_hand_rests_on_another_performer_and_moves_with_it(child):
+    span = (50, 60)
+    _, planted = scene_of("high_five", child, Plant(plant="left hand", on="2: RightShoulder", frames=span))
+    one, other = (each.motion for each in planted.results)
+    places = local_places(other, other.skeleton.index("RightShoulder"), one, one.skeleton.index("LeftWrist"), span)
+    height = planted.results[0].matching.target.height
+    assert np.linalg.norm(places, axis=1).max() / height < 0.03
+    assert np.ptp(places, axis=0).max() / height < 0.003
+
+
+@pytest.mark.parametrize(
+    ("on", "message"),
+    [
+        ("tabel", "contacts[0].on: no joint or prop 'tabel'; did you mean 'table'"),
+        ("1: Haed", "contacts[0].on: performer 1 has no joint 'Haed'; did you mean 'Head'"),
+    ],
+)
+def test_what_nothing_can_rest_on_is_told(child, on, message):
+    with pytest.raises(ContactsError) as raised:
+        scene_of("drum_on_table", child, Plant(plant="left hand", on=on))
+    assert message in str(raised.value)
+
+
 def test_the_program_lists_writes_and_takes_contacts(tmp_path):
     clip, body, listed = SAMPLES / "clap.bvh", SAMPLES / "child.json", tmp_path / "clap.contacts.json"
     printed = run("contacts", clip, body, "-o", listed)
@@ -313,12 +372,41 @@ def test_marks_say_what_was_found_dropped_and_added(clap, child):
     assert not {each.mark for each in marked_contacts(retarget(clap, child))} - {"found"}
 
 
-def test_a_hand_on_the_own_knee_moves_with_it(walk, child):
-    """It is at the knee, and stays at the same place of it while the leg swings."""
-    held = asked(walk, child, Plant(plant="left hand", on="LeftKnee", frames=(100, 130)))
-    wrist, knee = (held.motion.skeleton.index(name) for name in ("LeftWrist", "LeftKnee"))
-    x = held.motion.positions[100:131]
-    off = np.linalg.norm(x[:, wrist] - x[:, knee], axis=1) / held.matching.target.height
-    if not held.unmet:
-        assert off.max() < 0.003
-    assert np.ptp(x[:, knee], axis=0).max() / held.matching.target.height > 0.05
+@pytest.mark.parametrize(("on", "thick"), [("RightElbow", False), ("Chest3", True)])
+def test_a_hand_that_rests_on_the_own_body_moves_with_it(walk, child, on, thick):
+    """It is at the joint, or on the skin about it, and stays at the same place of it."""
+    options = Options(skin="average" if thick else "none")
+    held = asked(walk, child, Plant(plant="left hand", on=on, frames=(100, 130)), options=options)
+    wrist, joint = (held.motion.skeleton.index(name) for name in ("LeftWrist", on))
+    places = local_places(held.motion, joint, held.motion, wrist, (100, 130)) / held.matching.target.height
+    assert np.ptp(places, axis=0).max() < 0.003
+    apart = np.linalg.norm(places, axis=1)
+    assert (apart.min() > 0.05) == thick
+    assert apart.max() < 0.2
+    assert np.ptp(held.motion.positions[100:131, joint], axis=0).max() / held.matching.target.height > 0.05
+
+
+@pytest.mark.parametrize("skin", ["auto", "average"])
+def test_hands_meet_in_front_of_the_body(walk, child, skin):
+    """The straight way between hands that hang leads through the hips."""
+    hands = Contact(between=("left hand", "right hand"), gap=0.0, frames=FRAMES)
+    meet = asked(walk, child, hands, options=Options(skin=skin))
+    body, motion = meet.matching.target, meet.motion[FRAMES[0] : FRAMES[1] + 1]
+    wrists = motion.positions[:, [motion.skeleton.index(f"{side}Wrist") for side in ("Left", "Right")]]
+    forward = body.reference.axes[:, 2]
+    ahead = (wrists.mean(axis=1) - motion.positions[:, meet.matching.pelvis]) @ forward
+    assert ahead.min() / body.height > 0.05
+
+
+@pytest.mark.parametrize(("other", "gap"), [("right hand", 0.0), ("right hand", 5.0), ("head", 0.0), ("hips", 3.0)])
+def test_gaps_on_a_character_are_those_of_skins(walk, other, gap):
+    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    made = asked(walk, target, Contact(between=("left hand", other), gap=gap, frames=FRAMES))
+    skin, regions, without = made.skins.target, made.matching.regions, retarget(walk, target)
+    parts = [np.flatnonzero(regions.of_joint == regions.names.index(name)) for name in ("left hand", other)]
+    on = skin.between(*parts)
+    gaps = segment_gaps(skin.balls, skin.posed(made.motion[FRAMES[0] : FRAMES[1] + 1]), 1.0)[:, on].min(axis=1)
+    cm = 100.0  # the file is in m
+    assert np.abs(gaps * skin.unit * cm - gap).max() / (made.matching.target.height * cm) < 0.003
+    assert jerk(made) < 1.2 * jerk(without)
+    assert not made.unmet

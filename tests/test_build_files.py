@@ -8,7 +8,7 @@ from bodies import SAMPLES
 from program import last_records, run
 
 from distretarget import Body, Build, Builds, FileError, Options, SkeletonEdit, load_build, load_target, read_motion
-from distretarget.body.build import OWN_BUILDS, average_adult
+from distretarget.body.build import OWN_BUILDS, average_build
 from distretarget.io.build_file import with_source
 from distretarget.io.input_file import load_file
 from distretarget.pipeline.options import DEFAULT_OPTIONS
@@ -16,7 +16,7 @@ from distretarget.pipeline.performer import match_performer, target_capsules
 
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 CLAP, WALK = SAMPLES / "clap.bvh", SAMPLES / "walk.bvh"
-STOUT = Build({part: capsules * [1, 1, 1, 2] for part, capsules in average_adult().parts.items()})
+STOUT = Build({part: capsules * [1, 1, 1, 2] for part, capsules in average_build("adult").parts.items()})
 
 
 def surfaces(target, options=DEFAULT_OPTIONS, builds=OWN_BUILDS):

@@ -258,6 +258,7 @@ def test_the_clips_asked_for_get_reports(folder):
     assert len(pages()) == 2
     (report,) = pages() - {"index.html"}
     assert f'"{report}"' in (folder / "out/index.html").read_text()
+    assert '"stage-0"' in (folder / "out/index.html").read_text()
     assert batch(*once, "all").returncode == 0
     assert pages() == {"index.html", *(f"index_reports/{place}.html" for place in ("a", "deep/b", "deep/er/c"))}
     shutil.rmtree(folder / "out")

@@ -8,7 +8,7 @@ from bodies import SAMPLES, person
 from capsule_bodies import mesh_of
 
 from distretarget import Body, Options, load_target, read_bvh, retarget
-from distretarget.body.build import average_adult
+from distretarget.body.build import average_build
 from distretarget.body.resting import feet_at_rest
 from distretarget.body.soles import floor_height, level_on_floor
 from distretarget.target import Target
@@ -42,7 +42,7 @@ def shod(heel=0.0, platform=0.0):
         surfaces.append((ankle, block((x - 0.02, floor, behind - 0.08), (x + 0.02, floor + 0.03, behind - 0.04))))
         surfaces.append((toe, block((x - 0.04, floor, z - 0.02), (x + 0.04, floor + 0.02, z + 0.06))))
     mesh = mesh_of(surfaces)
-    return Target(skeleton, {}, "shod", mesh=lambda: mesh, capsules=average_adult().on(Body.of(skeleton)))
+    return Target(skeleton, {}, "shod", mesh=lambda: mesh, capsules=average_build("adult").on(Body.of(skeleton)))
 
 
 def lowest(target, result):

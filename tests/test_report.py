@@ -128,7 +128,7 @@ def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():
 
 
 def test_a_long_clip_is_thinned(monkeypatch):
-    monkeypatch.setattr(actors, "BUDGET", 50_000)
+    monkeypatch.setattr(actors.thinned, "__defaults__", (50_000,))
     motion = swaying(PERSON, 2000)
     one, _ = stage_of(motion, motion)["actors"]
     assert one["step"] > 1

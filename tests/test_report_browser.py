@@ -1,5 +1,6 @@
 """The report in a browser: it loads nothing else, every control works, and bodies are where they should be."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -11,8 +12,11 @@ from pages import CONTRASTS, settle
 from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
+from distretarget.contact_entries import Contact, ContactList
+from distretarget.io.contacts_file import entry_to_json
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import METRICS, NOT_RUN, metrics_at
+from distretarget.pipeline.found_contacts import marked_contacts
 from distretarget.report.clip_page import diff_page, run_diff, run_page
 from distretarget.report.diff_document import About, document
 
@@ -56,8 +60,18 @@ def nasty(name=NASTY):
     return compared(swaying(PERSON, 8, seed=1), replace(motion, skeleton=replace(body, names=names)), name)
 
 
+def asked_run():
+    """A clap that is dropped in some frames, and a contact that is made."""
+    contacts = (
+        Contact(between=("left hand", "right hand"), frames=(100, 140), keep=False),
+        Contact(between=("right hand", "head"), frames=(10, 20), gap=0.0),
+    )
+    return retarget(read_bvh(SAMPLES / "clap.bvh"), PERSON, contacts=ContactList(contacts))
+
+
 MADE = {
     "sample": sample_page,
+    "asked": lambda: run_page(asked_run(), About(a="a", b="b")),
     "one frame": lambda: compared(still(1), still(1)),
     "no contacts": lambda: compared(still(5), still(5)),
     "nasty": nasty,
@@ -236,6 +250,35 @@ def test_what_is_chosen_by_mouse_goes_to_that_frame(opened):
     assert button.inner_text().endswith(f" {frame(tab)}")
     tab.locator("td button").first.click()
     assert frame(tab) == int(tab.locator("td button").first.inner_text())
+
+
+def test_contacts_are_copied_as_entries_of_a_contact_file(opened):
+    tab, marked = opened("asked"), marked_contacts(asked_run())
+    told = {(each.mark, entry_to_json(each.entry)) for each in marked}
+    for name, number, expected, frames in (
+        ("left hand - right hand", 120, "dropped", None),
+        ("right hand - head", 200, "added", [10, 20]),
+    ):
+        row = tab.evaluate(
+            "name => app.marks.rows.findIndex(row => row.name.split(' - ').sort().join() === name)",
+            ",".join(sorted(name.split(" - "))),
+        )
+        tab.locator(".name").nth(row).focus()
+        tab.evaluate("number => app.goTo(number)", number)
+        settle(tab)
+        mark, _, text = tab.inner_text("#entry").partition(": ")
+        assert mark == expected
+        assert (mark, text) in told
+        assert frames is None or json.loads(text)["frames"] == frames
+        tab.keyboard.press("c")
+        settle(tab)
+        assert tab.inner_text("#entry") == f"copied: {text}"
+    names = tab.locator(".name").all_inner_texts()
+    assert {frozenset(name.split(" - ")) for name in names[:2]} == {
+        frozenset(("left hand", "right hand")),
+        frozenset(("right hand", "head")),
+    }
+    assert not opened("no contacts").is_visible("#copy")
 
 
 def test_sides_are_hidden_and_laid_over_each_other(opened):

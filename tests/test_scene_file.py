@@ -120,7 +120,7 @@ BAD = {
     "no skin": (
         {**HEAD, "performers": [{**ONE, "skin": "avrage"}]},
         "performers[0].skin",
-        '"auto", "average", "none" or the path of a character',
+        '"thin", "fat", "muscular" or the path of a character',
     ),
     "skin of nobody": (
         {**HEAD, "performers": [{**ONE, "skin": "none", "source_skin": "actor.glb"}]},

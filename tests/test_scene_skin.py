@@ -8,7 +8,7 @@ from bodies import SAMPLES, moved
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, retarget, retarget_scene
-from distretarget.body.build import Build, Builds, average_adult
+from distretarget.body.build import Build, Builds, average_build
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, FARTHEST, Bodies
 from distretarget.skin.capsules import SEGMENTS
@@ -73,13 +73,13 @@ def test_thick_performers_who_never_meet_move_as_alone():
 
 def test_performers_have_skins_of_their_own():
     body = sources("handshake")[0].rigid_skeleton
-    fat = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.5]) for part, ends in average_adult().parts.items()})
+    fat = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.5]) for part, ends in average_build("adult").parts.items()})
     given = {"skin": ["auto", "average"], "builds": [Builds(target=fat), Builds()]}
     one, other = (r.skins.target for r in retarget_scene(sources("handshake"), [body] * 2, **given).results)
     np.testing.assert_allclose(one.capsules.radii, 1.5 * other.capsules.radii)
 
 
-def test_a_stick_metric_beside_a_thick_body_is_an_average_adult_to_it():
+def test_a_stick_metric_beside_a_thick_body_is_an_average_build_to_it():
     body = sources("handshake")[0].rigid_skeleton
     thick = retarget_scene(sources("handshake"), [body] * 2, skin="average").results
     beside = retarget_scene(sources("handshake"), [body] * 2, skin=["auto", "average"]).results

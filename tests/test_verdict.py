@@ -43,7 +43,7 @@ def test_contacts(result, copy, words):
 @pytest.mark.parametrize(
     ("result", "source", "words"),
     [
-        (None, None, "no foot rests in the source"),
+        (None, None, "no foot is planted in the source"),
         (0.1, 0.1, "feet skate no more than in the source"),
         (0.2, 0.1, "feet skate more than in the source"),
     ],
@@ -69,7 +69,7 @@ def test_hips_that_are_off_are_named_with_their_frame_and_are_over_the_limit():
 
 def test_nothing_measured_claims_nothing():
     empty = {"direction_error": Track(np.zeros((3, 0))), "hips_height": Track(np.zeros((3, 0)))}
-    assert said({}, tracks=empty) == "The source has no self-contacts; no foot rests in the source."
+    assert said({}, tracks=empty) == "The source has no self-contacts; no foot is planted in the source."
 
 
 def test_metrics_over_their_limits_are_named_once():

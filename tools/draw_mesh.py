@@ -15,7 +15,7 @@ from distretarget import Motion
 
 Array = NDArray[np.float64]
 
-SIZE = (300, 400)  # of the picture of a metric: width, height [pixels]
+SIZE = (300, 400)  # of the picture of a figure: width, height [pixels]
 FINER = 2  # it is drawn so many times as large, for smooth edges
 HEIGHT = 2.0  # what it shows [m]
 FLOOR = 0.07  # where the floor is in it, from below
@@ -24,14 +24,14 @@ LIGHT = np.array([0.3, 0.6, 0.75]) / np.linalg.norm([0.3, 0.6, 0.75])
 SOFT = 0.35  # the light from everywhere
 
 
-def write_metrics(path: Path, metrics: Sequence[tuple[Motion, int]]) -> None:
-    """Write a picture of metrics side by side: motions of the sample character, and a frame of each."""
-    drawn = np.concatenate([drawn_metric(motion, frame) for motion, frame in metrics], axis=1)
+def write_figures(path: Path, figures: Sequence[tuple[Motion, int]]) -> None:
+    """Write a picture of figures side by side: motions of the sample character, and a frame of each."""
+    drawn = np.concatenate([drawn_figure(motion, frame) for motion, frame in figures], axis=1)
     image.imsave(path, np.rint(255 * np.clip(drawn, 0, 1) ** (1 / 2.2)).astype(np.uint8))
 
 
-def drawn_metric(motion: Motion, frame: int) -> Array:
-    """(height, width, 3), a metric in linear colours on white."""
+def drawn_figure(motion: Motion, frame: int) -> Array:
+    """(height, width, 3), a figure in linear colours on white."""
     width, height = (FINER * each for each in SIZE)
     colours, depths = np.ones((height, width, 3)), np.full((height, width), -np.inf)
     scale = height / HEIGHT

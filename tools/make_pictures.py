@@ -15,8 +15,8 @@ from pathlib import Path
 
 import click
 import numpy as np
-from draw import VIEWS, Cell, cells, metrics_of, tallest, write_loop, write_picture
-from draw_mesh import write_metrics
+from draw import VIEWS, Cell, cells, figures_of, tallest, write_loop, write_picture
+from draw_mesh import write_figures
 from make_samples import CHARACTERS
 from sample_scenes import SCENES, facing
 from zoo import MEMBERS, member
@@ -25,9 +25,12 @@ from distretarget import (
     Contact,
     ContactList,
     Distance,
+    Grip,
     Look,
     Motion,
     Options,
+    Plant,
+    Prop,
     RetargetResult,
     Skeleton,
     load_target,
@@ -37,6 +40,7 @@ from distretarget import (
 )
 from distretarget.contact_entries import Entry
 from distretarget.pipeline.options import SkinMode
+from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
@@ -46,6 +50,7 @@ MEETING = 66  # a frame of the clap in which the hands meet
 STEP = 3  # frames of a clip from one picture of a loop to the next
 DUET_FRAMES = range(40, 280, 4)
 ACROSS = 5  # bodies in a row of the zoo
+SKATED = 30.0  # from the first frame to the last of the clip whose feet skate [cm]
 
 # For each sample clip the frame of the sheet; for each body of the sheet its file.
 SAMPLE_FRAMES = {"clap": 93, "hands_on_hips": 150, "squat": 130, "turn": 160, "walk": 60, "wave": 150}
@@ -72,14 +77,14 @@ def draw_hero(path: Path) -> None:
     """Draw the sample character in a frame of some clips."""
     target = load_target(CHARACTERS / "hero.glb")
     results = [retarget(read_bvh(SAMPLES / f"{clip}.bvh"), target).motion for clip in HERO_FRAMES]
-    write_metrics(path, [*zip(results, HERO_FRAMES.values(), strict=True)])
+    write_figures(path, [*zip(results, HERO_FRAMES.values(), strict=True)])
 
 
 def draw_samples(path: Path) -> None:
     """Draw a row for each sample clip: one frame of the source, and of the results on four bodies."""
     scenes = []
     for clip, frame in SAMPLE_FRAMES.items():
-        sides = [metrics_of(result_of(clip, body), [frame]) for body in SAMPLE_BODIES]
+        sides = [figures_of(result_of(clip, body), [frame]) for body in SAMPLE_BODIES]
         scenes.append([sides[0][0][0], *(result[0] for _, _, result in sides)])
     labels = ["source", *(Path(body).name for body in SAMPLE_BODIES)]
     write_picture(path, scenes, list(SAMPLE_FRAMES), [labels] * len(scenes), VIEWS["front"], SHEET_DPI)
@@ -89,7 +94,7 @@ def draw_floor_work(path: Path) -> None:
     """Draw a row for each clip in which more than feet rests: a frame of source, copy and result on a child."""
     scenes = []
     for clip, frame in FLOOR_FRAMES.items():
-        scenes.append([metric for (metric,) in metrics_of(result_of(f"supports/{clip}", "child"), [frame])])
+        scenes.append([figure for (figure,) in figures_of(result_of(f"supports/{clip}", "child"), [frame])])
     write_picture(path, scenes, list(FLOOR_FRAMES), [METHODS] * len(scenes), VIEWS["three-quarter"], SHEET_DPI)
 
 
@@ -97,7 +102,7 @@ def draw_zoo(path: Path) -> None:
     """Draw a frame of one clip on every body of the zoo."""
     source, names = read_bvh(SAMPLES / "hands_on_hips.bvh"), list(MEMBERS)
     results = [retarget(source, member(name)) for name in names]
-    drawn = [metrics_of(result, [SAMPLE_FRAMES["hands_on_hips"]])[2][0] for result in results]
+    drawn = [figures_of(result, [SAMPLE_FRAMES["hands_on_hips"]])[2][0] for result in results]
     scenes, labels = ([each[k : k + ACROSS] for k in range(0, len(names), ACROSS)] for each in (drawn, names))
     write_picture(path, scenes, [""] * len(scenes), labels, VIEWS["front"], SHEET_DPI)
 
@@ -105,7 +110,7 @@ def draw_zoo(path: Path) -> None:
 def draw_clip(path: Path, clip: str, body: str, frames: tuple[int, int], view: str) -> None:
     """Draw a loop of source, rotation copy and result, equally tall."""
     result = result_of(clip, body)
-    columns = metrics_of(result, range(*frames, STEP))
+    columns = figures_of(result, range(*frames, STEP))
     write_loop(path, METHODS, columns, STEP * result.source.frame_time, view, LOOP_DPI, still=len(columns[0]) // 2)
 
 
@@ -134,6 +139,43 @@ def draw_repair(
     scene = [cell for motion in both for cell in cells(motion, frames, tallest(both))]
     labels = [text for text in ("before", "after") for _ in frames]
     write_picture(path, [scene], [""], [labels], VIEWS["three-quarter"], SHEET_DPI)
+
+
+def draw_skating(path: Path) -> None:
+    """Draw two frames of a clip whose feet skate, in one place, before and after both are planted."""
+    still, child = read_bvh(SAMPLES / "wave.bvh"), load_target(SAMPLES / "child.json")
+    drift = np.linspace(0.0, SKATED, len(still))[:, None] * (0.0, 0.0, 1.0)
+    source = Motion(still.skeleton, still.root_positions + drift, still.rotations, still.frame_time_text)
+    planted = tuple(Plant(plant=f"{side} foot", on="where it is") for side in ("left", "right"))
+    both = [retarget(source, child, contacts=ContactList(asked)).motion for asked in ((), planted)]
+    ends = [[motion[:1], motion[-1:]] for motion in both]
+    _write_scenes(path, dict(zip(("before", "after"), ends, strict=True)), "side", SHEET_DPI)
+
+
+def draw_handover(path: Path) -> None:
+    """Draw a stick in the left hand of a walker, before and after the right hand takes it too."""
+    walk = read_bvh(SAMPLES / "walk.bvh")
+    skeleton = Skeleton(
+        names=("stick", "lower", "upper"),
+        parents=np.array([-1, 0, 0]),
+        offsets=np.array([[0.0, 0.0, 0.0], [0.0, -10.0, 0.0], [0.0, 60.0, 0.0]]),
+        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, (), ()),
+        end_sites=np.array([False, True, True]),
+    )
+    grip = walk.positions[:, walk.skeleton.index("LeftWrist")]
+    upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(walk), 3, 1))
+    stick = Prop(
+        name="stick",
+        motion=Motion(skeleton, grip, upright, walk.frame_time_text),
+        held_by=(Grip(0, "LeftWrist"),),
+    )
+    taken = Plant(plant="right hand", on="stick", frames=HELD)
+    columns, (frame,) = {}, REPAIRS["meet"][2]
+    for name, asked in (("before", ()), ("after", (taken,))):
+        scene = retarget_scene([walk], [_child(walk)], [stick], contacts=[ContactList(asked)])
+        motions = scene.results[0].motion, scene.props[0].motion
+        columns[name] = [motion[frame : frame + 1] for motion in motions]
+    _write_scenes(path, columns, "three-quarter", SHEET_DPI)
 
 
 def _together(pair: Sequence[Motion], frames: range) -> list[list[Cell]]:
@@ -173,7 +215,7 @@ def _child(source: Motion) -> Skeleton:
     return load_target(SAMPLES / "child.json").for_source(source.rigid_skeleton).skeleton
 
 
-def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str) -> None:
+def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str, dpi: int = 150) -> None:
     """Draw the first frames of scenes side by side, each of motions in one world with Y up, all in the same scale."""
     size = tallest(motions[0] for motions in columns.values())
     scene = []
@@ -182,7 +224,7 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str) -> No
         everything = np.concatenate(points)
         middle = (everything.min(axis=0) + everything.max(axis=0)) / 2.0 * (1, 0, 1)
         scene += [Cell(motion.skeleton, x - middle, np.zeros(3)) for motion, x in zip(motions, points, strict=True)]
-    write_picture(path, [scene], [""], [list(columns)], VIEWS[view])
+    write_picture(path, [scene], [""], [list(columns)], VIEWS[view], dpi)
 
 
 def _repair(clip: str, entries: tuple[Entry, ...], frames: tuple[int, ...], skin: SkinMode) -> Callable[[Path], None]:
@@ -211,6 +253,8 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "gallery/floor_work.png": draw_floor_work,
     "gallery/zoo.png": draw_zoo,
     "gallery/duet.gif": draw_duet,
+    "repairs/skating.png": draw_skating,
+    "repairs/handover.png": draw_handover,
     **{f"repairs/{name}.png": _repair(*repair) for name, repair in REPAIRS.items()},
 } | {
     f"gallery/{Path(clip).name}.gif": partial(draw_clip, clip=clip, body=body, frames=frames, view=view)

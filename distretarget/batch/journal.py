@@ -56,20 +56,22 @@ class Journal:
                     self._size += len(line)
                     self._ends_whole = line.endswith(b"\n")
 
-    def add(self, *lines: bytes) -> None:
-        """Add lines and flush them to the disk; if that fails, raise a FileError and leave the file as it was."""
-        with self.locked():
-            self.catch_up()
-            text = b"".join([b"" if self._ends_whole else b"\n", *(line + b"\n" for line in lines)])
-            with self.path.open("ab", buffering=0) as file:
-                try:
-                    while text:
-                        text = text[file.write(text) :]
+    def add(self, *lines: bytes, flush: bool = True) -> None:
+        """Add lines, while the file is locked, and flush them to the disk; if that fails, raise a FileError and leave
+        the file as it was.
+        """
+        self.catch_up()
+        text = b"".join([b"" if self._ends_whole else b"\n", *(line + b"\n" for line in lines)])
+        with self.named_errors(), self.path.open("ab", buffering=0) as file:
+            try:
+                while text:
+                    text = text[file.write(text) :]
+                if flush:
                     os.fsync(file.fileno())
-                except OSError:
-                    file.truncate(self._size)
-                    raise
-            self.catch_up()
+            except OSError:
+                file.truncate(self._size)
+                raise
+        self.catch_up()
 
     def lines_at(self, starts: Iterable[int]) -> Iterator[bytes]:
         """Yield the lines that begin at these places [bytes]."""

@@ -128,8 +128,8 @@ class Manifest:
     def add(self, record: ManifestRecord) -> None:
         """Add what a clip has become, and flush it to the disk; if that fails, raise a FileError and change nothing."""
         with self.locked():
-            self._lines.catch_up()
             row = self._rows.add(record["output"], record) if record["metrics"] else ""
+            self._lines.catch_up()
             name, settings = settings_line(record)
             self._lines.add(*([] if name in self._settings else [settings]), clip_line(record, name, row))
 

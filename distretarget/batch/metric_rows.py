@@ -85,13 +85,15 @@ class MetricRows:
         self._journal = Journal(folder / NAME, lock, self._note)
 
     def add(self, output: str, measured: Measured) -> str:
-        """Add the row of an output, unless it is there, and return its name; a FileError if that fails."""
+        """Add the row of an output, unless it is there, and return its name; a FileError if that fails.
+
+        The file is locked. It need not be on the disk: the clip of a row that gets lost is retargeted again.
+        """
         row = row_of(output, measured)
-        with self._journal.locked():
-            self._journal.catch_up()
-            head = () if self._has_header() else (HEADER,)
-            if (name := _name_in(row)) not in self._starts:
-                self._journal.add(*head, row)
+        self._journal.catch_up()
+        head = () if self._has_header() else (HEADER,)
+        if (name := _name_in(row)) not in self._starts:
+            self._journal.add(*head, row, flush=False)
         return name
 
     def find(self, name: str) -> Measured | None:

@@ -13,14 +13,17 @@ from distretarget.batch.plan import Clip, check_page
 from distretarget.batch.record import VERSION, ManifestRecord
 from distretarget.batch.results import Results
 from distretarget.batch.tally import worst
-from distretarget.errors import FileError
+from distretarget.errors import DistretargetError, FileError
 from distretarget.io.files import check_inside, check_writable, is_folder, make_folder, write_whole
+from distretarget.io.input_file import load_file
 from distretarget.measure.metrics import METRICS
 from distretarget.report.diff_document import About
 from distretarget.report.index_page import index_page
+from distretarget.report.view_page import small_stage
 
 MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
+PLAYED = 24  # clips that the page over all clips plays
 HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
 
 
@@ -83,7 +86,8 @@ class Pages:
             paths = {one["output"]: self._report_path(one["output"]) for one in records if self._has_report(one)}
             links = {name: Path(os.path.relpath(path, self.index.parent)).as_posix() for name, path in paths.items()}
             title = f"{len(records)} clips in {results.folder.resolve().name}"
-            self._write(self.index, index_page(records, links, title, VERSION), results)
+            page = index_page(records, links, title, VERSION, dict(_stages(records, results.folder)))
+            self._write(self.index, page, results)
 
     def _write(self, path: Path, content: str | bytes, results: Results) -> None:
         make_folder(path.parent)
@@ -101,6 +105,15 @@ class Pages:
     def _has_report(self, record: ManifestRecord) -> bool:
         """Whether a clip has a report on its present output, not on an earlier one."""
         return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
+
+
+def _stages(records: Sequence[ManifestRecord], folder: Path) -> Iterator[tuple[str, object]]:
+    """Yield what the page plays, by output: the worst clips, first those with warnings, whose files can be read."""
+    done = [record for record in records if record["status"] == "done"]
+    for record in sorted(worst(done, METRICS[0]), key=lambda record: not record["warnings"])[:PLAYED]:
+        with suppress(DistretargetError):
+            files = load_file(record["input"]), load_file(folder / record["output"])
+            yield record["output"], small_stage(files[0], record["options"].get("clip"), files[1])
 
 
 def _head(path: Path) -> str:

@@ -25,7 +25,7 @@ from typing import Protocol
 from distretarget.batch.job import Job, Result, convert
 from distretarget.errors import BatchError
 from distretarget.numerics.interrupts import interrupts_held
-from distretarget.pipeline.compile_ahead import warm
+from distretarget.pipeline.compile_ahead import warm_for_others
 from distretarget.pipeline.options import Objective
 
 # These set the threads of a process: workers have one each, as there is a worker for each core.
@@ -74,7 +74,7 @@ class Processes:
         """
         if self._executor is None:
             started = time.perf_counter()
-            warm(self._objective)
+            warm_for_others(self._objective)
             with _worker_environment():
                 self._executor = ProcessPoolExecutor(self.count, self._context, _start_worker, (get_temp_dir(),))
                 wait([self._executor.submit(os.getpid) for _ in range(self.count)])  # starts the processes

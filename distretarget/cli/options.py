@@ -12,7 +12,7 @@ from typing import Any, get_args
 import click
 from click.core import ParameterSource
 
-from distretarget.body.build import Builds
+from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.io.build_file import load_build
 from distretarget.io.gltf_animation import Mode
@@ -30,7 +30,7 @@ PATH = click.Path(path_type=Path)
 
 @dataclass(frozen=True)
 class SkinFiles:
-    """The files that say how thick source and target are; None for what their own files show."""
+    """The builds, by name or file, of source and target; None for what their own files show."""
 
     source: Path | None
     target: Path | None
@@ -195,19 +195,20 @@ OPTIONS = (
     ENVIRONMENT_OPTION,
     click.option(
         "--skin",
-        metavar="[auto|average|none|FILE]",
+        metavar="[auto|average|BUILD|none|FILE]",
         default="auto",
         show_default=True,
         help="How thick TARGET is, so that skin touches and does not sink in. auto: as its mesh or the radii in its "
-        "file show; a TARGET with neither has no thickness. average: as an average adult. none: not at all; distances "
-        "count from joint to joint. FILE: as the character in this file, of any size and with any names.",
+        "file show; a TARGET with neither has no thickness. average: as an average adult, child or baby, whichever its "
+        f"bones show. BUILD: as average people of this build, {', '.join(BUILDS[:-1])} or {BUILDS[-1]}. none: not at "
+        "all; distances count from joint to joint. FILE: as the character in this file, of any size, with any names.",
     ),
     click.option(
         "--source-skin",
         type=PATH,
-        metavar="FILE",
-        help="A character as thick as the performer of SOURCE, such as a scan. Default: what the mesh in SOURCE shows, "
-        "else an average adult.",
+        metavar="[BUILD|FILE]",
+        help="How thick the performer of SOURCE is: a BUILD as in --skin, or a character of the same build, such as a "
+        "scan. Default: what the mesh in SOURCE shows, else an average adult, child or baby.",
     ),
 )
 

@@ -85,19 +85,18 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     "--skin",
     "skins",
     multiple=True,
-    metavar="[auto|average|none|FILE]",
+    metavar="[auto|average|BUILD|none|FILE]",
     help="How thick a target is, once for all performers, or once for each in order. auto, the default: as its mesh or "
-    "the radii in its file show; others have no thickness of their own. average: as an average adult. none: not at "
-    "all; distances count from joint to joint. FILE: as the character in this file.",
+    "the radii in its file show; others have no thickness of their own. average, BUILD, none and FILE: as in retarget.",
 )
 @click.option(
     "--source-skin",
     "source_skins",
     multiple=True,
     type=PATH,
-    metavar="FILE",
-    help="A character as thick as the performer of a source, once for all, or once for each in order. Default: what "
-    "the mesh in the source shows, else an average adult.",
+    metavar="[BUILD|FILE]",
+    help="How thick the performer of a source is, once for all, or once for each in order, as in retarget. Default: "
+    "what the mesh in the source shows, else an average adult, child or baby.",
 )
 @click.option(
     "--contacts",

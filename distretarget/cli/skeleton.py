@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 from distretarget.body.body import Body
+from distretarget.body.build import age_of
 from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.options import (
@@ -264,7 +265,8 @@ def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[st
     """The lines on how thick a body is: each part, its mean thickness, and that in % of the height."""
     if not len(capsules):
         return
-    source = "its mesh" if target.mesh() else "its file and an average adult" if target.radii else "an average adult"
+    average = f"an average {age_of(Body.of(target.skeleton, target.motion))}"
+    source = "its mesh" if target.mesh() else f"its file and {average}" if target.radii else average
     unit = f" [{target.skeleton.units}]" if target.skeleton.units else ""
     yield f"thickness of {source}{unit}, and in % of the height:"
     names = [SEGMENTS[segment].removeprefix("left ").removeprefix("right ") for segment in capsules.segments]

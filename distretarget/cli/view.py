@@ -30,7 +30,7 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
     """Look at motions and characters in the browser.
 
     FILES are BVH, glTF, VRM, VRMA, FBX and skeleton files, or folders of them. A character is shown with its mesh, any
-    other body as thick as an average adult. Of a file with several animations all are shown, or that of --clip. The
+    other body as thick as an average one. Of a file with several animations all are shown, or that of --clip. The
     page is one file that asks for nothing from the network. - stands for standard input or output.
 
     \b

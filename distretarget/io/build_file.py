@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from distretarget.body.body import Body
-from distretarget.body.build import Build, Builds
+from distretarget.body.build import BUILDS, Build, Builds, average_build
 from distretarget.body.thickness import capsules_of
 from distretarget.errors import DistretargetError, FileError
 from distretarget.io.input_file import InputFile, load_file
@@ -16,12 +16,18 @@ from distretarget.io.target_file import parse_full_target
 
 def load_build(path: str | Path) -> Build:
     """Return the build of the body in a file: a character whose mesh shows it (GLB, glTF, VRM, FBX), or a skeleton file
-    with radii. Any body that is recognised can have it.
+    with radii; or an average build by its name: "adult", "child", "baby", "old", "thin", "fat" or "muscular". Any body
+    that is recognised can have it.
 
     Raises:
-        FileError: the file cannot be read, shows no thickness, or no human body is recognised in it.
+        FileError: the file cannot be read, shows no thickness, or no human body is recognised in it; or no average
+            build has this name.
         SkeletonFileError, BvhError: it is not valid.
     """
+    if str(path) in BUILDS:
+        return average_build(str(path))
+    if not Path(path).suffix and not Path(path).exists():
+        raise FileError(path, f"is neither a file nor an average build ({', '.join(BUILDS)})")
     return parse_build(load_file(path))
 
 

@@ -6,6 +6,8 @@ import itertools
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -88,6 +90,21 @@ def declared_frames(text: str) -> int | None:
 
 
 def _take_skeleton(words: Words) -> Skeleton:
+    """The skeleton in a HIERARCHY; clips of one rig share it, with all that is found out about it."""
+    with suppress(BvhError):
+        skeleton, words.at = _skeleton_in(words.text[: words.text.find("\nMOTION") + 1])
+        return skeleton
+    return _new_skeleton(words)
+
+
+@lru_cache(maxsize=4)
+def _skeleton_in(hierarchy: str) -> tuple[Skeleton, int]:
+    """The skeleton in a text, and where it ends in it."""
+    words = Words("", hierarchy)
+    return _new_skeleton(words), words.at
+
+
+def _new_skeleton(words: Words) -> Skeleton:
     joints = _take_hierarchy(words)
     parents = [joint.parent for joint in joints]
     end_sites = [joint.end_site for joint in joints]
@@ -136,6 +153,8 @@ def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     columns = _columns(skeleton)
     rotations, joints = _rotations(skeleton, columns, values), np.append(0, _sliding(skeleton))
     translations = _translations(skeleton, columns, joints, values)
+    if extent(translations) > LARGEST:
+        raise words.error(f"positions with their OFFSETs added go beyond {LARGEST:g}; use other units")
     moving = MovingBones.among(skeleton, joints, translations)
     return Motion(skeleton, np.ascontiguousarray(translations[:, 0]), rotations, frame_time_text, moving)
 

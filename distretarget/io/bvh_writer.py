@@ -7,6 +7,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,7 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
-    lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
+    lines = [*_hierarchy_lines_of(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)
     values = _channel_values(motion, decimals)
     blocks = [values[first : first + TEXT_FRAMES] for first in range(0, len(values), TEXT_FRAMES)]
@@ -78,6 +79,12 @@ def _with_channels(motion: Motion) -> Motion:
     if tuple(channels) == motion.skeleton.channels:
         return motion
     return replace(motion, skeleton=replace(motion.skeleton, channels=tuple(channels)))
+
+
+@lru_cache(maxsize=4)
+def _hierarchy_lines_of(skeleton: Skeleton) -> tuple[str, ...]:
+    """The lines of a HIERARCHY, which all clips on one skeleton share."""
+    return tuple(_hierarchy_lines(skeleton))
 
 
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:

@@ -9,6 +9,7 @@ from distretarget.measure.metrics import BY_KEY, METRICS, Metric, Metrics, Track
 
 SAME = 1.15  # contacts that are kept less than this times better are kept as well as by copied rotations
 MOST_TIMES = 100.0  # a larger ratio of contact errors is given as "more than"
+NO_CONTACTS = "the source has no self-contacts"
 STILL = 0.01  # feet slower than this do not slide [leg lengths/s]
 UNCHANGED = 0.05  # a smaller error of direction is not mentioned [degrees]
 LEAST_BOUND = 0.1  # the least error that is given for the height of the hips [% of leg length]
@@ -62,13 +63,11 @@ def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
 def _contacts(metrics: Metrics) -> str:
     if metrics["result"].get("skin_depth") is not None:
         gap = metrics["result"]["skin_gap"]
-        return (
-            "no skins touch in the source" if gap is None else f"gaps of skins that touch {gap:.1f} % of the height off"
-        )
+        return NO_CONTACTS if gap is None else f"skin contacts off by {gap:.1f} % of the height on average"
     metric = BY_KEY["contact_error"]
     result, copy = (metrics[side][metric.key] for side in ("result", "rotation_copy"))
     if result is None or copy is None:
-        return "the source has no self-contacts"
+        return NO_CONTACTS
     if metric.worse_than_copy(metrics):
         return "contacts kept worse than by copied rotations"
     if copy <= metric.least or copy < SAME * result:
@@ -92,7 +91,7 @@ def _feet(metrics: Metrics) -> str:
     metric = BY_KEY["foot_skate"]
     skate = metrics["result"][metric.key]
     if skate is None:
-        return "no foot rests in the source"
+        return "no foot is planted in the source"
     if metric.over_limit(metrics):
         return "feet skate more than in the source"
     return "feet do not skate" if skate < STILL else "feet skate no more than in the source"

@@ -111,10 +111,9 @@ def merged(function: Function) -> Function:
     return function
 
 
-def _code_of(function: Callable[..., Any], fastmath: bool) -> Any:
-    """What numba makes of a function; all functions that it may call are made known to numba before."""
+def introduced(function: Function) -> Function:
+    """Decorate a function for numba: make known to numba what it may call, `inlined` and `merged` functions."""
     from numba import njit
-    from numba.core import config
     from numba.extending import register_jitable
 
     while _inlined:
@@ -122,8 +121,18 @@ def _code_of(function: Callable[..., Any], fastmath: bool) -> Any:
         register_jitable(fastmath=is_fast, forceinline=True, **_OPTIONS)(each)
     for each in [each for each, made in _merged.items() if made is None]:
         _merged[each] = njit(inline="always", **_OPTIONS)(each)
-    for each in (function, *_merged):
-        _name_merged(each)
+    _name_merged(function)
+    for other in _merged:
+        _name_merged(other)
+    return function
+
+
+def _code_of(function: Callable[..., Any], fastmath: bool) -> Any:
+    """What numba makes of a function."""
+    from numba import njit
+    from numba.core import config
+
+    introduced(function)
     _announce()
     settings: Any = config
     folder, before = code_folder(), settings.CACHE_DIR

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.contact_entries import Contact
+from distretarget.contact_entries import Contact, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot, widened
 from distretarget.numerics.vectors import lengths
@@ -44,7 +44,7 @@ def reached(
     for wish in wishes.wishes:
         moving = _moving(wishes, wish, supports, limbs)
         if moving:
-            way = wishes.firmness(wish)[:, None] * clip.unit * off_by(wishes, wish, motion, skins)
+            way = wishes.firmness(wish)[:, None] * clip.unit * off_by(wishes, wish, motion, supports, skins)
             total = sum(free for _, _, free, _ in moving)
             for number, sign, free, share in moving:
                 part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
@@ -88,15 +88,18 @@ def _moving(
     end the part moves. Legs stay where an arm can move.
     """
     found, skeleton, pair = [], wishes.clip.skeleton, pair_of(wishes.clip, wish)
-    for joint, sign in zip(pair or (), (1.0, -1.0), strict=False):
+    planted = pair is None and isinstance(wish.entry, Plant) and wish.entry.keep
+    joints = (int(wish.joints[0][0]),) if planted else pair or ()
+    for joint, sign in zip(joints, (1.0, -1.0), strict=False):
         for number, limb in enumerate(limbs):
             if joint in skeleton.subtree(limb.middle) and (joint != limb.middle or len(wish.joints[0]) > 1):
                 below = np.isin(supports.joints, [*skeleton.subtree(limb.end)])
                 free = 1.0 - supports.weights[:, below].max(axis=1, initial=0.0)
+                free = np.ones_like(free) if planted else free
                 share = 1.0 if joint in skeleton.subtree(limb.end) else FOREARM
                 found.append((number, sign, free, share))
     arms = [each for each in found if limbs[each[0]].is_arm]
-    return arms or found
+    return arms if arms or planted else found
 
 
 def _way_out(skin: BodySkin, posed: Array, parts: NDArray[np.intp], front: Array) -> Array:

@@ -51,7 +51,7 @@ def with_wishes(
         if pair is not None:
             if way is None:
                 now = between(clip.copy, pair, clip)
-                way = now + off_by(wishes, wish, clip.copy, skins)
+                way = now + off_by(wishes, wish, clip.copy, supports, skins)
             average = partial(averaged, reach=round(STEADY / clip.frame_time))
             springs.append(_spring(clip, pair, by_shot(average, clip.shots, way), firmness))
         elif isinstance(wish.entry, Plant) and not wish.entry.keep:
@@ -85,10 +85,17 @@ def between(motion: Motion, pair: tuple[int, int], clip: Clip) -> Array:
     return np.asarray((motion.positions[:, a] - motion.positions[:, b]) / clip.unit)
 
 
-def off_by(wishes: Wishes, wish: Wish, motion: Motion, skins: Skins | None) -> Array:
-    """Return by how much what is between the joints of a wish has to change in a motion, (frames, 3) [body units]."""
+def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins: Skins | None) -> Array:
+    """Return by how much what is between the joints of a wish, or the place of a part that is planted on the world, has
+    to change in a motion, (frames, 3) [body units]; 0 for all others.
+    """
     clip, entry, pair = wishes.clip, wish.entry, pair_of(wishes.clip, wish)
-    assert pair is not None
+    if pair is None:
+        columns = np.flatnonzero(np.isin(supports.joints, wish.joints[0]) & isinstance(entry, Plant))
+        if not len(columns) or not getattr(entry, "keep", False):
+            return np.zeros((len(motion), 3))
+        away = supports.places[:, columns] - motion.positions[:, supports.joints[columns]]
+        return np.asarray(away[np.arange(len(motion)), lengths(away).argmax(axis=1)] / clip.unit)
     now = between(motion, pair, clip)
     if isinstance(entry, Plant):
         assert wish.carrier is not None

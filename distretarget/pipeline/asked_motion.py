@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.contact_entries import Plant
+from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
@@ -19,7 +19,7 @@ from distretarget.objectives.asked_springs import between, off_by, pair_of, with
 from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.contact import held_parts, solve_contact
 from distretarget.objectives.looks import with_looks
-from distretarget.objectives.skins import limbs_of
+from distretarget.objectives.skins import BodySkin, limbs_of
 from distretarget.objectives.supports import Supports
 from distretarget.objectives.units import centimetres
 from distretarget.pipeline.blending import blended
@@ -97,9 +97,9 @@ def met(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
     skins, body = asked.match.skins, asked.match.matching.target
     given = wishes, asked.supports, limbs_of(body), skins
     motion = with_looks(motion, wishes, body)
-    if skins:
-        motion = brought_out(motion, *given[:3], skins.target, body)
-        motion = asked.with_own_skin(reached(motion, *given, STEADY[0]))
+    thick = skins.target if skins else BodySkin.of(body, average_for(body).on(body))
+    motion = brought_out(motion, *given[:3], thick, body)
+    motion = asked.with_own_skin(reached(motion, *given, STEADY[0]))
     for steady in STEADY:
         if not any(off.max() > MET * body.height for _, off in _off(asked, wishes, motion)):
             break
@@ -118,16 +118,9 @@ def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
 
 def _off(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[tuple[Wish, Array]]:
     """Yield wishes, and how far they are off in a motion where they are to be met, (frames,) [file units]."""
-    clip, supports = wishes.clip, performer.supports
+    clip = wishes.clip
     for wish in wishes.wishes:
-        if pair_of(clip, wish):
-            off = lengths(off_by(wishes, wish, posed, performer.match.skins)) * clip.unit
-        elif isinstance(wish.entry, Plant) and wish.entry.keep:
-            columns = np.isin(supports.joints, wish.joints[0])
-            away = lengths(posed.positions[:, supports.joints[columns]] - supports.places[:, columns])
-            off = away.max(axis=1, initial=0.0)
-        else:
-            continue
+        off = lengths(off_by(wishes, wish, posed, performer.supports, performer.match.skins)) * clip.unit
         yield wish, np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from distretarget.body.axes import axis_vector
@@ -12,6 +14,7 @@ from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
 from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import code_folder
 from distretarget.numerics.interrupts import interrupts_kept
 from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import median_of_three
@@ -36,6 +39,17 @@ def warm(objective: Objective) -> None:
         _run_for_legs(source)
         retarget(source, target, Options(objective=objective)).metrics  # noqa: B018 - what it needs is compiled
         _measure_skin(source)
+
+
+def warm_for_others(objective: Objective) -> None:
+    """Compile all code for `objective` so that other processes find it, unless an earlier run has done so."""
+    folder = code_folder()
+    mark = folder / f"whole-{objective}" if folder else None
+    if mark is None or not mark.exists():
+        warm(objective)
+    if mark:
+        with suppress(OSError):
+            mark.touch()
 
 
 def _clip() -> tuple[Motion, Skeleton]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
-from distretarget.body.build import OWN_BUILDS, average_adult
+from distretarget.body.build import OWN_BUILDS, average_for
 from distretarget.checks import check_kind
 from distretarget.contact_entries import Contact, ContactList, Entry, Plant
 from distretarget.matching.matching import Matching
@@ -136,11 +136,11 @@ def _touching(matching: Matching, clip: Clip, supports: Supports, settings: Cont
 
 
 class _SkinGaps:
-    """The gaps between the skins of an average adult with the source's bones."""
+    """The gaps between the skins of an average body with the source's bones."""
 
     def __init__(self, matching: Matching, clip: Clip) -> None:
         body, self.clip = matching.source, clip
-        capsules = average_adult().on(body)
+        capsules = average_for(body).on(body)
         self.skin = BodySkin.of(body, capsules) if len(capsules) else None
         self.of_segment = {
             int(segment): clip.regions.of_joint[joint]

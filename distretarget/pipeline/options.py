@@ -41,8 +41,8 @@ class Options:
             "body", where the target's limbs meet them on average; "scaled", where they are in the source, scaled like
             the root's path.
         skin: how thick the target is, so that skin touches and does not sink in: "auto", as its mesh or the radii in
-            its file show; "average", as an average adult; "none", not at all, as a target with neither mesh nor radii:
-            distances count from joint to joint. The paper's objective has no such term.
+            its file show; "average", as an average body of the age that its bones show; "none", not at all, as a target
+            with neither mesh nor radii: distances count from joint to joint. The paper's objective has no such term.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
         source_up: the up axis of the source's file ("Y", "-Z", ...); detected if not given (`world`).
         target_up: the up axis of the target's file.

@@ -11,7 +11,7 @@ from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Builds, average_adult
+from distretarget.body.build import OWN_BUILDS, Builds, average_for
 from distretarget.body.thickness import capsules_of
 from distretarget.errors import MotionError
 from distretarget.ik.poses import Poses
@@ -92,16 +92,16 @@ def _find_skins(matching: Matching, goal: Target, given: object, options: Option
     thickness is not known and not to be an average one.
     """
     build = builds.source if isinstance(given, SkeletonEdit) and not builds.target else builds.target
-    build = average_adult() if options.skin == "average" else build
+    build = average_for(matching.target) if options.skin == "average" else build
     if options.skin == "none" or not (build or goal.is_measured):
         return None
     target = build.on(matching.target) if build else target_capsules(goal)
-    return Skins.of(matching, (builds.source or average_adult()).on(matching.source), target)
+    return Skins.of(matching, (builds.source or average_for(matching.source)).on(matching.source), target)
 
 
 @lru_cache(maxsize=1)
 def target_capsules(target: Target) -> Capsules:
-    """Return the capsules of a target, from its mesh or radii, or of an average adult."""
+    """Return the capsules of a target, from its mesh or radii, or of an average body."""
     if target.capsules is not None:
         return target.capsules
     return capsules_of(Body.of(target.skeleton, target.motion), target.mesh(), target.radii)

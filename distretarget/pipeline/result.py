@@ -22,6 +22,7 @@ from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
+from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.skins import Skins
@@ -119,7 +120,9 @@ class RetargetResult:
             of_target = find_skin(target, self.skins.target.capsules, self.mesh)
             skins = find_skin(source, self.skins.source.capsules), of_target
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
-        return reference.compare(self.motion), reference.compare(self.rotation_copy)
+        side_by_side = mapper_for(len(self.motion), len(self.motion.skeleton))
+        result, copy = side_by_side(reference.compare, (self.motion, self.rotation_copy))
+        return result, copy
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:

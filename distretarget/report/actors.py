@@ -26,7 +26,7 @@ from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 Array = NDArray[np.float64]
 Role = Literal["source", "copy", "result", "other", "prop"]
 
-BUDGET = 8_000_000  # most characters for the rotations of all actors; longer clips are shown in part
+BUDGET = 8_000_000  # most characters for the rotations of all actors; of longer clips some frames are shown
 IMAGES = 4_000_000  # most bytes for the images of a character
 MEDIA = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}  # images by how they begin
 SAMPLES = 48  # frames from which the height of the floor is found
@@ -77,11 +77,11 @@ def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | N
     return float(np.percentile(heights.min(axis=1), ON_FLOOR))
 
 
-def thinned(actors: Sequence[Actor]) -> dict[str, Any]:
-    """Return the actors of a page as `actors_data`, with as many frames as fit in `BUDGET`."""
+def thinned(actors: Sequence[Actor], budget: int = BUDGET) -> dict[str, Any]:
+    """Return the actors of a page as `actors_data`, with as many frames as fit in a budget."""
     data, step = actors_data(actors, 1), 1
-    while (size := sum(len(actor["rotations"]) for actor in data["actors"])) > BUDGET:
-        step *= -(-size // BUDGET)
+    while (size := sum(len(actor["rotations"]) for actor in data["actors"])) > budget:
+        step *= -(-size // budget)
         data = actors_data(actors, step)
     return data
 

@@ -22,6 +22,7 @@ from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
+from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Actor, Role, lowest_skin, packed, thinned, upright
 from distretarget.report.diff_document import About, DiffDocument, document
@@ -85,7 +86,8 @@ def run_page(
         ("Result", "result", diff.b),
     ]
     mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
-    return _page(diff, document(diff, about), moving, skins, (_mesh_of(source, diff.a), mesh))
+    meshes = _mesh_of(source, diff.a), mesh
+    return _page(diff, document(diff, about), moving, skins, meshes, marked_contacts(result))
 
 
 def _mesh_of(file: InputFile | None, motion: Motion) -> SkinnedMesh | None:
@@ -124,7 +126,7 @@ def diff_page(diff: Diff, document: DiffDocument) -> str:
 
 
 def _skins(diff: Diff) -> tuple[Capsules, Capsules]:
-    """The surfaces of A and B; those of average adults."""
+    """The surfaces of A and B; those of average bodies."""
     return capsules_of(diff.matching.source), capsules_of(diff.matching.target)
 
 
@@ -134,10 +136,11 @@ def _page(
     moving: Sequence[tuple[str, Role, Motion]],
     skins: tuple[Capsules, Capsules],
     meshes: tuple[SkinnedMesh | None, SkinnedMesh | None],
+    marked: Sequence[MarkedContact] = (),
 ) -> str:
     """The page on a diff that plays motions, first that of A; the others are those of B's body."""
     actors = [*_actors(diff, moving, skins, meshes)]
-    rows = rows_of(diff, skins[1], range(len(actors)))
+    rows = rows_of(diff, skins[1], range(len(actors)), marked=marked)
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
     frames = document["frames"]
@@ -221,7 +224,7 @@ def _worst(document: DiffDocument) -> Iterator[dict[str, Any]]:
 
 def contact_jumps(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     """The beginnings of the first contacts of a timeline, for a menu."""
-    starts = sorted((row.spans[0][0], row.name) for row in rows if row.kind == "contact")
+    starts = sorted((row.spans[0][0], row.name) for row in rows if row.kind == "contact" and row.spans)
     for frame, name in starts[:JUMPS]:
         yield {"frame": frame, "kind": "Contacts", "text": f"{name} \u00b7 {frame}"}
 

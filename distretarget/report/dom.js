@@ -53,7 +53,7 @@ export function showFacts(facts) {
 
 // ---- colours, which the style sheet defines for both themes
 
-const themed = [];
+export const themed = [];
 
 /** The colour that the style sheet calls by a name. */
 export function colourOf(name) {

@@ -1,15 +1,14 @@
-// The page over all clips: head, metrics over the clips, failures, and the table with its filters.
+// The page over all clips: head, metrics over the clips, a player, and the table with its filters.
 
-import {$, counted, element, embedded, followTheme, showFacts, shown, term, terms} from './dom.js';
+import {$, button, counted, element, embedded, followTheme, showFacts, shown, term, terms} from './dom.js';
 import {metricsAt, nameOf} from './registry.js';
+import {buildPlayer} from './player.js';
 
 const batch = embedded('batch');
 const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
-const done = clips.filter(clip => clip.done), failures = clips.filter(clip => !clip.done);
+const done = clips.filter(clip => clip.done);
 const PAGE = 500; // rows of the table that are added at a time
-const FAILURES = 20; // most failures that are listed above the table
 const LONG = 240; // characters of a reason from which only its beginning shows until it is opened
-
 const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
   + '“source”.';
 const COPY = 'rotation copy';
@@ -17,7 +16,7 @@ const SHOWN = metricsAt('page over clips').map(columnOf);
 const COLUMNS = [
   {name: 'Clip', of: clip => clip.clip, text: true},
   ...batch.targets.length > 1 ? [{name: 'Target', of: targetOf, text: true, cell: clip => [targetOf(clip)]}] : [],
-  {name: 'Status', of: clip => statusOf(clip), text: true, cell: statusCell},
+  {name: 'Status', of: statusOf, text: true, cell: statusCell},
   {name: 'Frames', of: clip => clip.frames, cell: clip => [clip.frames?.toLocaleString('en') ?? '–']},
   {name: 'Seconds', of: clip => clip.seconds, cell: clip => [clip.seconds?.toFixed(clip.seconds < 10 ? 2 : 0) ?? '–']},
   ...SHOWN,
@@ -27,7 +26,7 @@ const STATUSES = [
   ['all', 'All clips', () => true],
   ['converted', 'Converted', clip => clip.done],
   ['failed', 'Failed', clip => !clip.done],
-  ['warned', 'Need a look', clip => clip.warnings.length],
+  ['warned', 'With warnings', clip => clip.warnings.length],
 ];
 
 /** The state of the table: the column it is ordered by, downwards or not, the clips that pass, and the rows shown. */
@@ -39,13 +38,9 @@ const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
  */
 function columnOf({key, label, symbol, explanation, judged, factor}) {
   const scaled = suffix => clip => (clip[key + suffix] === null ? null : factor * clip[key + suffix]);
-  const column = {
-    name: nameOf({label, symbol}),
-    explanation,
-    of: scaled(''),
-    beside: [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]],
-  };
-  return {...column, cell: clip => metricCell(column, clip)};
+  const beside = [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]];
+  const column = {name: nameOf({label, symbol}), explanation, of: scaled(''), beside};
+  return {...column, cell: clip => [shown(column.of(clip)), element('small', {}, shown(beside[0][1](clip)))]};
 }
 
 function targetOf(clip) {
@@ -67,13 +62,9 @@ function duration(seconds) {
   return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60).toLocaleString('en')} h ${minutes % 60} min`;
 }
 
-/** The values that are not null, in ascending order. */
-function ordered(values) {
-  return Float64Array.from(values.filter(value => value !== null)).sort();
-}
-
-/** The quantile of ascending numbers at a share from 0 to 1; null if there are no numbers. */
-function quantile(numbers, share) {
+/** The quantile, at a share from 0 to 1, of the values of clips that are not null; null if there are none. */
+function quantile(of, share) {
+  const numbers = Float64Array.from(done.map(of).filter(value => value !== null)).sort();
   if (!numbers.length) return null;
   const place = share * (numbers.length - 1), low = Math.floor(place), high = Math.ceil(place);
   return numbers[low] + (place - low) * (numbers[high] - numbers[low]);
@@ -82,40 +73,55 @@ function quantile(numbers, share) {
 // ---- head
 
 function buildHead() {
-  const facts = [
+  const failed = clips.length - done.length, number = failed.toLocaleString('en');
+  const showFailed = () => {
+    $('status').value = 'failed';
+    refresh();
+    $('clips').scrollIntoView();
+  };
+  showFacts([
     ['Clips', clips.length.toLocaleString('en')],
     ['Converted', done.length.toLocaleString('en')],
-    ['Failed', failures.length.toLocaleString('en')],
+    ['Failed', failed ? button(number, showFailed, {'aria-label': `Show the ${counted(failed, 'clip')} that failed`})
+      : number],
     ['Frames', total(done.map(clip => clip.frames)).toLocaleString('en')],
     ['Retargeting', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
     ...batch.targets.length === 1 ? [['Target', batch.targets[0]]] : [],
     ...batch.folder ? [['Folder', batch.folder]] : [],
     ['Made by', `distretarget version ${batch.version}`],
-  ];
-  showFacts(facts);
+  ]);
   $('terms').append(...terms([...SHOWN.map(({name, explanation}) => [name, explanation]), ['Medians', MEDIANS]]));
+  $('metrics').hidden = !done.length;
+  $('metrics').append(...SHOWN.map(cardOfColumn));
 }
 
-function buildMetric({name, explanation, of, beside}) {
-  const numbers = ordered(done.map(of));
-  const rows = [['worst', quantile(numbers, 1)]];
-  for (const [other, its] of beside) {
-    const others = ordered(done.map(its));
-    rows.push([other, quantile(others, 0.5)]);
-    if (other === COPY) rows.push(['copy’s worst', quantile(others, 1)]);
-  }
+function cardOfColumn({name, explanation, of, beside}) {
+  const rows = [['worst', quantile(of, 1)], ...beside.flatMap(([other, its]) => [
+    [other, quantile(its, 0.5)], ...other === COPY ? [['copy’s worst', quantile(its, 1)]] : []])];
   return element('div', {class: 'metric'},
     element('h3', {}, term(name, explanation)),
-    element('p', {class: 'big'}, shown(quantile(numbers, 0.5)), element('small', {}, ' median')),
+    element('p', {class: 'big'}, shown(quantile(of, 0.5)), element('small', {}, ' median')),
     element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))));
 }
 
-function buildMetrics() {
-  $('metrics').hidden = !done.length;
-  $('metrics').append(...SHOWN.map(buildMetric));
+// ---- player
+
+/** Shows a clip and its result in the player. */
+async function watch(clip) {
+  $('watched').hidden = false;
+  $('watched-name').replaceChildren(nameOfClip(clip));
+  await buildPlayer(embedded(`stage-${clip.stage}`));
+  markWatched(clip);
 }
 
-// ---- failures
+function markWatched(clip) {
+  view.watched = clip;
+  for (const one of document.querySelectorAll('.watch')) {
+    one.setAttribute('aria-pressed', one.dataset.stage === String(clip.stage));
+  }
+}
+
+// ---- table
 
 /** Why a clip failed; only the beginning of a long reason shows until it is opened. */
 function reasonOf({error}) {
@@ -123,39 +129,25 @@ function reasonOf({error}) {
   return element('details', {class: 'reason'}, element('summary', {}, element('span', {}, error)));
 }
 
-function buildFailures() {
-  $('failures').hidden = !failures.length;
-  $('failures-title').textContent = `${counted(failures.length, 'clip')} failed`;
-  $('failed').append(...failures.slice(0, FAILURES).map(clip => element('li', {},
-    element('b', {}, clip.clip, ...batch.targets.length > 1 ? [element('small', {}, ` for ${targetOf(clip)}`)] : []),
-    reasonOf(clip))));
-  if (failures.length <= FAILURES) return;
-  const show = () => {
-    Object.assign($('status'), {value: 'failed'});
-    refresh();
-    $('clips').scrollIntoView();
-  };
-  const all = `Show all ${failures.length.toLocaleString('en')} in the table`;
-  $('failures').append(element('button', {type: 'button', on: {click: show}}, all));
+/** The name of a clip, which may break into lines after slashes; a link to its report, if it has one. */
+function nameOfClip(clip) {
+  const parts = clip.clip.split(/(?<=[/\\])/).flatMap(part => [part, element('wbr')]);
+  return clip.link === null ? element('span', {}, ...parts) : element('a', {href: clip.link}, ...parts);
 }
 
-// ---- table
-
-/** The name of a clip, which may break into lines after slashes. */
 function nameCell(clip) {
-  const parts = clip.clip.split(/(?<=[/\\])/).flatMap(part => [part, element('wbr')]);
-  return element('th', {scope: 'row'}, ...clip.link === null ? parts : [element('a', {href: clip.link}, ...parts)]);
+  const attributes = {class: 'watch', 'aria-label': `Play ${clip.clip}`, 'aria-pressed': clip === view.watched,
+    'data-stage': clip.stage};
+  const play = clip.stage === null ? [] : [button('▶', async () => {
+    await watch(clip);
+    $('watched').scrollIntoView({block: 'nearest'});
+  }, attributes), ' '];
+  return element('th', {scope: 'row'}, ...play, nameOfClip(clip));
 }
 
 function statusCell(clip) {
   const mark = element('span', {'aria-hidden': 'true'}, clip.done ? '✓ ' : '✗ ');
   return [element('span', {class: clip.done ? 'within' : 'over'}, mark, statusOf(clip))];
-}
-
-/** The value of a metric, and beside it the first that it is compared with. */
-function metricCell({of, beside}, clip) {
-  const other = beside.slice(0, 1).map(([, its]) => element('small', {}, shown(its(clip))));
-  return [shown(of(clip)), ...other];
 }
 
 /** The number of warnings, on a button that shows them in a row below. */
@@ -164,13 +156,13 @@ function warningsCell(clip) {
   const texts = clip.warnings.map(k => element('li', {}, batch.warnings[k]));
   const told = element('tr', {class: 'told'}, element('td', {colspan: COLUMNS.length}, element('ul', {}, ...texts)));
   const label = `${counted(texts.length, 'warning')} of ${clip.clip}`;
-  const button = element('button', {type: 'button', 'aria-expanded': 'false', 'aria-label': label, on: {click: () => {
+  const opener = button(texts.length, () => {
     const open = !told.isConnected;
-    button.setAttribute('aria-expanded', open);
-    if (open) button.closest('tr').after(told);
+    opener.setAttribute('aria-expanded', open);
+    if (open) opener.closest('tr').after(told);
     else told.remove();
-  }}}, texts.length);
-  return [button];
+  }, {'aria-expanded': 'false', 'aria-label': label});
+  return [opener];
 }
 
 /** The cells of a clip; of one that failed the reason is in place of the metrics. */
@@ -215,8 +207,7 @@ function refresh() {
     return words.every(word => text.includes(word));
   };
   const chosen = clip => passes(clip) && (!target || clip.target === Number(target));
-  view.passing = sorted(clips.filter(clip => chosen(clip) && named(clip)));
-  view.rows = 0;
+  Object.assign(view, {passing: sorted(clips.filter(clip => chosen(clip) && named(clip))), rows: 0});
   $('rows').replaceChildren();
   addRows();
   if (!view.rows) $('rows').append(element('tr', {}, element('td', {class: 'words none', colspan: COLUMNS.length},
@@ -230,54 +221,38 @@ function fit() {
   $('box').classList.toggle('part', !whole);
 }
 
-function markHeads() {
-  COLUMNS.forEach((column, k) => {
+/** Orders the table by a column; the same column again goes the other way. */
+function sortBy(column, down = column === view.column ? !view.down : !column.text) {
+  Object.assign(view, {down, column});
+  COLUMNS.forEach((one, k) => {
     const head = $('heads').children[k];
-    if (column === view.column) head.setAttribute('aria-sort', view.down ? 'descending' : 'ascending');
+    if (one === column) head.setAttribute('aria-sort', down ? 'descending' : 'ascending');
     else head.removeAttribute('aria-sort');
   });
-}
-
-function sortBy(column) {
-  Object.assign(view, {down: column === view.column ? !view.down : !column.text, column});
-  markHeads();
   refresh();
 }
 
-function buildHeads() {
-  for (const column of COLUMNS) {
-    const [name, unit] = column.name.split(', ');
-    const others = (column.beside || []).slice(0, 1).map(([other]) => other.split(' ').pop());
-    const below = [...unit ? [unit] : [], ...others].join(' · ');
-    const button = element('button', {type: 'button', on: {click: () => sortBy(column)}},
-      element('span', {}, name), ...below ? [element('small', {}, below)] : []);
-    if (column.explanation) button.title = column.explanation;
-    $('heads').append(element('th', {scope: 'col', class: column.text ? 'words' : 'number'}, button));
-  }
-  markHeads();
-}
-
-function buildFilters() {
-  const option = (value, text, some) => element('option', {value}, `${text} (${some.length.toLocaleString('en')})`);
+function buildTable() {
+  const option = (value, text, some) => new Option(`${text} (${some.length.toLocaleString('en')})`, value);
   $('status').append(...STATUSES.map(([key, text, passes]) => option(key, text, clips.filter(passes))));
-  $('target').append(element('option', {value: ''}, 'All targets'), ...batch.targets.map(
+  $('target').append(new Option('All targets', ''), ...batch.targets.map(
     (name, k) => option(k, name, clips.filter(clip => clip.target === k))));
   $('target').hidden = batch.targets.length < 2;
   for (const id of ['filter', 'status', 'target']) $(id).addEventListener('input', refresh);
   $('more').addEventListener('click', addRows);
-}
-
-// ---- all of it
-
-function start() {
-  buildHead();
-  buildMetrics();
-  buildFailures();
-  buildFilters();
-  buildHeads();
-  refresh();
-  followTheme();
+  for (const column of COLUMNS) {
+    const [name, unit] = column.name.split(', '), [other] = column.beside?.[0] || [];
+    const below = [unit, other?.split(' ').pop()].filter(Boolean).join(' · ');
+    const head = button('', () => sortBy(column), column.explanation ? {title: column.explanation} : {});
+    head.append(element('span', {}, name), ...below ? [element('small', {}, below)] : []);
+    $('heads').append(element('th', {scope: 'col', class: column.text ? 'words' : 'number'}, head));
+  }
+  sortBy(SHOWN[0], true);
   [$('box'), $('rows')].forEach(place => new ResizeObserver(fit).observe(place));
 }
 
-start();
+buildHead();
+buildTable();
+followTheme();
+const played = clips.find(clip => clip.stage === 0);
+if (played) watch(played);

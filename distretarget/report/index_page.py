@@ -6,6 +6,7 @@ import math
 import os.path
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Literal, TypedDict
 from urllib.parse import quote
 
@@ -14,7 +15,7 @@ from distretarget.report.page import html_page
 
 ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
 METRIC_COLUMNS = tuple(name for name, (_, metric) in COLUMNS.items() if "page over clips" in metric.places)
-FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
+FIELDS = ("clip", "link", "stage", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
 
 
 class ClipRecord(TypedDict):
@@ -31,16 +32,24 @@ class ClipRecord(TypedDict):
     error: str  # why it failed; empty if it did not
 
 
-def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: str, version: str) -> str:
+def index_page(
+    records: Sequence[ClipRecord],
+    links: Mapping[str, str],
+    title: str,
+    version: str,
+    stages: Mapping[str, object] = MappingProxyType({}),
+) -> str:
     """The HTML of the page over clips, from lines of a manifest, one for each output.
 
-    `links` are the paths of their reports by output, relative to the page and not quoted; `version` is the program's.
+    `links` are the paths of their reports by output, relative to the page and not quoted; `stages` are what the player
+    shows of some clips, the first at first; `version` is the program's.
     """
-    data = {"batch": {**_table(records, links), "version": version}, "registry": as_data("the source", "the result")}
-    return html_page("index", title, data)
+    table = _table(records, links, [*stages])
+    data = {"batch": {**table, "version": version}, "registry": as_data("the source", "the result")}
+    return html_page("index", title, data | {f"stage-{k}": stage for k, stage in enumerate(stages.values())})
 
 
-def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str, object]:
+def _table(records: Sequence[ClipRecord], links: Mapping[str, str], played: Sequence[str]) -> dict[str, object]:
     """The records in few bytes: the name of the `folder` of all clips, which their names omit; `targets` and `warnings`
     once each; and for each clip a row of the values of `FIELDS`, with target and warnings as indices.
     """
@@ -52,6 +61,7 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
         [
             record["input"][len(folder) :],
             _url(links.get(record["output"])),
+            played.index(record["output"]) if record["output"] in played else None,
             target_at[record["target"]],
             *((1, record["frames"], _number(record["seconds"])) if record["status"] == "done" else (0, None, None)),
             [warning_at[text] for text in record["warnings"]],

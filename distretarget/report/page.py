@@ -28,12 +28,12 @@ PLAYER = (
 # The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
 STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),
-    "index": ("style.css", "index.css"),
+    "index": ("style.css", "player.css", "index.css"),
     "scene": ("style.css", "player.css"),
 }
 SCRIPTS = {
     "clip": (*PLAYER, "tables.js", "registry.js", "cards.js", "curves.js", "clip.js"),
-    "index": ("dom.js", "registry.js", "index.js"),
+    "index": (*PLAYER, "registry.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
 }
 IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)
@@ -42,9 +42,12 @@ ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u202
 
 
 def html_page(kind: str, title: str, data: Mapping[str, object]) -> str:
-    """The HTML of a "clip", "index" or "scene" page. Its scripts read `data` by name."""
-    scripts = [_asset(LIBRARY)] if "stage.js" in SCRIPTS[kind] else []
-    scripts.append("'use strict';\n" + "\n".join(IMPORT.sub("", _asset(name)) for name in SCRIPTS[kind]))
+    """The HTML of a "clip", "index" or "scene" page. Its scripts read `data` by name; a name that begins with "stage"
+    is for the player.
+    """
+    played = any(name.startswith("stage") for name in data)
+    modules = [_asset(name) for name in SCRIPTS[kind] if played or name not in PLAYER[1:]]
+    scripts = [_asset(LIBRARY)] * played + ["'use strict';\n" + "\n".join(IMPORT.sub("", one) for one in modules)]
     parts = {
         "title": html.escape(HALVES.sub("\ufffd", title)),
         "style": "\n".join(map(_asset, STYLES[kind])),
@@ -54,9 +57,8 @@ def html_page(kind: str, title: str, data: Mapping[str, object]) -> str:
             f'<script type="application/json" id="{name}">{script_json(value)}</script>' for name, value in data.items()
         ),
     }
-    template = (
-        _asset("page.html").replace("{{body}}", _asset(f"{kind}.html")).replace("{{player}}", _asset("player.html"))
-    )
+    player = _asset("player.html") if played else ""
+    template = _asset("page.html").replace("{{body}}", _asset(f"{kind}.html")).replace("{{player}}", player)
     return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], template)
 
 

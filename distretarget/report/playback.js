@@ -3,7 +3,7 @@
 import {$, clamp} from './dom.js';
 
 export const clock = {frame: 0, count: 1, frameTime: 1 / 30, playing: false, speed: 1, loop: null, jumps: []};
-const watchers = [];
+export const watchers = [];
 let seconds = 0, before = 0, waiting = false;
 
 /** Calls `watch` with the frame for each picture, and in an order such that those watching first are called first. */
@@ -79,9 +79,11 @@ function followLink() {
   if (frame !== undefined) goTo(Number(frame));
 }
 
+addEventListener('hashchange', followLink);
+
 /** Connects slider, buttons and links; `jumps` are frames with a kind and a text. */
 export function buildTransport(count, frameTime, jumps) {
-  Object.assign(clock, {count, frameTime, jumps});
+  Object.assign(clock, {frame: 0, count, frameTime, playing: false, speed: 1, loop: null, jumps});
   $('slider').max = count - 1;
   for (const id of ['slider', 'play', 'loop', 'speed']) $(id).disabled = count < 2;
   $('slider').addEventListener('input', event => goTo(Number(event.target.value)));
@@ -101,7 +103,6 @@ export function buildTransport(count, frameTime, jumps) {
     goTo(Number(event.target.value));
     event.target.selectedIndex = 0;
   });
-  addEventListener('hashchange', followLink);
   followLink();
 }
 

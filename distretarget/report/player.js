@@ -1,8 +1,9 @@
 // The player: the stage with its buttons and keys.
 
-import {$, button, embedded, element} from './dom.js';
+import {$, button, element, embedded, themed} from './dom.js';
 import {buildTimeline} from './timeline.js';
-import {buildTransport, clock, goTo, jump, markLoop, onFrame, repaint, setPlaying} from './playback.js';
+import {buildTransport, clock, goTo, jump, markLoop, onFrame, repaint, setPlaying,
+  watchers} from './playback.js';
 import {Marks} from './marks.js';
 import {MOST_VIEWS, Stage} from './stage.js';
 
@@ -24,6 +25,7 @@ const KEYS = [
   ['O', 'o', 'lay bodies over each other', () => $('overlaid').click()],
   ['F', 'f', 'follow the body', () => $('follow').click()],
   ['T', 't', 'paths of hands and feet', () => $('trails').click()],
+  ['C', 'c', 'copy the contact below the timeline, for a contact file', () => $('copy').click()],
   ['M', 'm', 'marks of contacts and supports', () => $('marks').click()],
   ['R', 'r', 'reset the view', () => $('reset').click()],
   ['P', 'p', 'save a picture', () => $('picture').click()],
@@ -36,11 +38,12 @@ function steer(event, stage, x, y) {
   else stage.orbit(0.12 * x, -0.12 * y);
 }
 
-function onKey(event, stage) {
+function onKey(event) {
+  const {stage} = globalThis.app || {};
   const {tagName: tag, type} = event.target, typing = tag === 'SELECT' || tag === 'INPUT' && type !== 'range';
   const presses = event.key === ' ' && ['BUTTON', 'SUMMARY'].includes(tag);
   const found = KEYS.find(([, key]) => key === (event.key.length === 1 ? event.key.toLowerCase() : event.key));
-  if (!found || typing || presses || event.ctrlKey || event.metaKey || event.altKey || $('keys').open) return;
+  if (!stage || !found || typing || presses || event.ctrlKey || event.metaKey || event.altKey || $('keys').open) return;
   event.preventDefault();
   found[3](event, stage);
   repaint();
@@ -101,7 +104,9 @@ function look(id, stage, azimuth, elevation) {
 }
 
 /** Copies the view to a picture for the printer, which cannot see what WebGL has drawn. */
-function copyView(stage) {
+function copyView() {
+  const {stage} = globalThis.app || {};
+  if (!stage) return;
   stage.draw(clock.frame);
   const {width, height} = stage.canvas;
   Object.assign($('still'), {width, height}).getContext('2d').drawImage(stage.canvas, 0, 0);
@@ -121,9 +126,21 @@ function buildKeys() {
   $('keys').addEventListener('close', () => $('player').focus());
 }
 
-/** Builds the player of the page from its data; `app` in the console of the browser drives it. */
-export async function buildPlayer() {
-  const data = embedded('stage'), canvas = $('player');
+addEventListener('keydown', onKey);
+addEventListener('beforeprint', copyView);
+const untouched = $('stage-box').cloneNode(true);
+
+/** Builds the player from its data, instead of one before; `app` in the console of the browser drives it. */
+export async function buildPlayer(data = embedded('stage')) {
+  if (globalThis.app) {
+    app.stage.renderer.dispose();
+    app.stage.renderer.forceContextLoss();
+    history.replaceState(null, '', '#');
+    delete globalThis.app;
+  }
+  $('stage-box').replaceWith(untouched.cloneNode(true));
+  watchers.length = themed.length = 0;
+  const canvas = $('player');
   buildTransport(data.frames, data.frame_time, data.jumps);
   buildKeys();
   const bodies = Stage.of(canvas, data, repaint).catch(() => null);
@@ -146,10 +163,8 @@ export async function buildPlayer() {
   $('picture').addEventListener('click', () => savePicture(stage));
   $('full').addEventListener('click', () => (
     document.fullscreenElement ? document.exitFullscreen() : $('stage-box').requestFullscreen()));
-  addEventListener('keydown', event => onKey(event, stage));
   label(stage);
   new ResizeObserver(repaint).observe(canvas);
-  addEventListener('beforeprint', () => copyView(stage));
   onFrame(frame => {
     marks.update(frame, data.frame_time);
     stage.draw(frame, clock.playing);

@@ -24,6 +24,7 @@ from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
+from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Actor, lowest_skin, thinned, upright
 from distretarget.report.clip_page import contact_jumps, run_diff
@@ -51,6 +52,7 @@ class ShownBody:
         measured: a performer's last motion against its first; None for a prop.
         skins: the surface on the first side and on the others.
         mesh: on the others.
+        marked: a performer's contacts that were found, dropped and added.
     """
 
     name: str
@@ -59,6 +61,7 @@ class ShownBody:
     measured: Diff | None = None
     skins: tuple[Capsules | None, Capsules | None] = (None, None)
     mesh: SkinnedMesh | None = None
+    marked: tuple[MarkedContact, ...] = ()
 
     @classmethod
     def of_performer(cls, name: str, measured: Diff, result: RetargetResult | None = None) -> ShownBody:
@@ -74,6 +77,7 @@ class ShownBody:
             measured=measured,
             skins=skins,
             mesh=result.mesh if result else None,
+            marked=marked_contacts(result) if result else (),
         )
 
     @classmethod
@@ -180,7 +184,7 @@ def _player_page(
     for number, body in enumerate(bodies):
         if body.measured:
             actors = range(number, len(sides) * len(bodies), len(bodies))
-            rows += rows_of(body.measured, body.skins[1], actors, f"{body.name}: ")
+            rows += rows_of(body.measured, body.skins[1], actors, f"{body.name}: ", body.marked)
     stage = {
         "sides": sides,
         "frames": len(bodies[0].motions[0]),

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.segments import find_segments
+from distretarget.io.contacts_file import entry_to_json
 from distretarget.measure.contacts import CONTACT_DISTANCE
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.skin import TOUCHABLE
 from distretarget.measure.skin_points import LIMBS
 from distretarget.numerics.time_series import spans_of
+from distretarget.pipeline.found_contacts import MarkedContact
 from distretarget.report.actors import packed
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.fit import distances
@@ -27,15 +29,16 @@ Point = tuple[int, int]
 
 FAR = CONTACT_DISTANCE / 3  # a contact whose D is farther off than this is not kept well
 SEEN = 0.3  # skin that is less deep inside than this is not shown [limits]
-TOUCHING = " touching"
+TOUCHING, RESTING = " touching", " on floor"
 CODES = 254  # steps of how far something is off
+SPANS = 6  # times in which a row holds that are told
 LIMB_ROLES = {"hand": "Hand", "forearm": "LowerArm"}
 # The kinds of the tracks that have a row for each part, and what is said of a part.
 TRACKS: dict[str, tuple[Kind, str]] = {
     "skin_depth": ("skin", "{} inside"),
     "skin_gap": ("contact", "{}" + TOUCHING),
-    "foot_height": ("support", "{} on floor"),
-    "support_height": ("support", "{} on floor"),
+    "foot_height": ("support", "{}" + RESTING),
+    "support_height": ("support", "{}" + RESTING),
 }
 
 
@@ -51,6 +54,7 @@ class Row:
         unit: of these values.
         points: the joints between which its mark is, for each side of the page.
         spots: (frames,), the joint at which its mark is instead, if that changes.
+        marked: what of it was found, dropped or added, as a contact file says it.
     """
 
     name: str
@@ -60,6 +64,7 @@ class Row:
     unit: str
     points: Sequence[Sequence[Point]]
     spots: NDArray[np.intp] | None = None
+    marked: Sequence[MarkedContact] = ()
 
     @property
     def spans(self) -> list[list[int]]:
@@ -67,33 +72,101 @@ class Row:
         return [[int(first), int(end)] for first, end in spans_of(np.isfinite(self.values))]
 
     @property
+    def is_asked(self) -> bool:
+        """Whether something of it was dropped or added."""
+        return any(each.mark != "found" for each in self.marked)
+
+    @property
     def data(self) -> dict[str, Any]:
         """The row for the page: each frame is 0, or 1 and how far off it is, in `CODES` steps up to `top`."""
-        most = float(np.nanmax(self.values))
+        most = float(np.nanmax(self.values, initial=0.0))
         top = max(3.0 * self.limit, most)
         codes = np.where(np.isfinite(self.values), 1 + np.rint(CODES * self.values / top), 0)
-        frames = int(np.isfinite(self.values).sum())
+        spans = [f"{first}\u2013{end - 1}" for first, end in self.spans]
+        told = ", ".join([*spans[:SPANS], *["\u2026"] * (len(spans) > SPANS)])
+        account = f"frames {told}" if spans else "not measured"
         return {
             "name": self.name,
             "kind": self.kind,
             "unit": self.unit,
             "limit": self.limit,
             "top": top,
-            "account": f"{frames} frames" + (f", at most {most:.3g} {self.unit} off" if self.unit else ""),
+            "account": account + (f"; at most {most:.3g} {self.unit} off" if self.unit else ""),
             "codes": packed(codes, "<u1"),
             "points": self.points,
             "spots": "" if self.spots is None else packed(self.spots, "<u2"),
+            "marked": [
+                {"frames": each.entry.frames, "mark": each.mark, "json": entry_to_json(each.entry)}
+                for each in self.marked
+            ],
         }
 
 
-def rows_of(diff: Diff, solid: Capsules | None, actors: Sequence[int], prefix: str = "") -> list[Row]:
+def rows_of(
+    diff: Diff,
+    solid: Capsules | None,
+    actors: Sequence[int],
+    prefix: str = "",
+    marked: Sequence[MarkedContact] = (),
+) -> list[Row]:
     """Return the rows of a diff, their names after a prefix; `solid` is the surface of B, `actors` are the numbers of A
-    and of all others, which have the joints of B.
+    and of all others, which have the joints of B; `marked` are the contacts that were found, dropped and added. Rows of
+    those dropped and added come first.
     """
     contacts = [*_contacts(diff, actors)]
     told = {name for row in contacts for name in row.name.split(" - ")}
     rows = [*contacts, *(row for row in _tracks(diff, solid, actors) if row.name.removesuffix(TOUCHING) not in told)]
+    rows = sorted(_with_marks(diff, rows, marked, actors), key=lambda row: not row.is_asked)
     return [replace(row, name=prefix + row.name) for row in rows]
+
+
+def _with_marks(
+    diff: Diff, rows: Sequence[Row], marked: Sequence[MarkedContact], actors: Sequence[int]
+) -> Iterator[Row]:
+    """Rows with what of them was found, dropped and added; one more for each that has no row."""
+    left: dict[frozenset[str], list[MarkedContact]] = {}
+    for each in marked:
+        left.setdefault(frozenset(each.entry.parts), []).append(each)
+    for row in rows:
+        own = left.pop(frozenset(row.name.removesuffix(RESTING).split(" - ")), []) if row.kind != "skin" else []
+        values = np.array(row.values)
+        for each in own:
+            if each.mark == "dropped":
+                values[_frames(each)] = np.nan
+        yield replace(row, values=values, marked=own)
+    for own in left.values():
+        values, on = np.full(len(diff), np.nan), [each for each in own if each.mark == "added"]
+        for each in on:
+            values[_frames(each)] = 0.0
+        joints = _nearest_joints(diff, own[0].entry.parts, _frames(on[0])) if on else ()
+        points = _points(diff, joints, actors) if joints else [[] for _ in actors]
+        kind: Kind = "contact" if len(own[0].entry.parts) > 1 else "support"
+        name = " - ".join(own[0].entry.parts) + (RESTING if kind == "support" else "")
+        yield Row(name, kind, values, 1.0, "", points, marked=own)
+
+
+def _frames(marked: MarkedContact) -> slice:
+    """The frames of a marked contact, which has them."""
+    first, last = marked.entry.frames or (0, -1)
+    return slice(int(first), int(last) + 1)
+
+
+def _nearest_joints(diff: Diff, parts: Sequence[str], frames: slice) -> Sequence[int]:
+    """The joints of B's parts, or joints called so, that are nearest to each other in some frames; none if unknown."""
+    regions, keys = diff.matching.regions, diff.b.skeleton.keys
+    joints = [
+        np.flatnonzero(regions.of_joint == regions.names.index(part)) if part in regions.names else [keys.index(part)]
+        for part in parts
+        if part in regions.names or part in keys
+    ]
+    if len(joints) < len(parts):
+        return ()
+    if len(joints) == 1:
+        return (int(joints[0][0]),)
+    a, b = (diff.b.positions[frames][:, each] for each in joints)
+    near = np.linalg.norm(a[:, :, None] - b[:, None], axis=3).mean(axis=0)
+    one, other = np.unravel_index(near.argmin(), near.shape)
+    return int(joints[0][one]), int(joints[1][other])
 
 
 def _points(diff: Diff, joints: Sequence[int], actors: Sequence[int]) -> list[list[Point]]:

@@ -17,14 +17,16 @@ from distretarget.io.motion_file import parse_motion, read_scene
 from distretarget.io.target_file import parse_full_target
 from distretarget.measure.diff import diff
 from distretarget.motion import Motion
-from distretarget.report.actors import Actor, lowest_skin, thinned, upright
+from distretarget.report.actors import BUDGET, Actor, lowest_skin, thinned, upright
 from distretarget.report.clip_page import contact_jumps, facing
 from distretarget.report.page import html_page
 from distretarget.report.timeline_rows import Row, rows_of
+from distretarget.skin.mesh import no_mesh
 from distretarget.target import Target
 
 STILL = "0.0333333"  # the time that a character without a motion is shown [s]
 MOST = 24  # actors on a page
+SMALL = 60_000  # characters for the rotations of a clip among many
 
 
 def actors_of(file: InputFile, side: int = 0, clip: str | None = None) -> list[Actor]:
@@ -52,6 +54,18 @@ def _motions(file: InputFile, clip: str | None) -> Iterator[tuple[str, Motion]]:
         return
     for number, name in enumerate(names[:MOST], 1):
         yield f"{number} {name}".rstrip(), parse_motion(file, f"#{number}")[0]
+
+
+def small_stage(source: InputFile, clip: str | None, result: InputFile) -> dict[str, object]:
+    """What plays a clip and its result, side by side, in few bytes; a DistretargetError if a file cannot be read."""
+    added = len(read_scene(result, animated=False).animations) if result.kind in ("glTF", "FBX") else 0
+    actors = []
+    for side, (file, own) in enumerate(((source, clip), (result, f"#{added}"))):
+        target = parse_full_target(file)
+        motion = next(iter(dict(_motions(file, own)).values()), None)
+        actor = shown_actor(("Source", "Result")[side], side, replace(target, mesh=no_mesh), motion)
+        actors.append(replace(actor, role="result" if side else "source"))
+    return stage_of(actors, budget=SMALL)
 
 
 def shown_actor(name: str, side: int, target: Target, motion: Motion | None) -> Actor:
@@ -83,8 +97,8 @@ def view_page(actors: Sequence[Actor], title: str, first: int = 0) -> str:
     return html_page("scene", title, {"stage": stage_of(actors, first), "numbers": []})
 
 
-def stage_of(actors: Sequence[Actor], first: int = 0) -> dict[str, object]:
-    """What `view_page` shows, as values for the player."""
+def stage_of(actors: Sequence[Actor], first: int = 0, budget: int = BUDGET) -> dict[str, object]:
+    """What `view_page` shows, as values for the player, with as many frames as fit in a budget."""
     frame_time = min(actor.motion.frame_time for actor in actors)
     seconds = max(len(actor.motion) * actor.motion.frame_time for actor in actors)
     rows = _rows(actors[0]) if len(actors) == 1 else []
@@ -96,7 +110,7 @@ def stage_of(actors: Sequence[Actor], first: int = 0) -> dict[str, object]:
         "facing": 0.0,
         "rows": [row.data for row in rows],
         "jumps": [*contact_jumps(rows)],
-        **thinned(actors),
+        **thinned(actors, budget),
     }
 
 

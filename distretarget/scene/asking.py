@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,14 +18,14 @@ from distretarget.objectives.skins import Skins
 from distretarget.pipeline.asked_motion import as_asked, asked_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.prop_surface import nearest_on_bones
-from distretarget.scene.props import PlacedProp
+from distretarget.scene.props import PlacedProp, Placement
 from distretarget.scene.skin import with_skins
 from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class SolvedScene:
     """A scene, solved.
 
@@ -62,81 +62,54 @@ def solve_scene(
         ContactsError: what is asked does not suit the clip.
     """
 
-    def wishes_of(others: Mapping[str, Carrier]) -> list[Wishes]:
-        given = zip(asked, performers, strict=True)
+    def wishes_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Wishes]:
+        moved = [place.moved(each.motion) for place, each in zip(places, props, strict=True)]
+        others = _others(performers, motions) | _other_props(names, props, moved)
         return [
             Wishes.of(contacts, one.clip, one.match.matching.target, one.settings.blend, others)
-            for contacts, one in given
+            for contacts, one in zip(asked, performers, strict=True)
         ]
 
+    def solved(contacts: SceneContacts) -> SolvedScene:
+        poses, sweeps, error = solve_in_sweeps(contacts, mapper, progress)
+        motions = with_skins(contacts, poses, skins)
+        return SolvedScene(contacts, poses, motions, sweeps, error, [()] * len(performers))
+
     copies = [replace(one.clip.copy, root_positions=one.clip.root) for one in performers]
-    placements = [each.free for each in props]
-    found = wishes_of(
-        _others(
-            performers, copies, props, names, [p.moved(each.motion) for p, each in zip(placements, props, strict=True)]
-        )
-    )
-    free = _solved(
-        [dropping(*each) for each in zip(performers, (w.drops for w in found), strict=True)],
-        props,
-        skins,
-        mapper,
-        progress,
-    )
+    found = wishes_of(copies, [each.free for each in props])
+    dropped = [dropping(one, wishes.drops) for one, wishes in zip(performers, found, strict=True)]
+    free = solved(find_contacts(dropped, props))
     if not any(wishes.made.wishes for wishes in found):
         return free
-    places = zip(free.contacts.placements(free.motions), props, strict=True)
-    found = wishes_of(_others(performers, free.motions, props, names, [p.moved(each.motion) for p, each in places]))
-    changed = [as_asked(*each) for each in zip(performers, found, strict=True)]
-    held = _solved(changed, props, skins, mapper, progress)
-    made = [wishes.made for wishes in found]
-    met_by = zip(held.contacts.performers, held.motions, made, strict=True)
-    motions = [met(*each) if each[2].wishes else each[1] for each in met_by]
-    layer = partial(layered, made)
-    motions = [layer(*each) for each in zip(free.motions, motions, strict=True)]
-    share = np.max([each.share for each in made], axis=0)
-    supported = zip(free.contacts.performers, held.contacts.performers, strict=True)
-    shown = tuple(replace(b, supports=asked_supports(a.supports, b.supports, share)) for a, b in supported)
-    told = [tuple(unmet(*each)) for each in zip(held.contacts.performers, made, motions, strict=True)]
-    return replace(free, contacts=replace(free.contacts, performers=shown), motions=motions, unmet=told)
+    found = wishes_of(free.motions, free.contacts.placements(free.motions))
+    changed = zip(free.contacts.performers, found, strict=True)
+    held = solved(replace(free.contacts, performers=tuple(as_asked(*each) for each in changed)))
+    made, share = [wishes.made for wishes in found], np.max([wishes.share for wishes in found], axis=0)
+    each = zip(held.contacts.performers, free.contacts.performers, free.motions, held.motions, made, strict=True)
+    shown, motions, told = list[Performer](), list[Motion](), list[tuple[str, ...]]()
+    for one, alone, without, motion, wishes in each:
+        motion = met(one, motion, wishes) if wishes.wishes else motion
+        motions.append(layered(made, without, motion))
+        shown.append(replace(one, supports=asked_supports(alone.supports, one.supports, share)))
+        told.append(tuple(unmet(one, wishes, motions[-1])))
+    contacts = replace(free.contacts, performers=tuple(shown))
+    return replace(free, contacts=contacts, motions=motions, unmet=told)
 
 
-def _solved(
-    performers: Sequence[Performer],
-    props: Sequence[PlacedProp],
-    skins: Sequence[Skins | None],
-    mapper: Mapper,
-    progress: Callable[[int], object],
-) -> SolvedScene:
-    """The scene of performers as they are."""
-    contacts = find_contacts(performers, props)
-    poses, sweeps, gap_error = solve_in_sweeps(contacts, mapper, progress)
-    return SolvedScene(
-        contacts=contacts,
-        poses=poses,
-        motions=with_skins(contacts, poses, skins),
-        sweeps=sweeps,
-        gap_error=gap_error,
-        unmet=[()] * len(performers),
-    )
-
-
-def _others(
-    performers: Sequence[Performer],
-    motions: Sequence[Motion],
-    props: Sequence[PlacedProp],
-    names: Sequence[str],
-    moved: Sequence[Motion],
-) -> dict[str, Carrier]:
-    """What parts may rest on, by its name: performers by their numbers from 1, and props."""
+def _others(performers: Sequence[Performer], motions: Sequence[Motion]) -> dict[str, Carrier]:
+    """Performers that parts may rest on, by their numbers from 1."""
     found = {}
     for number, (one, motion) in enumerate(zip(performers, motions, strict=True), 1):
         skin, unit = one.match.skins and one.match.skins.target, one.clip.unit
         radii = [unit * skin.thickness(joint) if skin else 0.0 for joint in range(len(motion.skeleton))]
         found[str(number)] = Carrier(motion=motion, radii=tuple(radii))
-    for name, prop, motion in zip(names, props, moved, strict=True):
-        found[name] = Carrier(motion=motion, nearest=partial(_nearest, prop), is_whole=True)
     return found
+
+
+def _other_props(names: Sequence[str], props: Sequence[PlacedProp], moved: Sequence[Motion]) -> dict[str, Carrier]:
+    """Props that parts may rest on, by their names."""
+    each = zip(names, props, moved, strict=True)
+    return {name: Carrier(motion=motion, nearest=partial(_nearest, prop), is_whole=True) for name, prop, motion in each}
 
 
 def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:

@@ -103,7 +103,7 @@ def retarget_scene(
         supports: as in `retarget`.
         environment: as in `retarget`.
         skin: as in `Options`, for all performers or for each. Where others have a thickness, one without counts as an
-            average adult to them, unless its skin is "none".
+            average body to them, unless its skin is "none".
         builds: for each performer as in `retarget`.
         contacts: for each performer as in `retarget`.
         settings: as in `retarget`.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from distretarget.body.build import OWN_BUILDS, Builds
+from distretarget.body.build import BUILDS, OWN_BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import DistretargetError, MotionError, closest, counted
 from distretarget.io.build_file import load_build, with_source
@@ -51,9 +51,9 @@ class SceneClip:
 class PerformerFiles(SceneClip):
     """A performer of a scene, with the paths of its target and of its map file, if any.
 
-    `skin` is as in `retarget_scene`, or the path of a character that is as thick as the target; None for what the scene
-    says. `source_skin` is that of one as thick as the source, if not what the source's own mesh shows. `contacts` is
-    the path of a contact file.
+    `skin` is as in `retarget_scene`, or an average build or the path of a character as thick as the target; None for
+    what the scene says. `source_skin` is that of the source, if not what its own mesh shows. `contacts` is the path of
+    a contact file.
     """
 
     target: Path
@@ -70,7 +70,8 @@ class PerformerFiles(SceneClip):
     @property
     def skin_files(self) -> list[Path]:
         """The paths of the characters that say how thick target and source are."""
-        return [path for path in (self.skin, self.source_skin) if isinstance(path, Path)]
+        builds = (self.skin, self.source_skin)
+        return [path for path in builds if isinstance(path, Path) and str(path) not in BUILDS]
 
     def builds(self, skin: SkinMode) -> Builds:
         """Read how thick source and target are, where the performer has this skin; errors as in `load_build`."""
@@ -284,19 +285,24 @@ def _performer(node: Node, folder: Path) -> PerformerFiles:
         target=folder / fields["target"].text(),
         map_path=fields.read("map", lambda node: folder / node.text(), None),
         skin=skin,
-        source_skin=fields.read("source_skin", lambda node: folder / node.text(), None),
+        source_skin=fields.read("source_skin", lambda node: _build(node, folder), None),
         contacts=fields.read("contacts", lambda node: folder / node.text(), None),
     )
 
 
 def _skin(node: Node, folder: Path) -> SkinMode | Path:
-    """One of the modes, or the path of a file that exists."""
+    """One of the modes, or a build."""
     modes: tuple[SkinMode, ...] = get_args(SkinMode)
-    for mode in modes:
-        if node.text() == mode:
-            return mode
+    return next((mode for mode in modes if node.text() == mode), None) or _build(node, folder, modes)
+
+
+def _build(node: Node, folder: Path, others: Sequence[str] = ()) -> Path:
+    """The name of an average build, or the path of a character."""
+    if node.text() in BUILDS:
+        return Path(node.text())
     if not Path(node.text()).suffix:
-        node.expected('"auto", "average", "none" or the path of a character, as "fat.glb"')
+        names = ", ".join(f'"{name}"' for name in (*others, *BUILDS))
+        node.expected(f'{names} or the path of a character, as "hero.glb"')
     return folder / node.text()
 
 

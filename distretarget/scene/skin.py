@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.build import average_adult
+from distretarget.body.build import average_for
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
@@ -51,15 +51,15 @@ IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
 def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
-    """Return the skin that each performer has to the others: its own; or that of an average adult for one without, if
+    """Return the skin that each performer has to the others: its own; or that of an average body for one without, if
     any of the others has one and its own mode is not "none".
     """
     if not any(match.skins for match in matches):
         return [None] * len(matches)
-    adult = average_adult()
 
     def on(matching: Matching) -> Skins | None:
-        return Skins.of(matching, adult.on(matching.source), adult.on(matching.target))
+        source, target = (average_for(body).on(body) for body in (matching.source, matching.target))
+        return Skins.of(matching, source, target)
 
     return [
         match.skins or (on(match.matching) if mode != "none" else None)

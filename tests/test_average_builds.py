@@ -1,0 +1,139 @@
+"""Average builds: which one bones show, how thick each is, and where users name them."""
+
+import json
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, person
+from program import run
+
+from distretarget import FileError, Skeleton, load_build, load_target
+from distretarget.body.body import Body
+from distretarget.body.build import AGES, BUILDS, age_of, average_build, average_for
+from distretarget.body.part_frames import proportions
+from distretarget.scene.scene_file import load_scene
+from distretarget.skin.capsules import SEGMENTS
+
+PERSON = person()
+
+
+def like(leg, crown):
+    """The body of a person with legs of this share of its size, and the top of the head so far over the shoulders."""
+    body = Body.of(PERSON)
+    own_leg, own_crown = proportions(body)
+    size = body.leg_length / own_leg
+    lengths = np.array(PERSON.lengths)
+    bones = [PERSON.index(f"{side}{joint}") for side in ("Left", "Right") for joint in ("Knee", "Ankle")]
+    lengths[bones] *= leg * (1 - own_leg) / (own_leg * (1 - leg))
+    end = next(joint for joint in PERSON.children[PERSON.index("Head")] if PERSON.end_sites[joint])
+    lengths[end] += (crown * (1 - own_leg) / (1 - leg) - own_crown) * size
+    return Body.of(PERSON.with_lengths(lengths))
+
+
+def radius(build, body, part):
+    """The mean radius of a part of a body with a build [% of the body's size]."""
+    capsules = build.on(body)
+    on = [part in SEGMENTS[segment] for segment in capsules.segments]
+    return 100 * capsules.radii[on].mean() / body.unit
+
+
+@pytest.mark.parametrize(
+    ("leg", "crown", "age"),
+    [(0.64, 0.27, "adult"), (0.69, 0.24, "adult"), (0.63, 0.34, "child"), (0.59, 0.35, "child"), (0.58, 0.42, "baby")],
+)
+def test_legs_and_head_show_the_age(leg, crown, age):
+    body = like(leg, crown)
+    assert proportions(body) == pytest.approx((leg, crown))
+    assert age_of(body) == age
+    assert age_of(Body.of(body.skeleton.with_offsets(7.0 * body.skeleton.offsets))) == age
+
+
+def test_the_sample_child_is_a_child_and_what_bones_do_not_show_an_adult():
+    child = load_target(SAMPLES / "child.json").skeleton
+    assert age_of(Body.of(child)) == "child"
+    kept = np.flatnonzero(~child.end_sites)
+    numbers = {joint: number for number, joint in enumerate(kept.tolist())}
+    bare = Skeleton(
+        names=tuple(child.names[joint] for joint in kept),
+        parents=np.array([numbers.get(child.parents.item(joint), -1) for joint in kept]),
+        offsets=child.offsets[kept],
+        channels=tuple(child.channels[joint] for joint in kept),
+        end_sites=np.zeros(len(kept), bool),
+    )
+    assert age_of(Body.of(bare)) == "adult"
+
+
+@pytest.mark.parametrize("rig", sorted((SAMPLES / "rigs").glob("*.json")), ids=lambda path: path.stem)
+def test_the_rigs_of_adults_are_adults(rig):
+    assert age_of(Body.of(load_target(rig).skeleton)) == "adult"
+
+
+@pytest.mark.parametrize("name", BUILDS)
+def test_every_build_has_all_parts_and_is_symmetric(name):
+    body = Body.of(PERSON)
+    capsules = average_build(name).on(body)
+    assert {SEGMENTS[each] for each in capsules.segments} >= {*SEGMENTS} - {"belly"}
+    assert (capsules.radii > 0).all()
+    for part in SEGMENTS[:12:2]:
+        left, right = (capsules.segments == SEGMENTS.index(part.replace("left", side)) for side in ("left", "right"))
+        np.testing.assert_allclose(capsules.radii[left], capsules.radii[right])
+
+
+@pytest.mark.parametrize(
+    ("thinner", "thicker", "parts"),
+    [
+        ("thin", "adult", ("thigh", "upper arm", "pelvis", "neck")),
+        ("adult", "fat", ("thigh", "upper arm", "pelvis", "neck")),
+        ("adult", "muscular", ("thigh", "upper arm", "forearm")),
+        ("adult", "child", ("neck", "chest", "head")),
+        ("child", "baby", ("thigh", "upper arm", "chest", "head")),
+    ],
+)
+def test_builds_differ_as_people_do(thinner, thicker, parts):
+    body = like(0.62, 0.27)
+    for part in parts:
+        assert radius(average_build(thinner), body, part) < radius(average_build(thicker), body, part)
+
+
+def test_a_head_that_bones_show_is_as_large_as_they_show():
+    baby, build = like(0.58, 0.42), average_build("baby")
+    flat = Body.of(baby.skeleton.with_lengths(np.where(baby.skeleton.end_sites, 0.0, baby.skeleton.lengths)))
+    assert radius(build, flat, "head") == pytest.approx(radius(build, baby, "head"), rel=0.25)
+    larger = like(0.58, 0.46)
+    assert radius(build, larger, "head") > 1.05 * radius(build, baby, "head")
+
+
+def test_a_source_of_which_only_bones_are_known_has_the_average_of_its_age():
+    for age, shares in zip(AGES, ((0.64, 0.27), (0.63, 0.34), (0.58, 0.42)), strict=True):
+        assert average_for(like(*shares)) is average_build(age)
+
+
+def test_a_build_is_loaded_by_its_name():
+    assert load_build("fat") is average_build("fat")
+    with pytest.raises(FileError, match="neither a file nor an average build"):
+        load_build("fatt")
+
+
+def test_the_command_line_takes_builds_by_name(tmp_path):
+    clap, child = SAMPLES / "clap.bvh", SAMPLES / "child.json"
+    outputs = {}
+    for name in ("fat", "thin"):
+        done = run("retarget", clap, child, "-o", tmp_path / f"{name}.bvh", "--skin", name, "--source-skin", "thin")
+        assert done.returncode == 0, done.stderr
+        outputs[name] = (tmp_path / f"{name}.bvh").read_bytes()
+    assert outputs["fat"] != outputs["thin"]
+    failed = run("retarget", clap, child, "-o", tmp_path / "x.bvh", "--skin", "fatt")
+    assert failed.returncode == 1
+    assert "neither a file nor an average build" in failed.stderr
+    assert "thickness of an average child" in run("skeleton", "show", child).stdout
+
+
+def test_a_performer_of_a_scene_takes_builds_by_name(tmp_path):
+    performer = {"source": "one.bvh", "target": "hero.json", "skin": "fat", "source_skin": "thin"}
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps({"format": "distretarget-scene", "version": 1, "performers": [performer]}))
+    (found,) = load_scene(path).performers
+    assert found.skin_files == []
+    (tmp_path / "one.bvh").write_bytes((SAMPLES / "clap.bvh").read_bytes())
+    builds = found.builds("auto")
+    assert (builds.source, builds.target) == (average_build("thin"), average_build("fat"))
