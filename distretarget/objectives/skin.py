@@ -38,8 +38,8 @@ Numbers = NDArray[np.intp]
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
 LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE = (0.2, 0.1, 0.1, 0.07)  # brought out again, displacements are averaged over these times before and after [s]
-RATE = 30.0  # displacements are found about as often, and interpolated [1/s]
+SETTLE = (0.2, 0.1, 0.07)  # brought out again, displacements are averaged over these times before and after [s]
+RATE = 20.0  # displacements are found about as often, and interpolated [1/s]
 
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
 SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}

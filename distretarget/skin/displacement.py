@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
 AT_FIRST = 6  # the first frame, which has none before it, begins so many times more with its own
 SWEEPS = 12  # over all tangents
-SETTLED = 5e-4  # it ends where limbs move by less than this in sum [body units]
+SETTLED = 1e-3  # it ends where limbs move by less than this in sum [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not touch [body units]
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
 

@@ -19,7 +19,7 @@ Numbers = NDArray[np.intp]
 class Placed(NamedTuple):
     """Where balls and capsules are in a frame, and pairs of them that may be near."""
 
-    centres: Array  # (balls, 3)
+    centres: Array  # (balls, 4), and their radii
     axes: Array  # (capsules, 8), see `closest.write_axis`
     spheres: Array  # (capsules, 4), the centre and the radius of a ball that holds each
     of_segments: Array  # (segments, 4), the same of the capsules of each segment
@@ -31,7 +31,7 @@ def room_for(balls: Balls) -> Placed:
     capsules, (first, second) = len(balls.joints), balls.pairs.T
     most = np.diff(balls.of_ball)[first] * np.diff(balls.of_capsule)[second]
     return Placed(
-        centres=np.zeros((len(balls.carriers), 3)),
+        centres=np.zeros((len(balls.carriers), 4)),
         axes=np.zeros((capsules, 8)),
         spheres=np.zeros((capsules, 4)),
         of_segments=np.zeros((len(balls.of_capsule) - 1, 4)),
@@ -52,6 +52,7 @@ def place(balls: Balls, ends: Array, placed: Placed) -> None:
         axis, t = placed.axes[balls.carriers[ball]], balls.places[ball]
         for i in range(3):
             placed.centres[ball, i] = axis[i] + t * axis[3 + i]
+        placed.centres[ball, 3] = balls.radii[ball]
     for segment in range(len(placed.of_segments)):
         _write_sphere(
             placed.spheres[balls.of_capsule[segment] : balls.of_capsule[segment + 1]], placed.of_segments[segment]
@@ -72,7 +73,7 @@ def _write_sphere(spheres: Array, around: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _is_near(one: Array, other: Array, far: float) -> bool:
+def is_near(one: Array, other: Array, far: float) -> bool:
     """Whether two spheres, (4,), are nearer than this."""
     square = (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2
     return bool(square < max(one[3] + other[3] + far, 0.0) ** 2)
@@ -82,7 +83,7 @@ def _is_near(one: Array, other: Array, far: float) -> bool:
 def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
     """Write the balls and capsules of a pair of segments that may be nearer than this; return how many there are."""
     count, limb, part = 0, balls.pairs[pair, 0], balls.pairs[pair, 1]
-    if not _is_near(placed.of_segments[limb], placed.of_segments[part], far):
+    if not is_near(placed.of_segments[limb], placed.of_segments[part], far):
         return 0
     for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
         carrier, near = -1, False
@@ -90,9 +91,11 @@ def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
             if carrier != balls.carriers[ball]:
                 carrier = balls.carriers[ball]
                 sphere, near = placed.spheres[carrier], False
-                if _is_near(sphere, placed.spheres[capsule], far):
+                if is_near(sphere, placed.spheres[capsule], far):
                     near = gap_at(sphere, sphere[3], placed.axes[capsule], balls.cap_radii[capsule])[0] < far
-            if near and balls.spare[ball, capsule] < NEVER:
+            if not near or balls.spare[ball, capsule] == NEVER:
+                continue
+            if is_near(placed.centres[ball], placed.spheres[capsule], far):
                 placed.meetings[count, 0], placed.meetings[count, 1] = ball, capsule
                 count += 1
     return count
@@ -129,5 +132,7 @@ def _write_gaps(balls, posed, farthest, placed, gaps):  # type: ignore[no-untype
         for pair in range(len(balls.pairs)):
             least = farthest
             for meeting in range(find_meetings(balls, pair, farthest, placed)):
-                least = min(least, gap_of(balls, placed.meetings[meeting, 0], placed.meetings[meeting, 1], placed)[0])
+                ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
+                if is_near(placed.centres[ball], placed.spheres[capsule], least):
+                    least = min(least, gap_of(balls, ball, capsule, placed)[0])
             gaps[frame, pair] = least

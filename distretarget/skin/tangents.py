@@ -20,7 +20,7 @@ from distretarget.skin.meetings import Placed, find_meetings, gap_of, place
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-MARGIN = 0.01  # gaps that are larger have no tangent [body units]
+MARGIN = 0.005  # gaps that are larger have no tangent [body units]
 GIVES = 0.18  # of what a push moves, it gives way: limbs that have no room to leave would else be pushed without end
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
