@@ -3,7 +3,7 @@
     python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
     python benchmarks/batch.py long [--clip walk] [--frames 30000] [--rounds 3]
     python benchmarks/batch.py kill FOLDER [--times 10]
-    python benchmarks/batch.py tiny [--clips 2000]
+    python benchmarks/batch.py tiny [--clips 400] [--frames 2] [--rounds 3]
 
 The exit status is 1 if 2 processes are too slow, or outputs are wrong or missing.
 """
@@ -27,7 +27,7 @@ import click
 from clips import SAMPLES, back_and_forth
 
 from distretarget import read_bvh, write_bvh
-from distretarget.batch.plan import MANIFEST
+from distretarget.batch.plan import MANIFEST, METRICS
 from distretarget.batch.workers import Processes
 
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
@@ -70,7 +70,7 @@ def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
 @click.option("--rounds", default=3)
 @click.pass_obj
 def long(scratch: Path, clip: str, frames: int, rounds: int) -> None:
-    """Convert one long clip, cut into pieces, with 1 process and with 2 in turn; print time ratio and memory."""
+    """Convert one long clip with 1 process and with 2 in turn, so with 1 thread and 2; print ratio and memory."""
     write_sample(scratch, 0, clip, frames)
     ratio, _ = alternately(scratch, rounds)
     print(f"{clip}, {frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
@@ -127,20 +127,28 @@ def kill(scratch: Path, source: Path, times: int) -> None:
 
 
 @main.command()
-@click.option("--clips", default=2000)
+@click.option("--clips", default=400)
+@click.option("--frames", default=2)
+@click.option("--rounds", default=3)
 @click.pass_obj
-def tiny(scratch: Path, clips: int) -> None:
-    """Convert clips of one frame; print the time, disk space and memory that each clip costs beyond its frames."""
+def tiny(scratch: Path, clips: int, frames: int, rounds: int) -> None:
+    """Convert very short clips with 1 process and with 2 in turn, and find that they are done; print the time, disk
+    space and memory that each costs beyond its frames.
+    """
     for number in range(clips):
-        write_sample(scratch, number, "walk", 1)
-    for outcome in ("converted", "skipped"):
-        started = time.perf_counter()
-        status = run(scratch / "in", scratch / "out").wait()
-        seconds = time.perf_counter() - started
-        print(f"{clips} clips {outcome} in {seconds:.1f} s, {1e3 * seconds / clips:.1f} ms each")
-    size = (scratch / "out" / MANIFEST).stat().st_size / clips
-    print(f"manifest: {size:.0f} bytes a clip; memory of the largest process: {memory():.0f} MB")
-    sys.exit(status != 0 or len(done(scratch / "out")) != clips)
+        write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
+    run(scratch / "in", scratch / "first").wait()  # which compiles
+    for what, jobs in (("1 job", 1), ("2 jobs", 2), ("done before", 1)):
+        seconds = []
+        for turn in range(rounds):
+            started, out = time.perf_counter(), scratch / f"{jobs} {turn}"
+            assert run(scratch / "in", out, "--jobs", jobs).wait() == 0
+            seconds.append(1e3 * (time.perf_counter() - started) / clips)
+        print(f"{clips} clips, {what}: {statistics.median(seconds):.1f} ms each", flush=True)
+    sizes = {name: (out / name).stat().st_size / clips for name in (MANIFEST, METRICS)}
+    print(", ".join(f"{name}: {size:.0f} bytes a clip" for name, size in sizes.items()))
+    print(f"memory of the largest process: {memory():.0f} MB")
+    sys.exit(len(done(out)) != clips)
 
 
 def memory() -> float:
@@ -165,7 +173,7 @@ def done(out: Path) -> list[dict[str, Any]]:
     path = out / MANIFEST
     lines = path.read_text().split("\n")[:-1] if path.exists() else []
     records = (json.loads(line) for line in lines if line.endswith("}"))
-    return [record for record in records if record["status"] == "done"]
+    return [record for record in records if record.get("status") == "done"]
 
 
 def outputs(out: Path) -> dict[Path, bytes]:

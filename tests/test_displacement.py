@@ -35,8 +35,7 @@ def displaced(skin, motion, *, free=1.0, firmness=0.0, wanted=0.0):
     x = motion.positions / skin.unit
     limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
     same, none = np.full((len(motion), len(skin.limbs), 2), free), np.zeros_like(gaps)
-    acts = np.ones(len(motion), bool)
-    arguments = limbs, same, acts, gaps, none, none + wanted, none + firmness
+    arguments = limbs, same, none, none + wanted, none + firmness
     return gaps, displacements(skin.balls, skin.displaced, ends, *arguments)
 
 
@@ -93,7 +92,7 @@ def test_a_hand_stays_on_the_side_on_which_it_entered():
     x = many.positions / skin.unit
     limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
     free, none = np.ones((len(many), len(skin.limbs), 2)), np.zeros_like(gaps)
-    d = displacements(skin.balls, skin.displaced, ends, limbs, free, np.ones(len(many), bool), gaps, none, none, none)
+    d = displacements(skin.balls, skin.displaced, ends, limbs, free, none, none, none)
     ahead = wrist[2] / skin.unit + d[:, 0, 1, 2] - ends[:, belly, 0, 2]
     inside = gaps.min(axis=1) < -1e-3
     assert (ahead[inside] > 0).all()

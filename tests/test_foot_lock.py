@@ -301,6 +301,18 @@ def test_a_heel_that_lifts_leaves_the_toe_where_it_is():
     assert np.ptp(place @ UP) < 0.003 * LEG
 
 
+def test_a_foot_that_trembles_about_its_ankle_leaves_the_ankle_where_it_is():
+    """As the feet of captured clips do; the target's foot is longer, and its toe trembles farther."""
+    body, angles = pitched_feet(0.3), 0.2 * np.sin(2.0 * np.arange(60.0))
+    source, target = (
+        standing(body, 60, turns={"LeftAnkle": np.outer(angles, [0, 1, 0])}),
+        lengthened(body, {"Toe": 2.0}),
+    )
+    held = stance_of(source, target)
+    ankle, toe = (places_of(held, target, joint)[10:-10] for joint in ("LeftAnkle", "LeftToe"))
+    assert np.ptp(ankle, axis=0).max() < 0.15 * np.ptp(toe, axis=0).max()
+
+
 @pytest.mark.parametrize("factor", [0.3, 0.8, 1.2, 3.0])
 def test_a_foot_that_turns_evenly_through_the_vertical_has_a_place_that_moves_without_a_jump(factor):
     body = pitched_feet(0.0)

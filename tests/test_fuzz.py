@@ -10,6 +10,13 @@ FINDINGS = {  # inputs that once went wrong
     "brackets": ("manifest", "[" * 100_000),
     "an object of brackets": ("target", "{" + "[" * 100_000),
     "a map to a number": ("map", '{"Hips": 3}'),
+    "noise beside OFFSETs as large as can be": (
+        "clip",
+        "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n"
+        + "".join(f"JOINT {n}\n{{\nOFFSET 0 1e12 0\nCHANNELS 3 Xposition Yposition Zposition\n}}\n" for n in "bc")
+        + "}\nMOTION\nFrames: 1\nFrame Time: 1\n"
+        + "0 5 0 " * 3,
+    ),
     "a frame time of nothing": (
         "clip",
         "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 0\nFrame Time: 5e-324\n",

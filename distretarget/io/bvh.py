@@ -153,6 +153,8 @@ def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     columns = _columns(skeleton)
     rotations, joints = _rotations(skeleton, columns, values), np.append(0, _sliding(skeleton))
     translations = _translations(skeleton, columns, joints, values)
+    if extent(translations) > LARGEST:
+        raise words.error(f"positions with their OFFSETs added go beyond {LARGEST:g}; use other units")
     moving = MovingBones.among(skeleton, joints, translations)
     return Motion(skeleton, np.ascontiguousarray(translations[:, 0]), rotations, frame_time_text, moving)
 

@@ -3,13 +3,15 @@
 A foot rests while it is slow and low. It keeps its rotation of the rotation copy, stands below its own hip joint as the
 source's does, and its sole meets the floor as the source's does:
 
-    toe = scale source toe + steadied (scale source foot - copied foot + wider), along the floor
+    toe = scale source toe + steadied (longer + wider) + a (longer - steadied longer), along the floor
         + (how far the copied sole is below the toe - scale the source's) up
+    longer = scale source foot - copied foot
     wider = (copied hip joint - middle of the copied hips) - scale (the same of the source), along the floor
     ankle = toe + copied foot
 
 So the sole has the source's height, scaled. What is steadied is its mean while the source's foot stands still, and may
 change as far as the source's foot slides: the leg is on average splayed as the source's, and the foot does not skate.
+a is 0 while the foot rolls about its toe, and 1 while it turns about its ankle, so that its still end stays still.
 Feet that stand beside each other under narrow hips come no nearer than a foot's width.
 """
 
@@ -21,19 +23,19 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.resting import feet_resting
+from distretarget.body.resting import REST_SPEED, feet_resting
 from distretarget.body.soles import Sole
 from distretarget.ik.springs import no_springs
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import by_shot, smoothed, widened
-from distretarget.numerics.vectors import level
+from distretarget.numerics.time_series import averaged, by_shot, smoothed, widened
+from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.floor import no_floor
 from distretarget.objectives.soles import LITTLE, ROLL, STEADY, Foot, on_mesh, steadied_offset
-from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
+from distretarget.objectives.supports import BLEND, ROOT_BLEND, Supports, no_supports
 
 Array = NDArray[np.float64]
 
@@ -83,18 +85,20 @@ def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies
     """(frames, 3), how much farther from the middle of the hips the left foot belongs than the source's, scaled, along
     the floor [target file units]; the right foot belongs as far to the other side.
 
-    Where both feet rest and would come nearer to each other than `FOOT_WIDTH`, or than they are, it is less: with the
-    feet apart by r, and d what they are moved apart, the least s with |r + s d| = width.
+    While both feet rest it is less, so that they come no nearer than `FOOT_WIDTH`, or than they are: with the feet
+    apart by r along the unit vector e, and d what they are moved apart, it is the largest share s <= 1 of d with
+    (r + s d) . e >= min(|r|, width). Feet at different heights pass over each other.
     """
     scale, up, width = clip.scale, clip.up, FOOT_WIDTH * clip.leg_lengths[1]
-    hips, ankles = (foot.hip for foot in sources), (foot.toe + foot.bone for foot in sources)
-    r = scale.level * level(np.subtract(*ankles), up)
+    hips, ankles = (foot.hip for foot in sources), (scale.places(foot.toe + foot.bone, up) for foot in sources)
+    r = np.subtract(*ankles)
     d = level(np.subtract(*(foot.hip for foot in copies)) - scale.level * np.subtract(*hips), up)
-    rr, rd, dd = ((a * b).sum(axis=1) for a, b in ((r, r), (r, d), (d, d)))
-    room = np.maximum(rr - width**2, 0.0)
-    enters = (rd < 0.0) & (rd**2 > dd * room) & (np.min([each.max(axis=1) for each in weights], axis=0) >= RESTS)
-    share = np.divide(room, np.sqrt(np.maximum(rd**2 - dd * room, 0.0)) - rd, out=np.ones(len(r)), where=enters)
-    return np.asarray(np.minimum(share, 1.0)[:, None] * d / 2.0)
+    apart = lengths(r)
+    nearer = np.divide(-(r * d).sum(axis=1), apart, out=np.zeros(len(r)), where=apart > 0.0)
+    room = np.maximum(apart - width, 0.0)
+    share = np.divide(room, nearer, out=np.ones(len(r)), where=nearer > room)
+    both = np.min([each.max(axis=1) for each in weights], axis=0)
+    return np.asarray((1.0 - both * (1.0 - share))[:, None] * d / 2.0)
 
 
 def hips_rise(clip: Clip, feet: Supports) -> Array:
@@ -129,10 +133,26 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
     """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest, and
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
-    scale, up = clip.scale, clip.up
-    offset = level(scale.height * source.bone - copy.bone, up) + wider
-    paths = level(np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0], up)
-    steady = partial(steadied_offset, reach=round(STEADY / clip.frame_time))
-    toe = scale.places(source.toe, up) + by_shot(steady, clip.shots, offset, weights, paths)
+    scale, up, reach = clip.scale, clip.up, round(STEADY / clip.frame_time)
+    paths = np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0]
+    steady = partial(steadied_offset, reach=reach)
+
+    def offset(longer: Array, wider: Array, weights: Array, paths: Array) -> Array:
+        mean = steady(longer, weights, level(paths, up))
+        return mean + steady(wider, weights, level(paths, up)) + _about_ankle(paths, clip.frame_time, reach) * (
+            longer - mean
+        )
+
+    longer = level(scale.height * source.bone - copy.bone, up)
+    toe = scale.places(source.toe, up) + by_shot(offset, clip.shots, longer, wider, weights, paths)
     toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]
+
+
+def _about_ankle(paths: Array, frame_time: float, reach: int) -> Array:
+    """(frames, 1), how far a foot turns about its ankle and not about its toe, 0 to 1: the share of the toe in the mean
+    squares of their speeds. `paths`, (frames, 2, 3), are those of toe and ankle [leg lengths].
+    """
+    steps = np.diff(paths, axis=0, append=2.0 * paths[-1:] - paths[-2:][:1]) / frame_time  # goes on at the end
+    toe, ankle = averaged((steps**2).sum(axis=2), reach).T
+    return np.asarray(toe / (toe + ankle + REST_SPEED**2))[:, None]

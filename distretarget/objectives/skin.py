@@ -35,14 +35,12 @@ from distretarget.skin.tangents import Displaced
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-FARTHEST = 0.06  # parts that are farther apart than this have nothing to do with each other [body units]
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
 LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
 SETTLE = (0.2, 0.1, 0.1, 0.07)  # brought out again, displacements are averaged over these times before and after [s]
 RATE = 30.0  # displacements are found about as often, and interpolated [1/s]
 
-LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
 SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
 
@@ -70,17 +68,12 @@ def _displaced(
     body, source, at = skins.target, skins.source, keys.numbers
     balls = body.balls
     ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
-    gaps = segment_gaps(balls, ends[at], FARTHEST)
     in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source))[at], APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     soft = softness(balls.pairs, in_source)
     firmness, aim = _firmness(clip, body, in_source, supports, settings, at), np.maximum(in_source, 0.0)
-    wanted = gaps + firmness * (aim - gaps)
-    acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
-    if not acts.any():
-        return np.zeros((len(clip), len(body.limbs), 2, 3))
     given = ends, limb_places(body, posed), how_free(clip, body, supports, settings)
-    return led(balls, body.displaced, given, (acts, gaps, soft, wanted, firmness), keys)
+    return led(balls, body.displaced, given, (soft, aim, firmness), keys)
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
@@ -99,7 +92,7 @@ def led(
 ) -> Array:
     """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after.
 
-    Of the arguments of `displacements`, `geometry` are `posed` to `free` in all frames, and `asked` are `acts` to
+    Of the arguments of `displacements`, `geometry` are `posed` to `free` in all frames, and `asked` are `soft` to
     `firmness` at the key frames; `reach` is its own.
     """
     at = keys.numbers
@@ -114,14 +107,13 @@ def led(
     size = over_time(lambda each: widened(each, lead), lengths(raw))
     direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
     smooth = size[..., None] * normalised(direction)
-    acts, gaps, soft, wanted, firmness = asked
+    soft, aims, firmness = asked
     for number, time in enumerate(SETTLE[:-1]):
         kept = firmness * (displaced.mutual & (number == 1))  # what has led two arms apart lets them meet again
-        out = find(*at_keys, acts, gaps, soft, wanted, kept, smooth)
+        out = find(*at_keys, soft, aims, kept, smooth)
         smooth = over_time(partial(averaged, reach=max(round(time / keys.time), 1)), out)
-    before, after = keys.around
-    acts, gaps, soft = acts[before] | acts[after], np.minimum(gaps[before], gaps[after]), keys.between(soft)
-    out = find(*geometry, acts, gaps, soft, gaps, np.zeros_like(gaps), keys.between(smooth))
+    soft = keys.between(soft)
+    out = find(*geometry, soft, soft, np.zeros_like(soft), keys.between(smooth))
     reach_of_last = max(round(SETTLE[-1] / keys.frame_time), 1)
     return over_time(partial(averaged, reach=reach_of_last), out, keys.shots)
 

@@ -79,8 +79,8 @@ def _keep_apart(body: BodySkin, motion: Motion) -> None:
     """Run what keeps the skin of a body apart."""
     ends, frames = median_of_three(body.posed(motion)), len(motion)
     gaps, some = segment_gaps(body.balls, ends, 1.0), np.zeros((frames, 1, 2, 3))
-    limbs, free, acts = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2)), np.ones(frames, bool)
-    displacements(body.balls, body.displaced, ends, limbs, free, acts, gaps, gaps, gaps, gaps, some)
+    limbs, free = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2))
+    displacements(body.balls, body.displaced, ends, limbs, free, gaps, gaps, gaps, some)
     bent(motion, (Limb(1, 2, 3, True),), some + 0.1)
 
 

@@ -23,7 +23,6 @@ from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.time_series import averaged, by_shot, smoothstep
 from distretarget.objectives.skin import (
     APART,
-    LITTLE,
     RATE,
     how_free,
     how_touching,
@@ -146,20 +145,18 @@ def _apart(
 
     ends, gaps = bodies.posed(posed), bodies.gaps(posed)
     firmness = _touching(balls.pairs, bodies.parts, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
-    wanted = gaps + firmness * (np.maximum(in_source, least) - gaps)
-    drawn = np.asarray((np.abs(wanted - gaps) > LITTLE).any(axis=1))
+    drawn, aims = np.asarray(firmness.any(axis=1)), np.maximum(in_source, least)
     if drawn.any():
         find = partial(displacements, balls, bodies.displaced, reach=FARTHEST)
-        moves = by_shot(find, shots, ends, bodies.limbs(posed), free, drawn, gaps, soft, wanted, firmness)
+        only_drawn = np.where(drawn[:, None], soft, FARTHEST)
+        moves = by_shot(find, shots, ends, bodies.limbs(posed), free, only_drawn, aims, firmness)
         moves = by_shot(partial(averaged, reach=round(BLEND / time)), shots, moves)
         posed, drawn = bodies.bent(posed, moves), np.asarray(moves.any(axis=(1, 2, 3)))
 
     ends, gaps = bodies.posed(posed), bodies.gaps(posed)
-    acts = ((gaps + soft < -LITTLE) & (~own | drawn[:, None])).any(axis=1)
-    if not acts.any():
-        return posed
+    soft = np.where(own & ~drawn[:, None], np.maximum(soft, -gaps), soft)  # own parts are apart already
     keys, given = KeyFrames.of(shots, time, RATE), (ends, bodies.limbs(posed), free)
-    asked = tuple(each[keys.numbers] for each in (acts, gaps, soft, gaps, np.zeros_like(gaps)))
+    asked = tuple(each[keys.numbers] for each in (soft, aims, np.zeros_like(gaps)))
     return bodies.bent(posed, led(balls, bodies.displaced, given, asked, keys, FARTHEST))
 
 

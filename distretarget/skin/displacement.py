@@ -24,6 +24,7 @@ from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place
 Array = NDArray[np.float64]
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
+AT_FIRST = 6  # the first frame, which has none before it, begins so many times more with its own
 SWEEPS = 12  # over all tangents
 SETTLED = 5e-4  # it ends where limbs move by less than this in sum [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not touch [body units]
@@ -36,10 +37,8 @@ def displacements(
     posed: Array,
     limbs: Array,
     free: Array,
-    acts: NDArray[np.bool_],
-    gaps: Array,
     soft: Array,
-    wanted: Array,
+    aims: Array,
     firmness: Array,
     start: Array | None = None,
     reach: float = REACH,
@@ -52,13 +51,11 @@ def displacements(
         posed: (frames, capsules, 2, 3), the ends of the capsules.
         limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
         free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
-        acts: (frames,), whether anything is to be displaced where nothing was in the frame before.
-        gaps: (frames, pairs), those of all pairs of segments as they are, or a smaller one than there is.
-        soft: (frames, pairs), how far they may overlap, because flesh gives way.
-        wanted: (frames, pairs), the gap that segments that touch are brought to.
+        soft: (frames, pairs), how far segments may overlap, because flesh gives way.
+        aims: (frames, pairs), the gap that segments that touch are brought to.
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
-        start: (frames, limbs, 2, 3), what each frame begins with; then nothing shrinks. None for the result of the
-            frame before.
+        start: (frames, limbs, 2, 3), displacements that change by the least, and not where there are none. None for the
+            least displacements of all, found about those of the frame before.
         reach: balls and capsules that are farther apart than this do not meet [body units].
     """
     count, given = limbs.shape[1], start is not None
@@ -67,7 +64,7 @@ def displacements(
     free = np.concatenate([free, np.zeros((len(posed), 1, 2))], axis=1)
     if start is not None:
         result[:, :count] = start
-    constraints = [np.ascontiguousarray(each) for each in (limbs, free, acts, gaps, soft, wanted, firmness)]
+    constraints = [np.ascontiguousarray(each) for each in (limbs, free, soft, aims, firmness)]
 
     def write(frames: slice) -> None:
         some = tuple(each[frames] for each in constraints)
@@ -83,19 +80,20 @@ def displacements(
 
 @compiled(fastmath=True)
 def _write_displacements(balls, displaced, posed, constraints, given, reach, room, result):  # type: ignore[no-untyped-def]
-    limbs, free, acts, apart, soft, wanted, firmness = constraints
+    limbs, free, soft, aims, firmness = constraints
     placed, rows, ends, least, before = room
-    for frame in range(len(posed)):
+    for step in range(0 if given else -AT_FIRST, len(posed)):
+        frame = max(step, 0)
         d = result[frame]
         if given:
             copy_to(least, d)
-        elif frame > 0:
-            copy_to(d, result[frame - 1])
+        else:
+            copy_to(d, result[max(frame - 1, 0)])
         if _size_of(d) < NOTHING:
             clear(d)
-            if not acts[frame]:
+            if given:
                 continue
-        asked = apart[frame], soft[frame], wanted[frame], firmness[frame]
+        asked = soft[frame], aims[frame], firmness[frame]
         for turn in range(TURNS):
             copy_to(before, d)
             place_displaced(balls, displaced, posed[frame], d, ends, placed)

@@ -71,13 +71,11 @@ def place_displaced(balls: Balls, displaced: Displaced, posed: Array, d: Array, 
 @inlined(fastmath=True)
 def find_gaps(balls, displaced, placed, free, d, asked, reach, rows):  # type: ignore[no-untyped-def]
     """Write the tangents of the gaps of a frame at displacements d, (limbs, 2, 3); return how many there are."""
-    apart, soft, wanted, firm = asked
-    count, way = 0, 2.0 * _largest(d)
+    soft, aims, firm = asked
+    count = 0
     for pair in range(len(balls.pairs)):
         far = MARGIN - soft[pair]
-        lowest = min(apart[pair] + way + LEAST, reach) if firm[pair] > 0.0 else -NEVER
-        if apart[pair] - way > max(far, lowest):
-            continue
+        lowest = reach if firm[pair] > 0.0 else -NEVER
         both, nearest = displaced.mutual[pair], -1
         for meeting in range(find_meetings(balls, pair, max(far, lowest), placed)):
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
@@ -91,7 +89,7 @@ def find_gaps(balls, displaced, placed, free, d, asked, reach, rows):  # type: i
             ball, capsule = placed.meetings[nearest, 0], placed.meetings[nearest, 1]
             gap, t, x, y, z = gap_of(balls, ball, capsule, placed)
             if _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
-                _write(rows, count, x, y, z, gap - wanted[pair], (1.0 + GIVES) / firm[pair] - 1.0, -NEVER, d)
+                _write(rows, count, x, y, z, gap - aims[pair], (1.0 + GIVES) / firm[pair] ** 2 - 1.0, -NEVER, d)
                 count += 1
     return count
 
@@ -174,13 +172,3 @@ def push(rows, row, d):  # type: ignore[no-untyped-def]
             b[0, i] += by * m[2] * n[i]
             b[1, i] += by * m[3] * n[i]
     return abs(by)
-
-
-@inlined(fastmath=True)
-def _largest(d: Array) -> float:
-    """The largest displacement."""
-    square = 0.0
-    for limb in range(len(d)):
-        for joint in range(2):
-            square = max(square, d[limb, joint, 0] ** 2 + d[limb, joint, 1] ** 2 + d[limb, joint, 2] ** 2)
-    return float(np.sqrt(square))
