@@ -139,8 +139,10 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
 
     def offset(longer: Array, wider: Array, weights: Array, paths: Array) -> Array:
         mean = steady(longer, weights, level(paths, up))
-        return mean + steady(wider, weights, level(paths, up)) + _about_ankle(paths, clip.frame_time, reach) * (
-            longer - mean
+        return (
+            mean
+            + steady(wider, weights, level(paths, up))
+            + _about_ankle(paths, clip.frame_time, reach) * (longer - mean)
         )
 
     longer = level(scale.height * source.bone - copy.bone, up)
