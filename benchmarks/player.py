@@ -98,12 +98,13 @@ def main(character: Path | None) -> None:
     fine = mesh if character else finer(mesh, 30_000)
     dressed = Target(hero.skeleton, {}, "", mesh=lambda: fine)
     plain = Target(Body.of_motion(walk).skeleton, {}, "")
-    long = diff(clip, clip)
+    long, short = diff(clip, clip), diff(walk, walk)
     pages = {
         "a body of capsules": view_page([shown_actor("walk", 0, plain, walk)], "walk"),
         f"a character of {len(fine.triangles)} triangles": view_page(
             [shown_actor("hero", 0, dressed, retarget(walk, hero).motion)], "hero"
         ),
+        "two bodies of capsules": diff_page(short, document(short, About(a="a", b="b"))),
         "a diff of 10,000 frames of 65 joints, two bodies": diff_page(long, document(long, About(a="a", b="b"))),
     }
     program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))))

@@ -2,7 +2,8 @@
 
 import json
 import re
-from base64 import b64encode
+import zlib
+from base64 import b64decode, b64encode
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from distretarget.cli import cli
 from distretarget.cli import view as view_module
 from distretarget.io.input_file import load_file
 from distretarget.report.actors import _materials
+from distretarget.report.view_page import small_stage
 from distretarget.skin.mesh import Looks, Material
 
 WALK, HERO = SAMPLES / "walk.bvh", CHARACTERS / "hero.glb"
@@ -95,6 +97,10 @@ def test_all_animations_of_a_file_are_shown_and_the_last_first(tmp_path):
     stage = stage_of(page)
     assert stage["sides"] == ["hero.glb: 1 walk", "hero.glb: 2 stop"]
     assert (stage["first"], stage["frames"], len(stage["bodies"])) == (1, 5, 1)
+    small = small_stage(load_file(WALK), None, load_file(path))
+    assert "mesh" not in small["bodies"][1]
+    shown = zlib.decompress(b64decode(small["actors"][1]["path"]))
+    assert len(shown) == 2 * 3 * 4  # the two frames of what was added last
     assert view(path, "-o", page, "--clip", "stop", "--overwrite").exit_code == 0
     assert stage_of(page)["frames"] == 2
     error = str(view(path, "-o", page, "--clip", "run", "--overwrite").exception)

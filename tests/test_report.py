@@ -14,11 +14,11 @@ from make_samples import CHARACTERS
 from distretarget import Skeleton, load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.io.input_file import load_file
 from distretarget.measure.diff import diff
-from distretarget.report import actors
 from distretarget.report.actors import packed
 from distretarget.report.clip_page import diff_page, run_page
 from distretarget.report.diff_document import About, document
 from distretarget.report.page import script_json
+from distretarget.report.stage import stage_data
 
 PERSON = person()
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{stage}} __proto__ \u202e" + 10_000 * "x"
@@ -128,7 +128,7 @@ def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():
 
 
 def test_a_long_clip_is_thinned(monkeypatch):
-    monkeypatch.setattr(actors.thinned, "__defaults__", (50_000,))
+    monkeypatch.setattr(stage_data, "__defaults__", (50_000, ()))
     motion = swaying(PERSON, 2000)
     one, _ = stage_of(motion, motion)["actors"]
     assert one["step"] > 1

@@ -48,9 +48,8 @@ async function loaded(address, colorSpace) {
     wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping, needsUpdate: true});
 }
 
-/** The materials of a body as its file states them; a single plain one where it states none. */
+/** The materials of a body as its file states them. */
 export function materialsOf({materials, images}) {
-  if (!materials.length) return [new THREE.MeshLambertMaterial()];
   return materials.map(({colour, mode, cutoff, two_sided: both}, k) => new THREE.MeshLambertMaterial({
     color: new THREE.Color(...colour), ...images[k], alphaTest: mode === 'MASK' ? cutoff : 0,
     opacity: mode === 'BLEND' ? colour[3] : 1, transparent: mode === 'BLEND', ...both && {side: THREE.DoubleSide}}));

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.body.legs import leg_length
 from distretarget.body.thickness import capsules_of
 from distretarget.checks import check_kind
 from distretarget.errors import DistretargetError
@@ -22,14 +21,13 @@ from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
-from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
+from distretarget.pipeline.found_contacts import marked_contacts
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.actors import Actor, Role, lowest_skin, packed, thinned, upright
+from distretarget.report.actors import Role, packed, upright
 from distretarget.report.diff_document import About, DiffDocument, document
 from distretarget.report.page import html_page
 from distretarget.report.scene_diff_document import Table
-from distretarget.report.timeline_rows import Row, rows_of
-from distretarget.skin.capsules import Capsules
+from distretarget.report.stage import ShownBody, stage_of_bodies
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import SkeletonEdit, Target
 
@@ -40,7 +38,6 @@ TOUCHING = (
     f"{CONTACT_DISTANCE:g} and at least {FAR_ALONG} joints lie on the path between them. Regions joined by a bone do "
     "not count, nor do two feet while one of them rests."
 )
-JUMPS = 12  # contacts that a menu lists
 
 
 def write_report(
@@ -79,15 +76,25 @@ def run_page(
     """
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
-    skins = (result.skins.source.capsules, result.skins.target.capsules) if result.skins else _skins(diff)
-    moving: list[tuple[str, Role, Motion]] = [
-        ("Source", "source", diff.a),
-        ("Copied rotations", "copy", result.rotation_copy),
-        ("Result", "result", diff.b),
-    ]
     mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
-    meshes = _mesh_of(source, diff.a), mesh
-    return _page(diff, document(diff, about), moving, skins, meshes, marked_contacts(result))
+    body = shown_performer("", diff, result)
+    return _page(diff, document(diff, about), replace(body, meshes=(_mesh_of(source, diff.a), mesh)))
+
+
+def shown_performer(name: str, measured: Diff, result: RetargetResult | None = None) -> ShownBody:
+    """Return a performer of a diff; as its result shows it, if it was made here."""
+    matching, frames = measured.matching, len(measured)
+    skins = (capsules_of(matching.source), capsules_of(matching.target))
+    if result and result.skins:
+        skins = (result.skins.source.capsules, result.skins.target.capsules)
+    return ShownBody(
+        name=name,
+        motions=(measured.a[:frames], *([result.rotation_copy] if result else []), measured.b[:frames]),
+        measured=measured,
+        skins=skins,
+        meshes=(None, result.mesh if result else None),
+        marked=marked_contacts(result) if result else (),
+    )
 
 
 def _mesh_of(file: InputFile | None, motion: Motion) -> SkinnedMesh | None:
@@ -121,39 +128,22 @@ def run_diff(result: RetargetResult) -> Diff:
 
 def diff_page(diff: Diff, document: DiffDocument) -> str:
     """The HTML of the report on a diff, from its document."""
-    moving: list[tuple[str, Role, Motion]] = [("A", "source", diff.a), ("B", "result", diff.b)]
-    return _page(diff, document, moving, _skins(diff), (None, None))
+    return _page(diff, document, shown_performer("", diff))
 
 
-def _skins(diff: Diff) -> tuple[Capsules, Capsules]:
-    """The surfaces of A and B; those of average bodies."""
-    return capsules_of(diff.matching.source), capsules_of(diff.matching.target)
-
-
-def _page(
-    diff: Diff,
-    document: DiffDocument,
-    moving: Sequence[tuple[str, Role, Motion]],
-    skins: tuple[Capsules, Capsules],
-    meshes: tuple[SkinnedMesh | None, SkinnedMesh | None],
-    marked: Sequence[MarkedContact] = (),
-) -> str:
-    """The page on a diff that plays motions, first that of A; the others are those of B's body."""
-    actors = [*_actors(diff, moving, skins, meshes)]
-    rows = rows_of(diff, skins[1], range(len(actors)), marked=marked)
+def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
+    """The page on a diff that plays motions of a body, first that of A; the others are those of B's body."""
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
+    sides: dict[str, Role | None] = {"A": "source", "B": "result"}
+    if source:
+        sides = {"Source": "source", "Copied rotations": "copy", "Result": "result"}
+    a, b = (2.0 * leg for leg in diff.matching.leg_lengths)
+    units = a or diff.matching.source.unit or 1.0, b or diff.matching.target.unit or 1.0
+    front = facing(diff.matching.target, diff.b, diff.up)
+    stage = stage_of_bodies([body], sides, diff.up, units, front, jumps=[*_worst(document), *_cuts(diff)])
     frames = document["frames"]
     keys = [key for metric in metrics_at("curve") for key in (metric.key, f"{metric.key}_source") if key in frames[0]]
-    stage = {
-        "sides": [title for title, _, _ in moving],
-        "frames": len(diff),
-        "frame_time": diff.b.frame_time,
-        "facing": facing(diff.matching.target, diff.b, diff.up),
-        "rows": [row.data for row in rows],
-        "jumps": [*_worst(document), *contact_jumps(rows), *_cuts(diff)],
-        **thinned(actors),
-    }
     data = {
         "document": {**document, "frames": None, "touching": TOUCHING},
         "contact-table": contact_table(document),
@@ -162,33 +152,6 @@ def _page(
         "stage": stage,
     }
     return html_page("clip", title, data)
-
-
-def _actors(
-    diff: Diff,
-    moving: Sequence[tuple[str, Role, Motion]],
-    skins: tuple[Capsules, Capsules],
-    meshes: tuple[SkinnedMesh | None, SkinnedMesh | None],
-) -> Iterator[Actor]:
-    """The actors, in units of twice the leg length of each body; those of B stand on one floor."""
-    matching = diff.matching
-    floors = [lowest_skin(motion, skins[k], meshes[k], diff.up) for k, motion in enumerate((diff.a, diff.b))]
-    legs = matching.legs or (None, None)
-    for side, (name, role, motion) in enumerate(moving):
-        other = min(side, 1)
-        body, own = (matching.source, matching.target)[other], legs[other]
-        yield Actor(
-            name=name,
-            side=side,
-            role=role,
-            motion=motion,
-            body=body,
-            capsules=skins[other],
-            mesh=meshes[other],
-            turn=upright(diff.up),
-            unit=(2 * leg_length(body.skeleton, own) if own else 0.0) or body.unit or 1.0,
-            floor=floors[other],
-        )
 
 
 def facing(body: Body, motion: Motion, up: Array) -> float:
@@ -220,13 +183,6 @@ def _worst(document: DiffDocument) -> Iterator[dict[str, Any]]:
             name = f"{metric.label[0].upper()}{metric.label[1:]}"
             text = f"{name} {metric.factor * value:.3g} {metric.symbol}".rstrip()
             yield {"frame": frame, "kind": "Worst frames", "text": f"{text} \u00b7 {frame}"}
-
-
-def contact_jumps(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
-    """The beginnings of the first contacts of a timeline, for a menu."""
-    starts = sorted((row.spans[0][0], row.name) for row in rows if row.kind == "contact" and row.spans)
-    for frame, name in starts[:JUMPS]:
-        yield {"frame": frame, "kind": "Contacts", "text": f"{name} \u00b7 {frame}"}
 
 
 def _cuts(diff: Diff) -> Iterator[dict[str, Any]]:

@@ -17,9 +17,10 @@ from distretarget.io.motion_file import parse_motion, read_scene
 from distretarget.io.target_file import parse_full_target
 from distretarget.measure.diff import diff
 from distretarget.motion import Motion
-from distretarget.report.actors import BUDGET, Actor, lowest_skin, thinned, upright
-from distretarget.report.clip_page import contact_jumps, facing
+from distretarget.report.actors import BUDGET, Actor, lowest_skin, upright
+from distretarget.report.clip_page import facing
 from distretarget.report.page import html_page
+from distretarget.report.stage import stage_data
 from distretarget.report.timeline_rows import Row, rows_of
 from distretarget.skin.mesh import no_mesh
 from distretarget.target import Target
@@ -102,16 +103,8 @@ def stage_of(actors: Sequence[Actor], first: int = 0, budget: int = BUDGET) -> d
     frame_time = min(actor.motion.frame_time for actor in actors)
     seconds = max(len(actor.motion) * actor.motion.frame_time for actor in actors)
     rows = _rows(actors[0]) if len(actors) == 1 else []
-    return {
-        "sides": [actor.name for actor in actors],
-        "first": first,
-        "frames": max(round(seconds / frame_time), 1),
-        "frame_time": frame_time,
-        "facing": 0.0,
-        "rows": [row.data for row in rows],
-        "jumps": [*contact_jumps(rows)],
-        **thinned(actors, budget),
-    }
+    names, frames = [actor.name for actor in actors], max(round(seconds / frame_time), 1)
+    return stage_data(names, frames, frame_time, actors, rows, budget, facing=0.0, first=first)
 
 
 def _rows(actor: Actor) -> list[Row]:
