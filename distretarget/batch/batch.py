@@ -48,7 +48,7 @@ from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import target_capsules
 from distretarget.report.diff_document import About
 from distretarget.report.index_page import index_page
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import LoadedTarget
 
 SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep one worker busy at the end [bytes]
 MARK = '<meta name="generator" content="distretarget">'
@@ -122,7 +122,7 @@ class Batch:
             path: replace(file, target=self._with_capsules(file), file=None) for path, file in self._characters.items()
         }
 
-    def _with_capsules(self, file: TargetFile) -> Target | SkeletonEdit:
+    def _with_capsules(self, file: TargetFile) -> LoadedTarget:
         """The target in a file, with its capsules if its mesh shows them and they are needed."""
         target = file.target
         known = self.options.skin == "none" or self.options.objective == "paper" or self.builds.target is not None

@@ -28,7 +28,7 @@ from distretarget.pipeline.options import Options
 from distretarget.pipeline.performer import match_performer
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.balls import segment_gaps
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ STEADY = 0.1  # spans that last less are not listed [s]
 
 def find_contacts(
     motion: Motion,
-    target: Motion | Skeleton | Target | SkeletonEdit | None = None,
+    target: AnyTarget | None = None,
     *,
     joint_map: JointMap | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,

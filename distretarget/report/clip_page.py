@@ -27,7 +27,7 @@ from distretarget.report.scene_diff_document import Table
 from distretarget.report.timeline_rows import Row, rows_of
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import LoadedTarget, Target
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def write_report(
     write_whole(path, html, overwrite)
 
 
-def run_page(result: RetargetResult, about: About, target: Target | SkeletonEdit | None = None) -> str:
+def run_page(result: RetargetResult, about: About, target: LoadedTarget | None = None) -> str:
     """The HTML of the report on a run: its source, its rotation copy and its result; `target` has the mesh to show, if
     the result was made without it.
     """

@@ -28,11 +28,13 @@ PLAYER = (
 # The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
 STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),
+    "audit": ("style.css", "index.css", "audit.css"),
     "index": ("style.css", "index.css"),
     "scene": ("style.css", "player.css"),
 }
 SCRIPTS = {
     "clip": (*PLAYER, "tables.js", "registry.js", "cards.js", "curves.js", "clip.js"),
+    "audit": (),
     "index": ("dom.js", "registry.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
 }
@@ -41,11 +43,13 @@ HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may 
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
-def html_page(kind: str, title: str, data: Mapping[str, object]) -> str:
-    """The HTML of a "clip", "index" or "scene" page. Its scripts read `data` by name."""
+def html_page(kind: str, title: str, data: Mapping[str, object], **content: str) -> str:
+    """The HTML of a "clip", "index", "scene" or "audit" page. Its scripts read `data` by name; `content` is HTML for
+    places of these names.
+    """
     scripts = [_asset(LIBRARY)] if "stage.js" in SCRIPTS[kind] else []
     scripts.append("'use strict';\n" + "\n".join(IMPORT.sub("", _asset(name)) for name in SCRIPTS[kind]))
-    parts = {
+    parts = content | {
         "title": html.escape(HALVES.sub("\ufffd", title)),
         "style": "\n".join(map(_asset, STYLES[kind])),
         "hashes": " ".join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts),
