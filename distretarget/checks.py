@@ -1,10 +1,11 @@
-"""Checks of the arguments of public functions, since scripts may not be type-checked. All raise SettingsError."""
+"""Checks of the arguments of public functions, since scripts may not be type-checked (SettingsError); their repr."""
 
 from __future__ import annotations
 
 import os
 import reprlib
 from collections.abc import Callable, Collection
+from dataclasses import fields
 from typing import Any
 
 from distretarget.errors import SettingsError
@@ -40,3 +41,11 @@ def check_callable(name: str, value: object) -> None:
     """Check that an argument can be called."""
     if not isinstance(value, Callable):  # type: ignore[arg-type]
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a function")
+
+
+def brief(settings: Any) -> str:
+    """Return the repr of a dataclass whose fields all have defaults, with only those that differ from them."""
+    usual = type(settings)()
+    values = ((field.name, getattr(settings, field.name), getattr(usual, field.name)) for field in fields(settings))
+    given = ", ".join(f"{name}={value!r}" for name, value, default in values if value != default)
+    return f"{type(settings).__name__}({given})"

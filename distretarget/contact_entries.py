@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from distretarget.checks import check_kind, check_number
+from distretarget.checks import brief, check_kind, check_number
 from distretarget.errors import ContactsError, SettingsError
 
 LONGEST = 1e9  # of frames, seconds, centimetres and coordinates
@@ -190,7 +190,7 @@ class Look(Entry):
         return (self.look,)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ContactList:
     """What a user says about the contacts of a clip.
 
@@ -204,6 +204,8 @@ class ContactList:
 
     entries: tuple[Entry, ...] = ()
     path: Path | None = field(default=None, compare=False)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         check_kind("entries", self.entries, tuple)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 from types import NoneType
 from typing import TypedDict, get_args
 
@@ -20,6 +21,7 @@ from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
 from distretarget.numerics.vectors import extent, lengths
 from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
+from distretarget.stick_figures import likely_up, stick_figures
 
 Array = NDArray[np.float64]
 
@@ -28,6 +30,7 @@ UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
 MOST_SAMPLES = 20  # frames into which resampling may turn each frame of a motion ...
 FREE_SAMPLES = 1_000_000  # ... that is not as short as this, resampled [frames x joints]
 SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
+SHOWN = 7  # frames in a picture of a motion
 NUMERALS = frozenset("0123456789.+-eE")
 
 
@@ -156,8 +159,14 @@ class Motion:
     def __len__(self) -> int:
         return len(self.rotations)
 
-    def __getitem__(self, frames: slice | NDArray[np.intp]) -> Motion:
-        """Return the frames of a slice or of an array of frame numbers, with the same frame time."""
+    def __getitem__(self, frames: int | slice | NDArray[np.intp]) -> Motion:
+        """Return the motion of one frame, or of those of a slice or of an array of numbers, with the same frame time.
+
+        Raises:
+            IndexError: there is no such frame, or `frames` is none of these.
+        """
+        if isinstance(frames, int | np.integer):
+            frames = np.arange(len(self))[[frames]]
         path, moving = self.root_positions[frames], None if self.moving is None else self.moving[frames]
         part = replace(self, root_positions=path, rotations=self.rotations[frames], moving=moving)
         if "positions" in vars(self):
@@ -166,6 +175,13 @@ class Motion:
 
     def __repr__(self) -> str:
         return f"<Motion of {len(self)} frames, {self.frame_time_text} s each, on {self.skeleton!r}>"
+
+    def _repr_html_(self) -> str:
+        text = f"<p>{escape(repr(self))}</p>"
+        if not len(self):
+            return text
+        some = self.positions[np.linspace(0, len(self) - 1, min(len(self), SHOWN)).astype(int)]
+        return stick_figures(self.skeleton.parents, some, likely_up(some[0], self.skeleton.up), repr(self)) + text
 
     @property
     def frame_time(self) -> float:

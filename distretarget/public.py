@@ -71,5 +71,7 @@ from distretarget.scene.retargeting import retarget_scene as retarget_scene
 from distretarget.scene.scene_file import SceneSetup as SceneSetup
 from distretarget.scene.scene_file import load_scene as load_scene
 from distretarget.skeleton import Skeleton as Skeleton
+from distretarget.target import AnyTarget as AnyTarget
+from distretarget.target import LoadedTarget as LoadedTarget
 from distretarget.target import SkeletonEdit as SkeletonEdit
 from distretarget.target import Target as Target

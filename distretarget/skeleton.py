@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 from typing import cast
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from distretarget.errors import SkeletonError, closest, quoted
 from distretarget.numerics import trees
 from distretarget.numerics.kinematics import joint_positions
+from distretarget.stick_figures import likely_up, stick_figures
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
@@ -154,6 +156,10 @@ class Skeleton:
 
     def __repr__(self) -> str:
         return f"<Skeleton of {np.sum(~self.end_sites)} joints and {np.sum(self.end_sites)} End Sites>"
+
+    def _repr_html_(self) -> str:
+        up = likely_up(self.rest_positions, self.up)
+        return stick_figures(self.parents, self.rest_positions[None], up, repr(self)) + f"<p>{escape(repr(self))}</p>"
 
     @cached_property
     def keys(self) -> tuple[str, ...]:

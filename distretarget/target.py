@@ -34,7 +34,7 @@ class Target:
     map: JointMap
     name: str
     motion: Motion | None = None
-    mesh: MeshReader = no_mesh
+    mesh: MeshReader = field(default_factory=lambda: no_mesh)
     radii: Mapping[int, float] = field(default_factory=dict)
     capsules: Capsules | None = None
 
@@ -133,6 +133,13 @@ class SkeletonEdit:
         if source.lengths[joint] == 0:
             raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so it has no direction")
         return joint
+
+
+LoadedTarget = Target | SkeletonEdit
+"""What `load_target` returns: a whole skeleton, or changes of the source's."""
+
+AnyTarget = Motion | Skeleton | LoadedTarget
+"""What `retarget` takes for the body to retarget to."""
 
 
 def with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:

@@ -35,6 +35,7 @@ FLOORS = (
     "distances",
     "motion",
     "skeleton",
+    "stick_figures",
     "numerics",
     "checks",
     "errors",

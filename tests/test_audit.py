@@ -9,7 +9,7 @@ import pytest
 from bodies import SAMPLES
 from program import run
 
-from distretarget import read_bvh, write_bvh
+from distretarget import Motion, read_bvh, write_bvh
 from distretarget.batch.audit import audit, usual_limits
 from distretarget.skeleton import Skeleton
 
@@ -39,6 +39,23 @@ def planted(name, change):
 def scaled(motion, factor):
     skeleton: Skeleton = motion.skeleton.with_offsets(factor * motion.skeleton.offsets)
     return type(motion)(skeleton, factor * motion.root_positions, motion.rotations, motion.frame_time_text)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_page_shows_the_worst_frame_of_each_fault():
+    motion = read_bvh(SAMPLES / "wave.bvh")
+    joint = motion.skeleton.index("LeftKnee")
+    rotations = np.array(motion.rotations)
+    rotations[100:103, joint] = [1.0, 0.0, 0.0, 0.0]
+    write_bvh("clips/<i>.bvh", Motion(motion.skeleton, motion.root_positions, rotations, motion.frame_time_text))
+    done = run("audit", "clips", "--report", "audit.html")
+    assert done.returncode == 1
+    page = Path("audit.html").read_text()
+    assert "5 clips: 4 without faults" in page
+    assert "&lt;i&gt;.bvh" in page
+    assert "<i>" not in page
+    assert page.count("<svg") == page.count("<circle") / 3 >= 1
+    assert "LeftKnee" in page
 
 
 def test_clean_clips_of_one_rig_have_no_faults(folder):

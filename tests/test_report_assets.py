@@ -100,7 +100,7 @@ def test_a_module_imports_what_another_offers_and_it_uses(name):
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_name_of_a_page_has_one_meaning(kind):
     names = names_in(code_of(kind))
-    assert len(names) == len(set(names)) > 30
+    assert len(names) == len(set(names)) >= 30 * bool(SCRIPTS[kind])
 
 
 @pytest.mark.parametrize("name", CODE)

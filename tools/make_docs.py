@@ -17,7 +17,7 @@ import numpy as np
 from tables import table, with_tables
 
 from distretarget.cli import ImportedCommand, cli
-from distretarget.measure.clip_faults import KINDS
+from distretarget.measure.faults import KINDS
 from distretarget.measure.metrics import METRICS, SUFFIXES, Metric, metrics_at
 from distretarget.objectives.settings import ContactSettings
 

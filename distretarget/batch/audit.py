@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
@@ -17,8 +17,10 @@ from distretarget.body.body import Body
 from distretarget.errors import DistretargetError
 from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
-from distretarget.measure.clip_faults import KINDS, Finding, Findings, find_faults
+from distretarget.measure.clip_faults import find_faults
+from distretarget.measure.faults import KINDS, Finding, Findings
 from distretarget.motion import Motion
+from distretarget.stick_figures import stick_figures
 
 LEAST = 3  # clips of a rig that show what is usual
 SAMPLES = 16  # frames by which two clips are compared
@@ -38,6 +40,7 @@ class AuditedClip:
         frame_time: [s].
         leg: the length of a leg [file units].
         up: the axis that points up.
+        pictures: SVG of the worst frame of each kind of fault, if they are asked for, and the frames around it.
         places: of the joints in some frames, from that of the first joint in the first frame [leg lengths].
     """
 
@@ -49,6 +52,7 @@ class AuditedClip:
     frame_time: float = 0.0
     leg: float = 0.0
     up: str = ""
+    pictures: Mapping[str, str] = field(default_factory=dict)
     places: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
 
     @property
@@ -63,9 +67,12 @@ class AuditedClip:
 
 
 def audit(
-    paths: Iterable[Path], show: Callable[[Path], object] = lambda _path: None, clip: str | None = None
+    paths: Iterable[Path],
+    show: Callable[[Path], object] = lambda _path: None,
+    clip: str | None = None,
+    pictures: bool = False,
 ) -> list[AuditedClip]:
-    """Return what is wrong with the clips in some files, in their order.
+    """Return what is wrong with the clips in some files, in their order, with or without pictures.
 
     Of a file with several animations each is a clip, unless `clip` names one; `show` is called with each path before it
     is read.
@@ -74,7 +81,7 @@ def audit(
     for path in paths:
         show(path)
         numbers = [clip] if clip else [number for _, _, number in animations_of(path, PurePath(path.name))]
-        clips += [_audited(path, number) for number in numbers]
+        clips += [_audited(path, number, pictures) for number in numbers]
     rigs = defaultdict(list)
     for each in clips:
         if each.rig:
@@ -91,7 +98,7 @@ def usual_limits() -> dict[str, float]:
     return {key: kind.limit for key, kind in KINDS.items()}
 
 
-def _audited(path: Path, clip: str | None) -> AuditedClip:
+def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
     try:
         motion, _ = parse_motion(load_file(path), clip)
         findings = find_faults(motion)
@@ -110,8 +117,25 @@ def _audited(path: Path, clip: str | None) -> AuditedClip:
         frame_time=motion.frame_time,
         leg=leg,
         up=body.up,
+        pictures=dict(_pictures(motion, body, findings)) if pictures else {},
         places=_places(motion, leg),
     )
+
+
+def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[str, str]]:
+    """The worst frame of each kind of fault, between those before and after it."""
+    keys = motion.skeleton.keys
+    for kind, found in findings.items():
+        if found.frame is not None:
+            frames = range(max(found.frame - 1, 0), min(found.frame + 2, len(motion)))
+            marked = keys.index(found.where) if found.where in keys else -1
+            label = f"frames {frames[0]} to {frames[-1]}"
+            yield (
+                kind,
+                stick_figures(
+                    motion.skeleton.parents, motion.positions[frames[0] : frames[-1] + 1], body.up_vector, label, marked
+                ),
+            )
 
 
 def _rig(motion: Motion) -> str:

@@ -24,7 +24,7 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.part_frames import frames, proportions
 from distretarget.body.segments import find_segments
-from distretarget.checks import check_kind
+from distretarget.checks import brief, check_kind
 from distretarget.skin.capsules import Capsules, no_capsules
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ class Build:
         return Capsules(joints, ends, np.array(radii), find_segments(body).of_joint[joints])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Builds:
     """The builds of source and target, where something else than their own files says how thick they are.
 
@@ -96,6 +96,8 @@ class Builds:
 
     source: Build | None = None
     target: Build | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         check_kind("source", self.source, Build, NoneType)

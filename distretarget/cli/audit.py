@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
 from tqdm import tqdm
 
 from distretarget.batch.audit import AuditedClip, audit, usual_limits
+from distretarget.batch.audit_page import audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
-from distretarget.errors import BatchError, closest, counted
-from distretarget.measure.clip_faults import KINDS, Finding
+from distretarget.errors import BatchError, closest
+from distretarget.measure.faults import KINDS
 
 HEAD = ("clip", "frames", "frames/s", "leg", "up", "faults")
 SIDES = "<>>><<"
@@ -43,6 +44,7 @@ def of_kind(text: str) -> tuple[str, float]:
 @click.option(
     "--table", type=PATH, metavar="FILE", help="Write a CSV file with a row for each clip and the numbers of all kinds."
 )
+@click.option("--report", type=PATH, metavar="FILE", help="Write an HTML page with the worst frame of each fault.")
 @click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
 @OVERWRITE_OPTION
 @quiet
@@ -50,6 +52,7 @@ def audit_command(
     sources: tuple[Path, ...],
     given: tuple[tuple[str, float], ...],
     table: Path | None,
+    report: Path | None,
     clip: str | None,
     overwrite: bool,
 ) -> None:
@@ -63,24 +66,26 @@ def audit_command(
     \b
     distretarget audit mocap
     distretarget audit mocap --limit skating=1 --limit first_pose=1
-    distretarget audit mocap --table audit.csv
+    distretarget audit mocap --table audit.csv --report audit.html
     """  # noqa: D301
     check_suffix(table, ".csv")
-    check_outputs([table], [], overwrite)
+    check_suffix(report, ".html")
+    check_outputs([table, report], [], overwrite)
     if missing := [source for source in sources if not source.exists()]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
     found, unread = find_clips(sources)
     if not found:
         raise BatchError("there are no clips to audit")
     with tqdm(total=len(found), unit=" clips", disable=is_quiet() or None, leave=False) as bar:
-        clips = audit([path for path, _ in found], lambda _path: bar.update(), clip)
+        clips = audit([path for path, _ in found], lambda _path: bar.update(), clip, pictures=report is not None)
     limits = usual_limits() | dict(given)
-    write_outputs({table: lambda: _csv(clips, limits)}, overwrite)
+    title = f"Audit of {', '.join(source.resolve().name for source in sources)}"
+    write_outputs({table: lambda: _csv(clips, limits), report: lambda: audit_page(clips, limits, title)}, overwrite)
     faulty = [each for each in clips if each.faults(limits)]
     if faulty:
         for line in aligned([HEAD, *(_row(each, limits) for each in faulty)], SIDES):
             say(line)
-    for line in _summary(clips, limits):
+    for line in summary_lines(clips, limits):
         say(line)
     for error in unread:
         complain(f"not searched: {error}")
@@ -89,29 +94,10 @@ def audit_command(
 
 
 def _row(clip: AuditedClip, limits: Mapping[str, float]) -> tuple[str, ...]:
-    faults = "; ".join(_text(kind, found) for kind, found in clip.faults(limits).items())
+    faults = "; ".join(fault_text(kind, found) for kind, found in clip.faults(limits).items())
     if not clip.rig:
         return clip.name, "-", "-", "-", "-", faults
     return clip.name, str(clip.frames), f"{1 / clip.frame_time:.4g}", f"{clip.leg:.3g}", clip.up, faults
-
-
-def _text(kind: str, found: Finding) -> str:
-    """A fault in words: its kind, number and unit, and where it is."""
-    unit, where = KINDS[kind].unit, [] if found.frame is None else [f"frame {found.frame}"]
-    number = "" if KINDS[kind].plain else f"{found.value:.3g} {unit}".rstrip()
-    number = counted(int(found.value), "frame") if unit == "frames" else number
-    where += [found.where] if found.where else []
-    return f"{kind} {number}".rstrip() + (f" ({', '.join(where)})" if where else "")
-
-
-def _summary(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> Iterator[str]:
-    """How many clips have faults, and of which kinds."""
-    faults = [clip.faults(limits) for clip in clips]
-    yield f"{counted(len(clips), 'clip')}: {sum(not each for each in faults)} without faults"
-    counts = {kind: sum(kind in each for each in faults) for kind in KINDS}
-    for kind, count in counts.items():
-        if count:
-            yield f"{count} {kind}: {KINDS[kind].meaning}"
 
 
 def _csv(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.character.nodes import Animation
-from distretarget.checks import check_choice, check_kind
+from distretarget.checks import brief, check_choice, check_kind
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
@@ -152,7 +152,7 @@ class NamedClip:
     labels: Arrays = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OutputSettings:
     """How motions are written.
 
@@ -167,6 +167,8 @@ class OutputSettings:
     in_place: bool = False
     rotations: RotationKind = "quaternion"
     precision: Precision = "float64"
+
+    __repr__ = brief
 
     def arrays(self, clip: NamedClip) -> bytes:
         """Return the content of an npz file with the arrays of a clip, its labels, and its parameters of SMPL."""

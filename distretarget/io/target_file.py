@@ -31,7 +31,7 @@ from distretarget.skeleton import (
     JointMap,
     Skeleton,
 )
-from distretarget.target import SkeletonEdit, Target, with_bones
+from distretarget.target import LoadedTarget, SkeletonEdit, Target, with_bones
 
 FORMAT = "distretarget-skeleton"
 VERSION = 1
@@ -62,7 +62,7 @@ class CharacterTarget(Target):
 class TargetFile:
     """The target in a file, the file's path for errors, and the file itself; workers do without it."""
 
-    target: Target | SkeletonEdit
+    target: LoadedTarget
     path: str | Path
     file: InputFile | None
 
@@ -72,7 +72,7 @@ class TargetFile:
         return cls(parse_target(file), file.path, file)
 
 
-def load_target(path: str | Path) -> Target | SkeletonEdit:
+def load_target(path: str | Path) -> LoadedTarget:
     """Return the target in a skeleton file (full or short form), a BVH file, or the file of a character: glTF 2.0
     (.glb, .gltf), VRM 0 or 1, FBX. The content decides which it is.
 
@@ -86,7 +86,7 @@ def load_target(path: str | Path) -> Target | SkeletonEdit:
     return parse_target(load_file(path))
 
 
-def parse_target(file: InputFile) -> Target | SkeletonEdit:
+def parse_target(file: InputFile) -> LoadedTarget:
     """Return the target in a file as `load_target` does."""
     match file.kind:
         case "skeleton":
@@ -120,7 +120,7 @@ def _bvh_target(text: str, path: str | Path) -> Target:
     return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
 
 
-def _json_target(document: Node) -> Target | SkeletonEdit:
+def _json_target(document: Node) -> LoadedTarget:
     document.check_header(format=FORMAT, version=VERSION)
     fields = document.fields(("format", "version"), ("name", *FULL_KEYS, *SHORT_KEYS))
     name = fields.read("name", Node.text, "")

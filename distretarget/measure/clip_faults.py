@@ -1,23 +1,19 @@
-"""What is wrong with a clip as it is, without a target: cuts, jumps, frozen frames, feet that skate, and so on.
-
-Each kind of fault is one number with a limit; lengths are in leg lengths of the body, so that units do not matter.
-"""
+"""What is wrong with a clip as it is, without a target: cuts, jumps, frozen frames, bones that stretch, and so on."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg
-from distretarget.body.resting import feet_at_rest
+from distretarget.measure.clip_feet import faults_of_feet
+from distretarget.measure.faults import Finding, Findings
 from distretarget.motion import Motion
-from distretarget.numerics.joint_paths import heights_of, steps_along
+from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.time_series import Shots, spans_of
-from distretarget.numerics.vectors import lengths, level
+from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -32,70 +28,6 @@ SAME = 1e-7  # joints that move less in a frame stay where they are [leg lengths
 AT_ONCE = 0.1  # a body that moves faster than this, on average over its joints, does not stop at once [leg lengths / s]
 MOVING = 0.05  # and one that moves faster than this does not stand still for a frame [leg lengths / s]
 HOLD = 0.1  # equal frames for longer than this are frozen, for less repeated [s]
-LOW = 0.04  # a foot stands if ankle and toe are this near to their lowest heights [leg lengths] ...
-LOWEST = 2.0  # which are this percentile of them [%],
-LEVEL_SPEED = 0.1  # and rise or sink slower than this [leg lengths / s];
-SLIDES = 0.35  # it skates if they are faster than this along the floor [leg lengths / s] ...
-SKATE = 0.2  # for at least this time [s]
-TERRAIN = 0.15  # feet that rest at heights that differ by more than this are not on one floor [leg lengths]
-SPAN = 0.05  # speeds of feet are means over this time before and after a frame [s]
-STILL = 0.1  # a foot joint slower than this stands on something [leg lengths / s]
-LIKELY = 10  # no fewer resting frames show where the floor is
-
-
-@dataclass(frozen=True, kw_only=True)
-class Kind:
-    """A kind of fault.
-
-    Attributes:
-        meaning: what its number says.
-        unit: of the number.
-        limit: a clip has the fault if the number is above this.
-        plain: whether the number is only 1 if the clip has the fault, and 0 if not.
-    """
-
-    meaning: str
-    unit: str = ""
-    limit: float = 0.0
-    plain: bool = False
-
-
-KINDS: Mapping[str, Kind] = {
-    "unreadable": Kind(meaning="the file cannot be read, or has no motion", plain=True),
-    "first_pose": Kind(meaning="frames of another pose, such as a T-pose, before the motion begins", unit="frames"),
-    "cuts": Kind(meaning="cuts, at which all joints jump"),
-    "jumps": Kind(meaning="frames to which a joint jumps, or in which it leaps out and back", unit="frames"),
-    "flips": Kind(meaning="frames to which a joint turns by more than 90 degrees at once", unit="frames"),
-    "frozen": Kind(meaning="the longest time for which a moving body stops dead", unit="s", limit=0.1),
-    "repeated": Kind(meaning="frames that repeat the one before in the middle of a movement", unit="%", limit=1.0),
-    "skating": Kind(meaning="the time for which a standing foot moves along the floor", unit="s", limit=0.3),
-    "below_floor": Kind(meaning="how deep joints go below the floor on which feet rest", unit="% of leg", limit=8.0),
-    "off_floor": Kind(meaning="how far the lowest joint is from height 0", unit="legs", limit=3.0),
-    "stretching": Kind(meaning="how much the length of a bone changes", unit="% of leg", limit=2.0),
-    "up_axis": Kind(
-        meaning="the axis up is another than that of the skeleton, or of most clips of its rig", plain=True
-    ),
-    "sides": Kind(meaning="joints named left are on the right", plain=True),
-    "unit": Kind(
-        meaning="how many times larger or smaller the body is than in most clips of its rig", unit="times", limit=1.5
-    ),
-    "frame_time": Kind(
-        meaning="how much the frame time differs from that of most clips of its rig", unit="%", limit=1.0
-    ),
-    "duplicate": Kind(meaning="another clip has the same motion", plain=True),
-}
-
-
-@dataclass(frozen=True)
-class Finding:
-    """The number of a kind of fault in a clip, and where it is worst."""
-
-    value: float
-    frame: int | None = None
-    where: str = ""  # the joint, or the other clip
-
-
-Findings = dict[str, Finding]
 
 
 def find_faults(motion: Motion) -> Findings:
@@ -115,7 +47,7 @@ def find_faults(motion: Motion) -> Findings:
     begins = 2 * int(findings["first_pose"].value)  # it may take as many frames to settle
     if len(motion) - begins > 1 and len(joints):
         settled, kept = motion[begins:], np.flatnonzero(own[begins:])
-        found = _feet(settled, body, shots[begins:], joints) | {"stretching": _stretching(settled, body, leg)}
+        found = faults_of_feet(settled, body, shots[begins:], joints) | {"stretching": _stretching(settled, body, leg)}
         findings |= {kind: _at(each, np.arange(begins, len(motion))) for kind, each in found.items()}
         found = _of_steps(settled[kept], body, joints, shots[begins:][kept])
         findings |= {kind: _at(each, begins + kept) for kind, each in found.items()}
@@ -204,91 +136,6 @@ def _still(steps: Array, frame_time: float) -> Findings:
             repeated, first_repeated = repeated + end - start, first_repeated or int(start) + 1
     share = 100.0 * repeated / (len(steps) + 1)
     return {"frozen": Finding(frozen, first), "repeated": Finding(share, first_repeated)}
-
-
-def _feet(motion: Motion, body: Body, shots: Shots, joints: NDArray[np.intp]) -> Findings:
-    """Feet that skate, and joints below the floor."""
-    if body.legs is None:
-        return {}
-    up, leg = body.up_vector, body.leg_length
-    findings = {"off_floor": Finding(abs(body.lowest(up)) / leg)}
-    skates = np.stack([_skates(motion, foot, up, leg, shots) for foot in body.legs], axis=1)
-    time = float(skates.any(axis=1).sum() * motion.frame_time)
-    if time:
-        spans = max(
-            ((*span, foot) for foot in (0, 1) for span in spans_of(skates[:, foot])), key=lambda span: span[1] - span[0]
-        )
-        findings["skating"] = Finding(time, int(spans[0]), body.skeleton.keys[body.legs[spans[2]].ankle])
-    else:
-        findings["skating"] = Finding(0.0)
-    if (below := _below_floor(motion, body, joints)) is not None:
-        findings["below_floor"] = below
-    return findings
-
-
-def _below_floor(motion: Motion, body: Body, joints: NDArray[np.intp]) -> Finding | None:
-    """How deep joints go below the floor on which feet rest, while no foot stands lower; None if no foot rests, or if
-    they rest at several heights.
-    """
-    rests, up, leg = [*_rests(motion, body)], body.up_vector, body.leg_length
-    if not rests or max(high - low for low, _, high in rests) > TERRAIN * leg:
-        return None
-    floor = min(usual for _, usual, _ in rests)
-    ends = _ends(body)
-    lowest = heights_of(motion.positions, joints, up)
-    stands = (_mean_speeds(motion.positions[:, ends], motion.frame_time) < STILL * leg) & (
-        heights_of(motion.positions, ends, up) < floor - 0.01 * KINDS["below_floor"].limit * leg
-    )
-    lowest[stands.any(axis=1)] = np.inf
-    frame, joint = np.unravel_index(lowest.argmin(), lowest.shape)
-    depth = max(100.0 * float(floor - lowest[frame, joint]) / leg, 0.0)
-    return Finding(depth, int(frame) if depth else None, body.skeleton.keys[joints[joint]] if depth else "")
-
-
-def _ends(body: Body) -> NDArray[np.intp]:
-    """Ankles and toes."""
-    return np.array(sorted({joint for foot in body.legs or () for joint in (foot.ankle, foot.toe)}), np.intp)
-
-
-def _mean_speeds(paths: Array, frame_time: float) -> Array:
-    """(frames, joints), the speeds of paths, (frames, joints, n), as means over `SPAN` before and after a frame."""
-    frames, reach = np.arange(len(paths)), max(round(SPAN / frame_time), 1)
-    before, after = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(paths) - 1)
-    times = np.maximum(after - before, 1) * frame_time
-    return np.asarray(lengths(paths[after] - paths[before]) / times[:, None])
-
-
-def _skates(motion: Motion, foot: Leg, up: Array, leg: float, shots: Shots) -> Flags:
-    """(frames,), whether a foot stands and moves along the floor."""
-    ends = np.array(sorted({foot.ankle, foot.toe}), np.intp)
-    heights = heights_of(motion.positions, ends, up) / leg
-    low = (heights - np.percentile(heights, LOWEST, axis=0) < LOW).all(axis=1)
-    rises = _mean_speeds(heights[..., None], motion.frame_time).max(axis=1)
-    along = _mean_speeds(level(motion.positions[:, ends], up) / leg, motion.frame_time).min(axis=1)
-    skates: Flags = low & (rises < LEVEL_SPEED) & (along > SLIDES) & ~_near_cut(shots, motion.frame_time)
-    for start, end in spans_of(skates):
-        if (end - start) * motion.frame_time < SKATE:
-            skates[start:end] = False
-    return skates
-
-
-def _near_cut(shots: Shots, frame_time: float) -> Flags:
-    """(frames,), whether a cut is within `SPAN` of a frame."""
-    near, reach = np.zeros(len(shots), bool), max(round(SPAN / frame_time), 1)
-    for edge in np.flatnonzero(np.diff(shots)) + 1:
-        near[max(edge - reach, 0) : edge + reach] = True
-    return near
-
-
-def _rests(motion: Motion, body: Body) -> Iterator[tuple[float, float, float]]:
-    """For each foot joint that rests often: a low, its usual and a high height while it rests [file units]."""
-    for foot in body.legs or ():
-        rests = feet_at_rest(motion, foot, body.up_vector, body.leg_length)
-        heights = heights_of(motion.positions, [foot.ankle, foot.toe], body.up_vector)
-        for of_joint, at_rest in zip(heights.T, rests.T, strict=True):
-            if at_rest.sum() >= LIKELY:
-                low, usual, high = np.percentile(of_joint[at_rest], (10, 50, 90))
-                yield float(low), float(usual), float(high)
 
 
 def _stretching(motion: Motion, body: Body, leg: float) -> Finding:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
+from distretarget.checks import brief
 from distretarget.errors import SettingsError
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ContactSettings:
     """How strongly self-contacts and foot lock act; the defaults suit every clip and body.
 
@@ -27,6 +28,8 @@ class ContactSettings:
     reach: float = 0.13
     blend: float = 0.36
     foot_lock: float = 1.0
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():

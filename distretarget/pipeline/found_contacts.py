@@ -31,7 +31,7 @@ from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.meetings import segment_gaps
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ STEADY = 0.1  # spans that last less are not listed [s]
 
 def find_contacts(
     motion: Motion,
-    target: Motion | Skeleton | Target | SkeletonEdit | None = None,
+    target: AnyTarget | None = None,
     *,
     joint_map: JointMap | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
-from distretarget.checks import check_choice, check_number
+from distretarget.checks import brief, check_choice, check_number
 from distretarget.objectives.resting_joints import Environment
 from distretarget.skeleton import AXES, LARGEST, SMALLEST
 
@@ -27,7 +27,7 @@ CHOICES: dict[str, tuple[str | None, ...]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Options:
     """How to retarget a clip.
 
@@ -65,6 +65,8 @@ class Options:
     target_up: str | None = None
     root_offset: RootOffset | None = None
     root_follows: RootFollows | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():

@@ -34,7 +34,7 @@ from distretarget.pipeline.soundness import check_finite, check_places
 from distretarget.skeleton import SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Match:
 
 def match_performer(
     source: Motion,
-    target: Motion | Skeleton | Target | SkeletonEdit,
+    target: AnyTarget,
     options: Options = DEFAULT_OPTIONS,
     joint_map: JointMap | None = None,
     rest: Motion | None = None,
@@ -183,7 +183,7 @@ def _body_at_rest(skeleton: Skeleton) -> Body:
     return Body.of(skeleton)
 
 
-def target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:
+def target_for(source: Motion, target: AnyTarget) -> Target:
     """Return the target, whatever form it was given in."""
     match target:
         case Motion():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.measure.comparison import Comparison, Reference
-from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
+from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics, metrics_at
 from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import limit_warnings, verdict
@@ -74,6 +75,16 @@ class RetargetResult:
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
+
+    def _repr_html_(self) -> str:
+        head = "".join(f"<th>{name}</th>" for name in ("", "source", "copied rotations", "result"))
+        rows = [
+            f"<tr><th>{escape(f'{metric.label} {metric.symbol}')}</th>"
+            + "".join(f"<td>{metric.brief(metrics.get(metric.key))}</td>" for metrics in self.metrics.values())
+            for metric in metrics_at("line")
+        ]
+        lines = "".join(f"<p>{escape(line)}</p>" for line in (self.verdict, *self.warnings))
+        return f"{self.motion._repr_html_()}<table><tr>{head}</tr>{'</tr>'.join(rows)}</tr></table>{lines}"
 
     @property
     def drivers(self) -> NDArray[np.intp]:

@@ -30,12 +30,12 @@ from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 
 def retarget(
     source: Motion,
-    target: Motion | Skeleton | Target | SkeletonEdit,
+    target: AnyTarget,
     options: Options = DEFAULT_OPTIONS,
     *,
     joint_map: JointMap | None = None,
@@ -43,8 +43,8 @@ def retarget(
     builds: Builds = OWN_BUILDS,
     settings: ContactSettings = DEFAULT_SETTINGS,
     contacts: ContactList = NO_CONTACTS,
-    mapper: Mapper = in_threads,
-    progress: Progress = ignore_progress,
+    mapper: Mapper | None = None,
+    progress: Progress | None = None,
 ) -> RetargetResult:
     """Retarget a motion to another body.
 
@@ -84,6 +84,7 @@ def retarget(
     check_kind("builds", builds, Builds)
     check_kind("settings", settings, ContactSettings)
     check_kind("contacts", contacts, ContactList)
+    mapper, progress = in_threads if mapper is None else mapper, ignore_progress if progress is None else progress
     check_callable("mapper", mapper)
     check_callable("progress", progress)
     match = match_performer(source, target, options, joint_map, rest, builds)

@@ -29,7 +29,7 @@ from distretarget.report.page import html_page
 from distretarget.report.scene_diff_document import Table
 from distretarget.report.stage import ShownBody, stage_of_bodies
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import LoadedTarget, Target
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def write_report(
 def run_page(
     result: RetargetResult,
     about: About,
-    target: Target | SkeletonEdit | None = None,
+    target: LoadedTarget | None = None,
     source: InputFile | None = None,
 ) -> str:
     """The HTML of the report on a run: its source, its rotation copy and its result; `target` has the mesh to show, if

@@ -54,7 +54,7 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str], played: Sequ
     once each; and for each clip a row of the values of `FIELDS`, with target and warnings as indices.
     """
     targets = list(dict.fromkeys(record["target"] for record in records))
-    folder, target_folder = _folder(record["input"] for record in records), _folder(targets)
+    folder, target_folder = folder_of(record["input"] for record in records), folder_of(targets)
     warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))
     target_at, warning_at = ({text: k for k, text in enumerate(texts)} for texts in (targets, warnings))
     rows = [
@@ -82,8 +82,8 @@ def _number(value: object) -> float | None:
     return float(f"{value:.6g}") if isinstance(value, float) and math.isfinite(value) else None
 
 
-def _folder(paths: Iterable[str]) -> str:
-    """The common prefix of all paths, up to and including its last slash or backslash."""
+def folder_of(paths: Iterable[str]) -> str:
+    """Return the common prefix of all paths, up to and including its last slash or backslash."""
     common = os.path.commonprefix(list(paths))  # noqa: RUF071 (by letters, as paths may be of any system)
     return common[: max(common.rfind("/"), common.rfind("\\")) + 1]
 

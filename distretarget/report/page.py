@@ -28,11 +28,13 @@ PLAYER = (
 # The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
 STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),
+    "audit": ("style.css", "index.css", "audit.css"),
     "index": ("style.css", "player.css", "index.css"),
     "scene": ("style.css", "player.css"),
 }
 SCRIPTS = {
     "clip": (*PLAYER, "tables.js", "registry.js", "cards.js", "curves.js", "clip.js"),
+    "audit": (),
     "index": (*PLAYER, "registry.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
 }
@@ -41,14 +43,14 @@ HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may 
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
-def html_page(kind: str, title: str, data: Mapping[str, object]) -> str:
-    """The HTML of a "clip", "index" or "scene" page. Its scripts read `data` by name; a name that begins with "stage"
-    is for the player.
+def html_page(kind: str, title: str, data: Mapping[str, object], **content: str) -> str:
+    """The HTML of a "clip", "index", "scene" or "audit" page. Its scripts read `data` by name; a name that begins with
+    "stage" is for the player. `content` is HTML for places of these names.
     """
     played = any(name.startswith("stage") for name in data)
     modules = [_asset(name) for name in SCRIPTS[kind] if played or name not in PLAYER[1:]]
     scripts = [_asset(LIBRARY)] * played + ["'use strict';\n" + "\n".join(IMPORT.sub("", one) for one in modules)]
-    parts = {
+    parts = content | {
         "title": html.escape(HALVES.sub("\ufffd", title)),
         "style": "\n".join(map(_asset, STYLES[kind])),
         "hashes": " ".join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -15,7 +15,7 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError, MatchingError, MotionError, SettingsError
-from distretarget.ik.poses import Mapper
+from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
 from distretarget.measure.scene_skin_gaps import SkinGap, measure_skin_gap
 from distretarget.measure.skin import find_skin
@@ -32,10 +32,9 @@ from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placemen
 from distretarget.scene.skin import skins_in_company
 from distretarget.scene.sweeps import SceneContacts
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
-from distretarget.target import SkeletonEdit, Target
+from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]
-AnyTarget = Motion | Skeleton | Target | SkeletonEdit
 
 SAME_UNITS = 5.0  # if root scales differ by more than this factor, the files have different units
 
@@ -85,8 +84,8 @@ def retarget_scene(
     builds: Sequence[Builds] | None = None,
     contacts: Sequence[ContactList] | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,
-    mapper: Mapper = in_threads,
-    progress: Callable[[int], object] = lambda _sweep: None,
+    mapper: Mapper | None = None,
+    progress: Progress | None = None,
 ) -> SceneResult:
     """Retarget several performers who share a world, and keep the contacts between them.
 
@@ -146,6 +145,7 @@ def retarget_scene(
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
     check_kind("settings", settings, ContactSettings)
+    mapper, progress = in_threads if mapper is None else mapper, ignore_progress if progress is None else progress
     check_callable("mapper", mapper)
     check_callable("progress", progress)
     options = Options(supports=supports, environment=environment)
