@@ -1,4 +1,4 @@
-"""Retarget a folder of clips to one skeleton, and save arrays of each for training, and a table of metrics.
+"""Retarget a folder of clips to one skeleton, and save arrays of each for training; metrics.csv has their metrics.
 
 python examples/data_set.py CLIPS TARGET ARRAYS
 """
@@ -10,5 +10,5 @@ from distretarget import OutputSettings, convert_folder
 if __name__ == "__main__":
     clips, target, arrays = sys.argv[1:]
     writing = OutputSettings(rotations="6d", precision="float32")
-    tally = convert_folder(clips, target, arrays, formats=["npz"], writing=writing, table=f"{arrays}/metrics.csv")
+    tally = convert_folder(clips, target, arrays, formats=["npz"], writing=writing)
     print("\n".join(tally.lines))

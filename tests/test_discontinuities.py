@@ -116,7 +116,7 @@ def test_the_solver_smooths_its_flips_and_its_landings(monkeypatch):
     landing = course(np.maximum(np.arange(120) - 90.0, 0.0) * 0.02)
     solved, shots = np.concatenate([flip[:, :2], landing], axis=1), one_shot(flip)
     clip = SimpleNamespace(frame_time=FRAME_TIME, shots=shots, loose_parts=np.array([2]))
-    monkeypatch.setattr(contact, "_held_parts", lambda *_: np.zeros(solved.shape[:2]))
+    monkeypatch.setattr(contact, "held_parts", lambda *_: np.zeros(solved.shape[:2]))
     monkeypatch.setattr(contact, "solve_in_chunks", lambda *_: Poses(np.array(solved), np.zeros((4, 120))))
     v = contact.solve_contact(clip, no_supports(120), ContactSettings()).v
     expected = np.array(solved)

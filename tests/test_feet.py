@@ -264,7 +264,7 @@ def test_a_body_without_legs_has_no_feet_to_measure():
     )
     motion = posed(chain, {}, np.zeros((4, 3)))
     feet = measured(motion, motion)
-    assert {getattr(feet, key).shape for key in ("stance", "foot_skate", *OVER_FEET)} == {(4, 0)}
+    assert {getattr(feet, key).shape for key in ("stance", "skate", *OVER_FEET)} == {(4, 0)}
     assert feet.stance.dtype == bool
     values = metrics(motion, motion)
     assert {values[key] for key in ("foot_skate", *OVER_FEET, "hips_height_largest")} == {None}

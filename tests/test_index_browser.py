@@ -302,6 +302,7 @@ def test_clips_are_played(open_player, pages, width, theme):
     assert [one.get_attribute("aria-pressed") for one in buttons.all()] == ["false", "true"]
     tab.keyboard.press("ArrowRight")
     assert tab.evaluate("app.clock.frame") == 1
+    settle(tab)
     assert tab.inner_text("#now").startswith("1 / 4")
     assert tab.evaluate("document.scrollingElement.scrollWidth") <= width
     head(tab, "Clip").locator("button").click()

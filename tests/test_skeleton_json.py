@@ -11,8 +11,8 @@ from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, full, short, valid
 from table_one import table_one
 
 from distretarget.errors import SkeletonFileError
-from distretarget.io.target_file import ROOT_CHANNELS, USUAL_ROTATIONS, load_target
-from distretarget.skeleton import Skeleton
+from distretarget.io.target_file import load_target
+from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, Skeleton
 
 
 def spine(**changes):
@@ -31,7 +31,7 @@ def test_full_form(written):
     assert skeleton.names == ("Hips", "Spine", "Spine_End", "Leg")
     assert skeleton.parents.tolist() == [-1, 0, 1, 0]
     assert skeleton.offsets.tolist() == [[0, 96.4, 0], [0, 24, 0], [0, 18, 0], [0, 24, 0]]
-    assert skeleton.channels == (ROOT_CHANNELS, ("Yrotation",), (), USUAL_ROTATIONS)
+    assert skeleton.channels == (USUAL_ROOT, ("Yrotation",), (), USUAL_ROTATIONS)
     assert skeleton.end_sites.tolist() == [False, False, True, False]
     assert (skeleton.units, skeleton.up) == ("cm", "-Z")
     assert target.map == {"Spine": "Chest"}
@@ -50,7 +50,7 @@ GOOD = {
     "end without channels": full(HIPS, SPINE, HEAD_END | {"channels": []}),
     "no end": spine(end=False),
     "no channels": spine(channels=[]),
-    "six channels": spine(channels=list(ROOT_CHANNELS)),
+    "six channels": spine(channels=list(USUAL_ROOT)),
     "blank inside a name": spine(name="Upper Spine"),
     "zero bone": full(HIPS, SPINE, SPINE | {"name": "Neck", "offset": [0, 0, 0]}),
     "same name twice": full(HIPS, SPINE, SPINE | {"parent": "Spine"}),

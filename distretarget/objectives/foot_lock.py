@@ -3,7 +3,7 @@
 A foot rests while it is slow and low. It keeps its rotation of the rotation copy, stands below its own hip joint as the
 source's does, and its sole meets the floor as the source's does:
 
-    toe = scale source toe + steadied (longer + wider) + a (longer - steadied longer), along the floor
+    toe = scale source toe + steadied (longer + wider) + a (longer - its average over 0.05 s), along the floor
         + (how far the copied sole is below the toe - scale the source's) up
     longer = scale source foot - copied foot
     wider = (copied hip joint - middle of the copied hips) - scale (the same of the source), along the floor
@@ -11,7 +11,7 @@ source's does, and its sole meets the floor as the source's does:
 
 So the sole has the source's height, scaled. What is steadied is its mean while the source's foot stands still, and may
 change as far as the source's foot slides: the leg is on average splayed as the source's, and the foot does not skate.
-a is 0 while the foot rolls about its toe, and 1 while it turns about its ankle, so that its still end stays still.
+a is 0 while the foot rolls about its toe and 1 while it turns about its ankle: what trembles there leaves the ankle still.
 Feet that stand beside each other under narrow hips come no nearer than a foot's width.
 """
 
@@ -141,15 +141,10 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
     """
     scale, up, reach = clip.scale, clip.up, round(STEADY / clip.frame_time)
     paths = np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0]
-    steady = partial(steadied_offset, reach=reach)
 
     def offset(longer: Array, wider: Array, weights: Array, paths: Array) -> Array:
-        mean = steady(longer, weights, level(paths, up))
-        return (
-            mean
-            + steady(wider, weights, level(paths, up))
-            + _about_ankle(paths, clip.frame_time, reach) * (longer - mean)
-        )
+        mean = steadied_offset(longer + wider, weights, level(paths, up), reach)
+        return mean + _about_ankle(paths, clip.frame_time, reach) * (longer - averaged(longer, reach))
 
     longer = level(scale.height * source.bone - copy.bone, up)
     toe = scale.places(source.toe, up) + by_shot(offset, clip.shots, longer, wider, weights, paths)

@@ -97,7 +97,7 @@ def _skin_gaps_of_result(result: SceneResult, names: Sequence[str]) -> Iterator[
         told = [f"{gap.error:.1f}", str(gap.worst_frame), " - ".join(gap.parts)] if gap else [NO_GAP] * 3
         rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told])
     if rows:
-        title = "Gaps between skins where they touch in the source: how far off the source\u2019s, in % of height"
+        title = "Gaps between skins where they touch in the source: how far off the source\u2019s, in % of the height"
         yield {"title": title, "columns": ["between", "frames", "mean", "worst frame", "parts"], "rows": rows}
 
 
