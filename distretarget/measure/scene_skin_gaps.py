@@ -40,7 +40,7 @@ class SkinGap:
     def sentence(self) -> str:
         """What is told of it."""
         return (
-            f"contacts in {counted(self.frames, 'frame')}: gaps between the skins off the source's by {self.error:.1f} % of "
+            f"contacts in {counted(self.frames, 'frame')}: gaps between the skins off by {self.error:.1f} % of "
             f"height on average, worst in frame {self.worst_frame} ({self.parts[0]} - {self.parts[1]})"
         )
 

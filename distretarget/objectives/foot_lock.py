@@ -11,7 +11,7 @@ source's does, and its sole meets the floor as the source's does:
 
 So the sole has the source's height, scaled. What is steadied is its mean while the source's foot stands still, and may
 change as far as the source's foot slides: the leg is on average splayed as the source's, and the foot does not skate.
-a is 0 while the foot rolls about its toe and 1 while it turns about its ankle: what trembles there leaves the ankle still.
+a is 0 while the foot rolls about its toe and 1 while it turns about its ankle: a trembling foot leaves that still.
 Feet that stand beside each other under narrow hips come no nearer than a foot's width.
 """
 
