@@ -9,18 +9,20 @@ joints, where the source has them, scaled by leg length.
 from __future__ import annotations
 
 import importlib.util
+import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import three_js
 from clips import back_and_forth
 
-from distretarget import Motion, Options, RetargetResult, Skeleton, retarget
+from distretarget import Motion, Options, RetargetResult, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.target import Target
 
@@ -58,12 +60,14 @@ class Contestant:
         motion: what it makes of a case.
         timer: returns, for a case, a function that runs it once and returns the seconds of processor time a frame.
         missing: why it cannot be asked here; empty if it can.
+        measures: whether a conversion measures its result.
     """
 
     name: str
     motion: Callable[[Case], Motion]
     timer: Callable[[Case], Callable[[], float]]
     missing: str = ""
+    measures: bool = False
 
 
 COPY = "copied rotations"
@@ -90,7 +94,7 @@ def _own(name: str, options: Options) -> Contestant:
         long = case.of_frames(LONG)
         return lambda: _seconds(lambda: retarget(long.source, long.target, options)) / LONG
 
-    return Contestant(name, lambda case: retarget(case.source, case.target, options).motion, timer)
+    return Contestant(name, lambda case: retarget(case.source, case.target, options).motion, timer, measures=True)
 
 
 def _copy_timer(case: Case) -> Callable[[], float]:
@@ -134,6 +138,23 @@ def _mink_timer(kind: str) -> Callable[[Case], Callable[[], float]]:
         return lambda: _seconds(lambda: peer.solve(STEPS)) / SHORT
 
     return timer
+
+
+def files_timer(case: Case, measures: bool) -> Callable[[], float]:
+    """Returns a function that reads a clip, writes a result, measures it if asked for, and returns the seconds of
+    processor time a frame. Files are BVH and written by the project.
+    """
+    run = case.of_frames(LONG).run
+
+    def timed() -> float:
+        with tempfile.TemporaryDirectory() as folder:
+            source, result = (Path(folder) / name for name in ("source.bvh", "result.bvh"))
+            write_bvh(source, run.source)
+            parts = [lambda: read_bvh(source), lambda: write_bvh(result, run.motion)]
+            parts += [lambda: replace(run).metrics] if measures else []
+            return sum(map(_seconds, parts)) / LONG
+
+    return timed
 
 
 def _seconds(run: Callable[[], object]) -> float:

@@ -28,7 +28,7 @@ import click
 import numpy as np
 from anny_characters import FAT, THIN, Build, Kind, made, mixamo, unreal
 from clips import CLIPS, PROCESSES, SAMPLES, found, markdown_option
-from contestants import COPY, Case, Contestant, contestants
+from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
 from skin_gaps import PAIRS, Gaps, gap_error, near, source_gaps
 from skins import Skin
@@ -189,9 +189,11 @@ def skin_metrics(hero: Character, motion: Motion, frames: NDArray[np.intp], of_s
 
 def _of_motion(reference: Reference, motion: Motion) -> dict[str, float]:
     """The project's metrics of a motion."""
-    metrics = clip_metrics(reference.compare(motion).tracks)
+    comparison = reference.compare(motion)
+    metrics, source = clip_metrics(comparison.tracks), clip_metrics(comparison.source_tracks)
     names = ("foot_skate", "foot_height", "jerk", "turn")
-    return {name: np.nan if metrics[name] is None else float(metrics[name]) for name in names}
+    values = {name: metrics[name] for name in names} | {"foot_skate_source": source["foot_skate"]}
+    return {name: np.nan if value is None else float(value) for name, value in values.items()}
 
 
 def direction_error(run: RetargetResult, motion: Motion) -> float:
@@ -214,15 +216,23 @@ def direction_error(run: RetargetResult, motion: Motion) -> float:
     return float(np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean())
 
 
-def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) -> dict[str, float]:
-    """Frames a second of each contestant on one thread: medians over rounds, in which they run in turn, and bodies."""
+def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) -> dict[str, dict[str, float]]:
+    """Frames a second of each contestant on one thread, without and with files: medians over bodies and rounds, in
+    which they run in turn.
+    """
     cases = [Case(sampling.clip(clip), load_target(body)) for body in bodies]
-    timers = [{who.name: who.timer(case) for who in contestants() if not who.missing} for case in cases]
+    present = [who for who in contestants() if not who.missing]
+    timers = [[(who.timer(case), files_timer(case, who.measures)) for who in present] for case in cases]
     for own in timers:
-        for timer in own.values():
-            timer()  # compiles
-    seconds = [[[timer() for timer in own.values()] for own in timers] for _ in range(rounds)]
-    return dict(zip(timers[0], (1 / np.median(seconds, axis=(0, 1))).tolist(), strict=True))
+        for pair in own:
+            for timer in pair:
+                timer()  # compiles
+    seconds = [[[[timer() for timer in pair] for pair in own] for own in timers] for _ in range(rounds)]
+    solving, files = np.median(seconds, axis=(0, 1)).T
+    return {
+        who.name: {"speed": float(1 / alone), "conversion": float(1 / (alone + other))}
+        for who, alone, other in zip(present, solving, files, strict=True)
+    }
 
 
 # ---- tables
@@ -234,23 +244,23 @@ COLUMNS = {
     "deepest": "deepest, mean / largest, % of height",
     "above_copy": "runs with more inside than the copy",
     "gap": "gap of contacts off the source's, samples / all clips, % of height",
-    "foot_skate": "foot skate, legs/s",
+    "foot_skate": "foot skate over the source's",
     "foot_height": "feet off their height, % of leg",
     "direction": "direction error, degrees",
     "jerk": "jerk over the copy's",
     "turn": "turn, largest, degrees",
     "speed": "frames/s",
+    "conversion": "frames/s, from file to file",
 }
 SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the metric behind a column's first
 
 
-def summary(rows: Sequence[Row], names: Iterable[str], speed: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def summary(
+    rows: Sequence[Row], names: Iterable[str], speed: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
     """The metrics of each contestant over all runs, by the keys of `COLUMNS`, and by those of `SECOND`."""
     copies = {(row.clip, row.body): row.metrics for row in rows if row.contestant == COPY}
-    return {
-        name: _summed([row for row in rows if row.contestant == name], copies) | {"speed": speed[name]}
-        for name in names
-    }
+    return {name: _summed([row for row in rows if row.contestant == name], copies) | speed[name] for name in names}
 
 
 def _summed(rows: Sequence[Row], copies: Mapping[tuple[str, str], dict[str, float]]) -> dict[str, float]:
@@ -260,12 +270,13 @@ def _summed(rows: Sequence[Row], copies: Mapping[tuple[str, str], dict[str, floa
         return np.array([row.metrics[key] for row in rows])
 
     own = [copies[row.clip, row.body] for row in rows]
-    metrics = {key: float(np.nanmean(of(key))) for key in ("inside", "frames_inside", "deepest", "foot_skate")}
+    metrics = {key: float(np.nanmean(of(key))) for key in ("inside", "frames_inside", "deepest")}
     return metrics | {
         "deepest_largest": float(of("deepest").max()),
         "above_copy": float(sum(row.metrics["inside"] > copy["inside"] for row, copy in zip(rows, own, strict=True))),
         "gap": _mean(np.array([row.metrics["gap"] for row in rows if "/" not in row.clip])),
         "gap_all": _mean(of("gap")),
+        "foot_skate": _mean(of("foot_skate")) / _mean(of("foot_skate_source")),
         "foot_height": _mean(of("foot_height")),
         "direction": _mean(of("direction")),
         "jerk": _mean(of("jerk") / [copy["jerk"] for copy in own]),
@@ -279,7 +290,7 @@ def _mean(values: Array) -> float:
 
 def cells(metrics: Mapping[str, float]) -> Iterator[str]:
     """The cells of a contestant's line behind its name."""
-    forms = {"above_copy": ".0f", "foot_skate": ".3f", "speed": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
+    forms = {"above_copy": ".0f", "speed": ",.0f", "conversion": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
     for key in COLUMNS:
         keys = [key, SECOND[key]] if key in SECOND else [key]
         values = (metrics[one] if np.isfinite(metrics[one]) else None for one in keys)

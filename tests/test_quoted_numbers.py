@@ -5,22 +5,27 @@ import re
 from pathlib import Path
 
 import pytest
-from make_docs import cells, numbers
+from make_docs import lines
 
 ROOT = Path(__file__).resolve().parents[1]
 JERK = "jerk against rotation copy's"
 METHODS = ("copy", "paper", "contact")
 
 
+def numbers(cell):
+    """The numbers in a cell, in their order."""
+    return [float(number) for number in re.findall(r"\d+\.?\d*", cell.replace(",", ""))]
+
+
 def summary(start, method, number=0):
     """A number of the summary: of the row that begins so, for a method."""
-    row = next(row for row in cells("summary") if row[0].startswith(start))
+    row = next(row for row in lines("summary") if row[0].startswith(start))
     return numbers(row[1 + METHODS.index(method)])[number]
 
 
 def column(table, place, number):
     """The numbers at a place of the cells in a column of a table; rows with `-` have none."""
-    return [numbers(row[place])[number] for row in cells(table) if not row[place].startswith("-")]
+    return [numbers(row[place])[number] for row in lines(table)[1:] if not row[place].startswith("-")]
 
 
 RESULTS = {

@@ -8,12 +8,11 @@ from __future__ import annotations
 import inspect
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 from tables import table, with_tables
 
 from distretarget.cli import ImportedCommand, cli
@@ -147,78 +146,47 @@ def closed(properties: Json) -> Json:
     return {"type": "object", "required": list(properties), "additionalProperties": False, "properties": properties}
 
 
-# ---- README.md: numbers from the tables of docs/results.md, which the benchmarks write
+# ---- README.md: the scoreboard of docs/results.md in short, which a benchmark writes; a line for each column
 
-COPY, PEER, PAPER, MINK, RESULT = METHODS = ("copied rotations", "MotionBuilder", "the paper", "mink", "distretarget")
+METHODS = {  # how lines of the scoreboard begin, by their names on the front page
+    "copied rotations": "copied rotations",
+    "three.js": "three.js",
+    "mink": r"mink.*hands and feet",
+    "GMR's recipe": r"mink.*GMR's recipe",
+    "the paper": "paper's objective",
+    "distretarget": "distretarget$",
+}
+FRONT = {  # how its columns begin, by what the front page says of them
+    "hands and forearms inside the body, % of their skin": "skin inside",
+    "deepest of that, mean / largest, % of height": "deepest",
+    "gap of contacts off the source's, samples / all clips, % of height": "gap of contacts",
+    "foot skate over the source's": "foot skate",
+    "feet off their height, % of leg": "feet off",
+    "direction error of limbs, degrees": "direction",
+    "jerk over that of copied rotations": "jerk",
+    "frames per second on one core": "frames/s$",
+    "the same with reading, writing and, of distretarget, metrics": "frames/s, from",
+}
 
 
 def front_table() -> str:
     """What was measured, and its value by method."""
-    rows = [*_skin_rows(), *_summary_rows(), *_other_rows()]
-    return table(("", *METHODS), ([what, *(values.get(method, "") for method in METHODS)] for what, values in rows))
+    head, *rows = lines("scoreboard")
+
+    def place(start: str, names: list[str]) -> int:
+        return next(place for place, name in enumerate(names) if re.match(start, name))
+
+    shown = [rows[place(start, [row[0] for row in rows])] for start in METHODS.values()]
+    columns = [place(start, head) for start in FRONT.values()]
+    values = ([what, *(row[column] for row in shown)] for what, column in zip(FRONT, columns, strict=True))
+    return table(("", *METHODS), values)
 
 
-def cells(name: str) -> list[list[str]]:
-    """The cells of a table of docs/results.md, without its head."""
+def lines(name: str) -> list[list[str]]:
+    """The cells of a table of docs/results.md, its head first."""
     text = (DOCS / "results.md").read_text("utf-8").partition(f"<!-- {name} -->\n")[2].partition("<!-- end -->")[0]
-    lines = [line for line in text.splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
-
-
-def numbers(cell: str) -> list[float]:
-    """The numbers in a cell, in their order."""
-    return [float(number) for number in re.findall(r"\d+\.?\d*", cell.replace(",", ""))]
-
-
-def means(rows: Iterable[list[str]], column: int) -> list[float]:
-    """The mean over rows of each number in a column; rows with `-` there do not count."""
-    return list(np.mean([numbers(row[column]) for row in rows if not row[column].startswith("-")], axis=0))
-
-
-def _skin_rows() -> Iterator[tuple[str, dict[str, str]]]:
-    """What the scoreboard of characters says of their skin."""
-    rows = {row[0]: row[1:] for row in cells("scoreboard")}
-    starts = {COPY: COPY, PAPER: "paper", MINK: "mink", RESULT: RESULT}
-    # `--skin none` comes before the result with skin, and mink's hands and feet before GMR's recipe
-    found = {method: [row for name, row in rows.items() if name.startswith(start)] for method, start in starts.items()}
-    own = {method: rows[-1] if method == RESULT else rows[0] for method, rows in found.items() if rows}
-    for what, column in (
-        ("hands and forearms inside the body, % of their skin", 0),
-        ("deepest of that, % of height", 2),
-    ):
-        yield f"ten characters: {what}", {method: f"{numbers(row[column])[-1]:.2f}" for method, row in own.items()}
-
-
-def _summary_rows() -> Iterator[tuple[str, dict[str, str]]]:
-    """The metrics of 90 runs, with those of MotionBuilder for its clips."""
-    summary = {row[0]: row[1:] for row in cells("summary")}
-
-    def row(start: str, digits: int = 2, number: int = 0) -> dict[str, str]:
-        found = next(values for name, values in summary.items() if name.startswith(start))
-        values = [f"{numbers(cell)[number]:.{digits}f}" for cell in found[:3]]
-        return dict(zip((COPY, PAPER, RESULT), values, strict=True))
-
-    copied, peer, _ = means(cells("motionbuilder"), 4)
-    source_slide, peer_slide, _ = means(cells("motionbuilder"), 5)
-    what = "error of the distance between body parts that touch, relative to copied rotations"
-    yield what, {**row("contact error, mean over clips"), PEER: f"{peer / copied:.2f}"}
-    yield "clap on long forearms: gap of the wrists, % of arm (source: 4.0)", row("clap on long forearms", 1)
-    what = "foot skate of planted feet, relative to the source's"
-    yield what, {**row("foot skate in stance", number=2), PEER: f"{peer_slide / source_slide:.2f}"}
-    yield "bones off the source's direction, degrees", row("direction error, mean", 1)
-
-
-def _other_rows() -> Iterator[tuple[str, dict[str, str]]]:
-    """Supports, duets and speed."""
-    copied, _, result, _ = means(cells("supports"), 1)
-    yield "hands and knees on the floor: height off it, % of leg", {COPY: f"{copied:.1f}", RESULT: f"{result:.2f}"}
-    source, copied, _, together = means(cells("duets"), 2)
-    what = f"two dancers: gap of what touches, % of leg (source: {source:.1f})"
-    yield what, {COPY: f"{copied:.1f}", RESULT: f"{together:.1f}"}
-    speed = {row[0]: row[1] for row in cells("speed")}
-    mink = next(value for name, value in speed.items() if name.startswith("mink") and "1 step" in name)
-    values = {PAPER: speed["`retarget`, paper"], MINK: mink, RESULT: speed["`retarget`, contact"]}
-    yield "frames per second on one core", values
+    head, _, *rows = (line for line in text.splitlines() if line.startswith("|"))
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in (head, *rows)]
 
 
 if __name__ == "__main__":
