@@ -8,14 +8,12 @@ from __future__ import annotations
 import inspect
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import click
+from command_contexts import contexts
 from tables import table, with_tables
 
-from distretarget.cli import ImportedCommand, cli
 from distretarget.measure.faults import KINDS
 from distretarget.measure.metrics import METRICS, SUFFIXES, Metric, metrics_at
 from distretarget.objectives.settings import ContactSettings
@@ -41,28 +39,11 @@ def documents() -> dict[Path, str]:
 
 # ---- docs/command_line.md: the help texts
 
-WIDTH = 96  # characters of a line, as many as the site shows on a desktop
-
 
 def reference() -> str:
     """The help text of every command."""
-    sections = [
-        f"## {context.command_path}\n\n```text\n{context.get_help().rstrip()}\n```\n"
-        for context in contexts(cli, "distretarget")
-    ]
+    sections = [f"## {context.command_path}\n\n```text\n{context.get_help().rstrip()}\n```\n" for context in contexts()]
     return "\n".join(sections)
-
-
-def contexts(command: click.Command, name: str, parent: click.Context | None = None) -> Iterator[click.Context]:
-    """The contexts of a command and of all its subcommands."""
-    context = click.Context(
-        command, parent, name, terminal_width=WIDTH, max_content_width=WIDTH, **command.context_settings
-    )
-    yield context
-    if isinstance(command, click.Group):
-        for below in command.list_commands(context):
-            found = command.commands[below]
-            yield from contexts(found.command if isinstance(found, ImportedCommand) else found, below, context)
 
 
 # ---- docs/method.md: the settings, from the docstring of `ContactSettings`

@@ -12,23 +12,19 @@ from importlib.metadata import version
 from pathlib import Path
 
 import click
-
-from distretarget.cli import ImportedCommand, cli
-
-
-def pages(command: click.Command = cli, name: str = "distretarget") -> Iterator[tuple[str, str]]:
-    """Yield the name of a command, with dashes, and its page; then those of the commands below it."""
-    if isinstance(command, ImportedCommand):
-        command = command.command
-    context = click.Context(command, info_name=name)
-    yield name.replace(" ", "-"), page(command, context)
-    for below in command.commands.values() if isinstance(command, click.Group) else ():
-        yield from pages(below, f"{name} {below.name}")
+from command_contexts import contexts
 
 
-def page(command: click.Command, context: click.Context) -> str:
+def pages() -> Iterator[tuple[str, str]]:
+    """Yield the name of each command, with dashes, and its page."""
+    for context in contexts():
+        yield context.command_path.replace(" ", "-"), page(context)
+
+
+def page(context: click.Context) -> str:
     """The page of a command, in the language of man."""
-    name, help_text = context.info_name or "", command.help or ""
+    command, name = context.command, context.command_path
+    help_text = command.help or ""
     title = name.replace(" ", "-").upper()
     lines = [f'.TH "{title}" 1 "" "distretarget {version("distretarget")}"', ".SH NAME"]
     lines += [rf"{name} \- {_plain(command.get_short_help_str(limit=200))}", ".SH SYNOPSIS"]
