@@ -52,3 +52,11 @@ def test_what_is_too_long_is_refused():
     curve = Curve(np.array([0.0, 1e9]), np.zeros((2, 1, 3)), "LINEAR")
     with pytest.raises(FileError, match="is 1e\\+09 s long; at 100 frames/s that is too much"):
         sampled("a.glb", "walk", {"translation": {0: curve}, "rotation": {}, "scale": {}}, 100.0, 10**6)
+
+
+def test_frames_far_apart_stay_as_they_are():
+    times, places = 1000.0 * np.arange(50), np.arange(150.0).reshape(50, 1, 3)
+    curves = {"translation": {0: Curve(times, places, "LINEAR")}, "rotation": {}, "scale": {}}
+    found = sampled("a.glb", "walk", curves, None, 10**6)
+    assert (found.frames, found.frame_time_text) == (50, "1000")
+    np.testing.assert_array_equal(found.translations[0], places[:, 0])

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.character.nodes import Animation
 from distretarget.errors import FileError, cut
+from distretarget.motion import LONGEST_FRAME
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.skeleton import SMALLEST
 
@@ -91,7 +92,8 @@ def _slerp(start: Array, end: Array, share: Array) -> Array:
 def sampled(
     path: str | Path, name: str, curves: Mapping[str, Mapping[int, Curve]], fps: float | None, most: int
 ) -> Animation:
-    """Return an animation's curves, by property and node, sampled at its own keys or at `fps` frames/s.
+    """Return an animation's curves, by property and node, sampled at `fps` frames/s, else at the rate of its keys
+    (`own_rate`); one that is too long for this and whose keys are equally far apart has these as its frames.
 
     `most` bounds the samples: the size of the file [bytes].
 
@@ -102,9 +104,12 @@ def sampled(
     if not every:
         raise FileError(path, f"nothing moves in its animation {cut(name)!r}")
     times = np.unique(np.concatenate([*{id(curve.times): curve.times for curve in every}.values()]))
-    rate = fps or own_rate(times)
-    frames = int((times[-1] - times[0]) * rate + ON_GRID) + 1
-    if frames * len(every) > max(most, FREE_SAMPLES):
+    rate, most = fps or own_rate(times), max(most, FREE_SAMPLES) // len(every)
+    if fps is None and _frames_at(rate, times) > most:
+        step = float(np.diff(times).mean())
+        rate = 1.0 / step if step <= LONGEST_FRAME and _on_grid(times, 1.0 / step) else rate
+    frames = _frames_at(rate, times)
+    if frames > most:
         duration = f"{times[-1] - times[0]:.6g} s"
         raise FileError(path, f"its animation {cut(name)!r} is {duration} long; at {rate:g} frames/s that is too much")
     at = _at_keys(times[0] + np.arange(frames) / rate, times, ON_GRID / rate)
@@ -114,6 +119,11 @@ def sampled(
     }
     text = f"{1 / rate:.9g}"
     return Animation(name, frames, text, values["translation"], values["rotation"], values["scale"])
+
+
+def _frames_at(rate: float, times: Array) -> int:
+    """How many frames keys at some times last."""
+    return int((times[-1] - times[0]) * rate + ON_GRID) + 1
 
 
 def _at(curve: Curve, times: Array, rotates: bool) -> Array:
