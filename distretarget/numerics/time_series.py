@@ -106,9 +106,11 @@ def smoothstep(values: Array) -> Array:
 
 def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
     """The moving median of values, (frames, ...), over three frames; the first and the last frame stay."""
-    before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
-    least, most = np.minimum(before, after), np.maximum(before, after)
-    return np.asarray(np.maximum(least, np.minimum(values, most)))
+    median, before, after = values.copy(order="K"), values[:-2], values[2:]
+    most, between = np.maximum(before, after), median[1:-1]
+    np.minimum(between, most, out=between)
+    np.maximum(np.minimum(before, after, out=most), between, out=between)
+    return median
 
 
 def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
