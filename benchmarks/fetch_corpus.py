@@ -1,0 +1,61 @@
+"""Fetch the real clips that the benchmarks use from where they are published (`corpus.toml`).
+
+    python benchmarks/fetch_corpus.py FOLDER
+
+Then FOLDER is what the other benchmarks call CORPUS, and FOLDER/duets is DUETS. Files that are there stay.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.request import urlopen
+
+import click
+from tqdm import tqdm
+
+SOURCES = Path(__file__).with_name("corpus.toml")
+HOST = "https://raw.githubusercontent.com"
+LONGEST = 60.0  # for an answer [s]
+
+
+def addresses(host: str = HOST) -> Iterator[tuple[str, str]]:
+    """Yield the name in the corpus of each file, and its address."""
+    for source in tomllib.loads(SOURCES.read_text("utf-8"))["sources"]:
+        for name, path in source["files"].items():
+            yield name, f"{host}/{source['repository']}/{source['commit']}/{path}"
+
+
+def fetch(address: str, path: Path) -> None:
+    """Write a file from an address, whole or not at all.
+
+    Raises:
+        OSError: nothing answers there, or the file cannot be written.
+    """
+    with urlopen(address, timeout=LONGEST) as answer:
+        content = answer.read()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f"{path.name}.part")
+    part.write_bytes(content)
+    part.replace(path)
+
+
+@click.command(help=__doc__.replace("    python", "\b\n    python"))
+@click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
+@click.option("--host", default=HOST, show_default=True, help="Where the repositories' files are served.")
+def main(folder: Path, host: str) -> None:
+    missing = [(name, address) for name, address in addresses(host) if not (folder / name).exists()]
+    failed = []
+    for name, address in tqdm(missing, unit="file", disable=None):
+        try:
+            fetch(address, folder / name)
+        except OSError as error:
+            failed.append(f"{address}: {error}")
+    print(f"{len(missing) - len(failed)} files fetched into {folder}")
+    if failed:
+        raise click.ClickException("\n".join([f"{len(failed)} files could not be fetched:", *failed]))
+
+
+if __name__ == "__main__":
+    main()
