@@ -174,7 +174,10 @@ def test_gaps_between_skins_are_told():
     gap = retarget_scene(motions, [motion.rigid_skeleton for motion in motions], skin="average").skin_gaps[0, 1]
     assert gap.frames > 100
     assert gap.error < 0.5  # on bodies as thick as the source
-    assert f"{gap.error:.1f} % of height on average, worst in frame {gap.worst_frame} ({gap.parts[0]}" in gap.sentence
+    assert (
+        f"{gap.error:.1f} % of height on average, worst in frame {gap.worst.frame} ({gap.worst.parts[0]}"
+        in gap.sentence
+    )
     assert thick[0].skins
     one, other = thick[0], thick[0].motion
     skin = find_skin(one.matching.target, one.skins.target.capsules)

@@ -12,7 +12,8 @@ from bodies import SAMPLES
 from pages import settle
 from program import run
 
-from distretarget import SettingsError, diff, diff_scenes, write_scene_report
+from distretarget import SettingsError, diff, diff_scenes, retarget_scene, write_scene_report
+from distretarget.measure.metrics import BY_KEY
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.scene_file import load_scene
 
@@ -52,6 +53,24 @@ def test_a_row_holds_while_hands_touch():
             assert [stage["actors"][actor]["side"] for actor, _ in points] == [side, side]
     assert touched[54:61].all()
     assert not touched[:20].any()
+
+
+def test_rows_of_performers_with_skins_are_of_gaps_between_these():
+    setup = load_scene(SAMPLES / "scenes" / "high_five" / "scene.json")
+    motions = setup.read()[0]
+    result = retarget_scene(motions, [motion.rigid_skeleton for motion in motions], skin="average")
+    (text,) = re.findall(
+        r'<script type="application/json" id="stage">(.*?)</script>', scene_page(result, setup.names), re.DOTALL
+    )
+    rows = {row["name"]: row for row in json.loads(text)["rows"]}
+    one, other = setup.names
+    row = rows[f"{one}'s right hand - {other}'s right hand"]
+    assert row["unit"] == BY_KEY["skin_gap"].symbol
+    codes = np.frombuffer(zlib.decompress(b64decode(row["codes"])), np.uint8)
+    hands = ("right hand", "right hand")
+    frames = [touch.frame for touch in result.skin_gaps[0, 1].touches if touch.parts == hands]
+    np.testing.assert_array_equal(np.flatnonzero(codes), np.unique(frames))
+    assert all(len(points) == 2 for points in row["points"])
 
 
 def test_the_command_writes_it(tmp_path):

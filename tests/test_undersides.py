@@ -52,6 +52,23 @@ def test_skin_that_several_joints_move_is_where_linear_blend_skinning_puts_it():
     np.testing.assert_allclose(below, found, rtol=0.06)
 
 
+def test_the_lowest_vertex_of_a_foot_is_the_lowest_of_all_however_foot_and_toes_are_turned():
+    rng = np.random.default_rng(0)
+    ankle = BODY.anatomy.roles["leftFoot"]
+    joints = PERSON.subtree(ankle)
+    mesh = mesh_of(
+        [
+            (joint, capsule_surface(PERSON.rest_positions[joint] + 0.1 * rng.normal(size=(2, 3)), [0.03, 0.05], 9, 8))
+            for joint in joints
+        ]
+    )
+    underside = Underside.of(BODY, knees()[1], mesh)
+    motion = posed(PERSON, {PERSON.names[joint]: rng.normal(size=(20, 3)) for joint in joints}, np.zeros((20, 3)))
+    lowest = (mesh.posed(motion) @ UP).min(axis=1)
+    np.testing.assert_allclose(underside.lowest_of_foot(motion, ankle, UP), lowest, atol=1e-6)
+    assert len(underside.foot(ankle)) < len(mesh.vertices)
+
+
 def test_a_joint_without_skin_has_none_below():
     elbow = np.array([BODY.anatomy.roles["leftLowerArm"]])
     motion = Motion(PERSON, np.zeros((1, 3)), PERSON.unturned[None], "0.02")

@@ -8,6 +8,7 @@ from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
@@ -58,10 +59,10 @@ class Underside:
         return result
 
     def foot(self, ankle: int) -> Numbers:
-        """Return the vertices of a foot; none without a mesh."""
+        """Return the vertices of a foot that can be its lowest; none without a mesh."""
         if self.mesh is None:
             return np.zeros(0, np.intp)
-        return np.flatnonzero(np.isin(_carriers(self.mesh), self.body.skeleton.subtree(ankle)))
+        return np.concatenate([_outermost(self.mesh, joint) for joint in self.body.skeleton.subtree(ankle)])
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
         """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite where it has none."""
@@ -196,6 +197,16 @@ def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
 def _carriers(mesh: SkinnedMesh) -> Numbers:
     """(vertices,), the joint that moves each vertex most."""
     return np.asarray(np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0])
+
+
+@lru_cache(maxsize=64)
+def _outermost(mesh: SkinnedMesh, joint: int) -> Numbers:
+    """The vertices that a joint moves most, without those inside the convex hull of all of these in the rest pose."""
+    own = np.flatnonzero(_carriers(mesh) == joint)
+    try:
+        return np.asarray(own[ConvexHull(mesh.vertices[own]).vertices], np.intp)
+    except (QhullError, ValueError):  # too few, or all in one plane
+        return own
 
 
 def _directions() -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,28 +20,48 @@ from distretarget.skin.capsules import PLACE, SEGMENTS
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SkinGap:
-    """How well two performers keep touching.
+class Touch(NamedTuple):
+    """A hand or forearm of one performer that touches the other in the source.
 
     Attributes:
-        frames: the number of frames in which a hand or forearm of one touches the other in the source.
-        error: the mean difference of the gaps to the source's, 0 or more there, in proportion to heights [% of height].
-        worst_frame: the frame with the largest difference.
-        parts: the parts of the first and the second performer between which that is.
+        frame: of the clip.
+        error: the difference of the gap in the result to the source's, 0 or more there, in proportion to heights [% of
+            height].
+        parts: the parts of the first and the second performer that touch.
     """
 
-    frames: int
+    frame: int
     error: float
-    worst_frame: int
     parts: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class SkinGap:
+    """How well two performers keep touching, by their touches, one or more."""
+
+    touches: tuple[Touch, ...]
+
+    @property
+    def frames(self) -> int:
+        """The number of frames in which they touch."""
+        return len({touch.frame for touch in self.touches})
+
+    @property
+    def error(self) -> float:
+        """The mean error [% of height]."""
+        return float(np.mean([touch.error for touch in self.touches]))
+
+    @property
+    def worst(self) -> Touch:
+        """The touch with the largest error."""
+        return max(self.touches, key=lambda touch: touch.error)
 
     @property
     def sentence(self) -> str:
         """What is told of it."""
         return (
             f"contacts in {counted(self.frames, 'frame')}: gaps between the skins off by {self.error:.1f} % of "
-            f"height on average, worst in frame {self.worst_frame} ({self.parts[0]} - {self.parts[1]})"
+            f"height on average, worst in frame {self.worst.frame} ({' - '.join(self.worst.parts)})"
         )
 
 
@@ -63,7 +83,7 @@ def measure_skin_gap(
     sources: Sequence[Motion], results: Sequence[Motion], source_skins: Sequence[Skin], skins: Sequence[Skin]
 ) -> SkinGap | None:
     """Measure the gaps of two performers' skins in source and result, with the same frames; None where none touch."""
-    found: list[tuple[int, float, str, str]] = []
+    touches: list[Touch] = []
     for one, other in ((0, 1), (1, 0)):
         for block in blocks_of(len(sources[0])):
             gaps = _gaps(sources, source_skins, one, other, block, TOUCHING)
@@ -76,17 +96,9 @@ def measure_skin_gap(
                 gap = gaps[frame, limb, part]
                 now = after[frame, limb][PLACE[:-1] == PLACE[part]].min()
                 error = float(max(now - max(gap, 0.0), gap - now, 0.0))
-                names = (LIMBS[limb], SEGMENTS[part])
-                found.append((block.start + int(frame), error, *(names if one == 0 else names[::-1])))
-    if not found:
-        return None
-    frame, _, *parts = max(found, key=lambda each: each[1])
-    return SkinGap(
-        frames=len({each[0] for each in found}),
-        error=float(np.mean([each[1] for each in found])),
-        worst_frame=frame,
-        parts=(parts[0], parts[1]),
-    )
+                own, others = str(LIMBS[limb]), str(SEGMENTS[part])
+                touches.append(Touch(block.start + int(frame), error, (own, others) if one == 0 else (others, own)))
+    return SkinGap(tuple(touches)) if touches else None
 
 
 def _gaps(

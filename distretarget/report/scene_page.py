@@ -7,19 +7,21 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.segments import find_segments
 from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
+from distretarget.measure.scene_skin_gaps import SkinGap, Touch
 from distretarget.numerics.vectors import lengths
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import upright
@@ -28,8 +30,9 @@ from distretarget.report.diff_document import About, document
 from distretarget.report.page import html_page
 from distretarget.report.scene_diff_document import SceneDiffDocument, Table, gap_table, metric_table, scene_document
 from distretarget.report.stage import ShownBody, stage_of_bodies
-from distretarget.report.timeline_rows import Row
+from distretarget.report.timeline_rows import Row, limit_of
 from distretarget.scene.retargeting import SceneResult
+from distretarget.skin.capsules import SEGMENTS
 
 Array = NDArray[np.float64]
 NO_GAP = "\u2013"  # where two never touch
@@ -78,7 +81,7 @@ def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     title, tables = " and ".join(names), [*_skin_gaps_of_result(result, names), _gaps_of_result(result, names)]
     tables = [table for table in tables if table["rows"]]
     sides = ("Source", "Copied rotations", "Result")
-    return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables)
+    return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables, result.skin_gaps)
 
 
 def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
@@ -87,14 +90,14 @@ def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
     bodies += [ShownBody(name=name, motions=(a, b)) for name, (a, b) in zip(document["props"], diff.props, strict=True)]
     title, sides = f"{document['b']} against {document['a']}", (f"A: {document['a']}", f"B: {document['b']}")
     tables = [gap_table(document), metric_table(document)]
-    return _player_page(title, sides, bodies, diff.performers[0], diff.world_scale, tables)
+    return _player_page(title, sides, bodies, diff.performers[0], diff.world_scale, tables, {})
 
 
 def _skin_gaps_of_result(result: SceneResult, names: Sequence[str]) -> Iterator[Table]:
     """The table of gaps between skins; none where fewer than two performers have skins."""
     rows: list[list[str | int]] = []
     for (i, j), gap in result.skin_gaps.items():
-        told = [f"{gap.error:.1f}", str(gap.worst_frame), " - ".join(gap.parts)] if gap else [NO_GAP] * 3
+        told = [f"{gap.error:.1f}", str(gap.worst.frame), " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
         rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told])
     if rows:
         title = "Gaps between skins where they touch in the source: how far off the source\u2019s, in % of the height"
@@ -125,8 +128,10 @@ def _player_page(
     first: RetargetResult | Diff,
     scale: float,
     tables: Sequence[Table],
+    skin_gaps: Mapping[tuple[int, int], SkinGap | None],
 ) -> str:
-    """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props.
+    """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props; `skin_gaps`
+    are those of two performers with skins.
 
     All sides are shown in units of twice the leg length that the `first` performer has on the first; `scale` is in
     units of the other sides per unit of the first, along the floor.
@@ -136,7 +141,7 @@ def _player_page(
         row
         for pair in combinations(range(len(bodies)), 2)
         if bodies[pair[0]].measured
-        for row in _touching(pair, bodies, leg, scale)
+        for row in (_skins(pair, bodies, skin_gaps[pair]) if pair in skin_gaps else _touching(pair, bodies, leg, scale))
     ]
     units = 2.0 * leg, 2.0 * leg * scale
     stage = stage_of_bodies(bodies, dict.fromkeys(sides), up, units, _facing(bodies, up), rows)
@@ -167,6 +172,41 @@ def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
     return math.atan2(-z, x) - 0.55
 
 
+def _skins(pair: tuple[int, int], bodies: Sequence[ShownBody], gap: SkinGap | None) -> Iterator[Row]:
+    """A row for each two parts of two performers whose skins touch on the first side: how far their gap is off."""
+    touches: dict[tuple[str, str], list[Touch]] = defaultdict(list)
+    for touch in gap.touches if gap else ():
+        touches[touch.parts].append(touch)
+    for parts, found in touches.items():
+        values = np.full(len(bodies[pair[0]].motions[0]), np.nan)
+        values[[touch.frame for touch in found]] = [touch.error for touch in found]
+        ends = [end for at, part in zip(pair, parts, strict=True) for end in _joint_of(bodies[at], part)]
+        points = _marks(pair, bodies, ends if len(ends) == len(pair) else ())
+        name = " - ".join(f"{bodies[at].name}'s {part}" for at, part in zip(pair, parts, strict=True))
+        yield Row(name, "contact", values, limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
+
+
+def _joint_of(body: ShownBody, part: str) -> Iterator[tuple[int, int]]:
+    """The first joint of a performer's segment, on the first side and on the others; none if nothing drives it."""
+    assert body.measured
+    matching = body.measured.matching
+    joints = matching.body_joints
+    for joint in joints[find_segments(matching.target).of_joint[joints] == SEGMENTS.index(part)][:1].tolist():
+        yield int(matching.drivers[joint]), joint
+
+
+def _marks(
+    pair: tuple[int, int], bodies: Sequence[ShownBody], ends: Sequence[tuple[int, int]]
+) -> list[list[tuple[int, int]]]:
+    """The joints of two bodies between which a mark is on each side, from those on the first and on the others; none
+    on any from none.
+    """
+    return [
+        [(side * len(bodies) + at, end[min(side, 1)]) for at, end in zip(pair, ends, strict=True)]
+        for side in range(len(bodies[pair[0]].motions))
+    ]
+
+
 def _touching(pair: tuple[int, int], bodies: Sequence[ShownBody], leg: float, scale: float) -> Iterator[Row]:
     """A row for each two regions of two bodies of which joints touch on the first side: how far the gap is off."""
     one, other = (bodies[number] for number in pair)
@@ -185,11 +225,8 @@ def _touching(pair: tuple[int, int], bodies: Sequence[ShownBody], leg: float, sc
             off[name][frame] = min(off[name][frame], 100.0 * abs(gap - gaps[k, n]) / leg)
             joints.setdefault(name, (k, n))
     for name, values in off.items():
-        ends = joints[name]
-        points = [
-            [(side * len(bodies) + at, int(own[min(side, 1)][k])) for at, own, k in zip(pair, of, ends, strict=True)]
-            for side in range(len(one.motions))
-        ]
+        ends = [(int(own[0][k]), int(own[1][k])) for own, k in zip(of, joints[name], strict=True)]
+        points = _marks(pair, bodies, ends)
         yield Row(
             name, "contact", np.where(np.isfinite(values), values, np.nan), OFF, BY_KEY["contact_gap"].symbol, points
         )

@@ -186,13 +186,13 @@ def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
         if limbs and skin.weights.any():
             gaps = np.where(skin.weights > 0, skin.values, 0.0)[:, limbs].max(axis=1)
             values[contacts.frame[on]] = gaps[contacts.frame[on]]
-            yield Row(touch.name, "contact", values, _limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
+            yield Row(touch.name, "contact", values, limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
         else:
             values[contacts.frame[on]] = contacts.error[on]
             yield Row(touch.name, "contact", values, FAR, "D", points)
 
 
-def _limit_of(key: str) -> float:
+def limit_of(key: str) -> float:
     """The value up to which nobody minds a metric."""
     limit = BY_KEY[key].limit
     assert limit is not None
@@ -203,7 +203,7 @@ def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterat
     """A row for each part of what is measured of feet, other supports and skin."""
     anatomy, keys = diff.matching.target.anatomy, diff.b.skeleton.keys
     for key, (kind, text) in TRACKS.items():
-        track, limit = diff.comparison.tracks[key], _limit_of(key)
+        track, limit = diff.comparison.tracks[key], limit_of(key)
         for column, part in enumerate(track.parts):
             values = np.full(len(diff), np.nan)
             if track.values.ndim == 2 and len(track.values):
