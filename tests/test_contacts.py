@@ -65,11 +65,12 @@ def test_joints_near_along_the_tree_are_no_contact():
 
 def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames():
     none = np.zeros(0, np.intp)
-    names = ("hand - head", "hand - hips")
+    regions = {"region_names": ("hand", "head", "hips"), "pairs": np.array([[0, 1], [0, 2]])}
+    candidates = Candidates(
+        points=none, **regions, passing=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
+    )
     contacts = Contacts(
-        candidates=Candidates(
-            points=none, names=names, passing=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
-        ),
+        candidates=candidates,
         strides=np.zeros(3, bool),
         frame=np.array([0, 0, 2]),
         regions=np.array([0, 1, 1]),

@@ -132,6 +132,8 @@ def retarget_command(
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, clip, fps)
+    if source_file.kind == "BVH":
+        source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
     builds = skins.builds() if options.skin == "none" else with_source(skins.builds(), source_file)
     reading = time.perf_counter() - started
@@ -163,6 +165,7 @@ def retarget_command(
         report: lambda: run_page(result, about(Path(source_file.path), output), body.target, source_file),
     }
     write_outputs(contents, overwrite)
+    content = ()  # frees its numbers before metrics are measured
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
     for line in _account(result) if verbose else others:
         say(line, err=True)

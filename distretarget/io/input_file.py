@@ -74,9 +74,9 @@ class InputFile:
         """The arrays in an npz or npy file, or a FileError."""
         return ArraysFile.of(self.content, self.path)
 
-    @cached_property
+    @property
     def text(self) -> str:
-        """The text of a BVH or skeleton file; errors as in `read_text`."""
+        """The text of a BVH or skeleton file, not cached: it may be long; errors as in `read_text`."""
         return text_of(self.content, self.path)
 
     @cached_property

@@ -9,6 +9,7 @@ walks: they pass each other in every stride.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,12 +37,18 @@ class Candidates:
     """The pairs of target joints that may touch, ordered by their pairs of regions."""
 
     points: Numbers  # (points,), the joints and End Sites with a driver; of coinciding ones, only the first
-    names: tuple[str, ...]  # the pairs of regions, such as "left hand - right hand", the most interesting first
+    region_names: tuple[str, ...]  # of the target's body
+    pairs: Numbers  # (pairs of regions, 2), those that may touch, the most interesting first
     passing: NDArray[np.bool_]  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
     v: Numbers  # (pairs of joints,)
     limits: Array  # (pairs of joints,), they touch while D in the source is below this
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The pairs of regions, such as "left hand - right hand"."""
+        return tuple(f"{self.region_names[a]} - {self.region_names[b]}" for a, b in self.pairs)
 
     def touching(self, motion: Motion, joint_of: Numbers, strides: NDArray[np.bool_]) -> Numbers:
         """Each contact in a motion: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
@@ -179,7 +186,8 @@ def find_candidates(matching: Matching) -> Candidates:
     passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
     return Candidates(
         points=points,
-        names=tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs),
+        region_names=tuple(regions.names),
+        pairs=pairs,
         passing=passing[tuple(pairs.reshape(-1, 2).T)],
         first=first,
         u=u,
