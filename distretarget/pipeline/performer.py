@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Match:
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
 
-    @property
+    @cached_property
     def undersides(self) -> Undersides | None:
         """What source and target rest on; None for stick figures."""
         capsules = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
