@@ -62,7 +62,7 @@ class Underside:
         """Return the vertices of a foot that can be its lowest; none without a mesh."""
         if self.mesh is None:
             return np.zeros(0, np.intp)
-        return np.concatenate([_outermost(self.mesh, joint) for joint in self.body.skeleton.subtree(ankle)])
+        return _outermost(self.mesh, tuple(self.body.skeleton.subtree(ankle)))
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
         """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite where it has none."""
@@ -193,20 +193,27 @@ def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
     return lowest_of
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _carriers(mesh: SkinnedMesh) -> Numbers:
     """(vertices,), the joint that moves each vertex most."""
     return np.asarray(np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0])
 
 
-@lru_cache(maxsize=64)
-def _outermost(mesh: SkinnedMesh, joint: int) -> Numbers:
-    """The vertices that a joint moves most, without those inside the convex hull of all of these in the rest pose."""
-    own = np.flatnonzero(_carriers(mesh) == joint)
+@lru_cache(maxsize=8)
+def _outermost(mesh: SkinnedMesh, joints: tuple[int, ...]) -> Numbers:
+    """The vertices that some joints move most, without those inside the convex hull of all of one joint in the rest
+    pose.
+    """
+    groups = [np.flatnonzero(_carriers(mesh) == joint) for joint in joints]
+    return np.concatenate([group[_hull(mesh.vertices[group])] for group in groups])
+
+
+def _hull(points: Array) -> Numbers:
+    """The points, (n, 3), that are on their convex hull; all if there are too few, or all are in one plane."""
     try:
-        return np.asarray(own[ConvexHull(mesh.vertices[own]).vertices], np.intp)
-    except (QhullError, ValueError):  # too few, or all in one plane
-        return own
+        return np.asarray(ConvexHull(points).vertices, np.intp)
+    except (QhullError, ValueError):
+        return np.arange(len(points))
 
 
 def _directions() -> Array:

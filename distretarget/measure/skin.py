@@ -76,7 +76,7 @@ def no_skin() -> Skin:
     return _skin(points_of_capsules(no_capsules()), no_capsules(), np.zeros((0, 3)), 1.0)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...], height: float) -> Skin:
     """The skin of a mesh, cached for a batch of clips with the same target."""
     of_joint = np.array(segments, np.intp)

@@ -110,7 +110,7 @@ class Skins:
         return cls(BodySkin.of(matching.source, source), _of_target(matching.target, target))
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=4)
 def _of_target(body: Body, capsules: Capsules) -> BodySkin:
     """The skin of a target, kept for the next clip on it."""
     return BodySkin.of(body, capsules)

@@ -99,7 +99,7 @@ def _find_skins(matching: Matching, goal: Target, given: object, options: Option
     return Skins.of(matching, (builds.source or average_for(matching.source)).on(matching.source), target)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=4)
 def target_capsules(target: Target) -> Capsules:
     """Return the capsules of a target, from its mesh or radii, or of an average body."""
     if target.capsules is not None:
@@ -177,7 +177,7 @@ class Performer:
         return fit_rotations(moved, posed.positions, np.array(joints[1:]), self.clip.roots)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=4)
 def _body_at_rest(skeleton: Skeleton) -> Body:
     """The body of a target, cached for a batch of clips with the same target."""
     return Body.of(skeleton)
