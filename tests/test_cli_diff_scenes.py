@@ -111,7 +111,7 @@ def test_who_never_meets_touches_nothing(folder):
         write_bvh(folder / name / "one.bvh", next(iter(SCENES["handshake"]().performers.values())))
     done = run("diff", "a", "b", "--json", "d.json", "--fail-over", "gap_error=0")
     assert done.returncode == 0
-    assert "nothing touches between them in A" in done.stdout
+    assert "no contacts between performers and props in A" in done.stdout
     check_schema(json.loads((folder / "d.json").read_text()))
 
 

@@ -276,7 +276,7 @@ def folder(tmp_path, monkeypatch):
 def test_the_command_writes_a_file_for_each_performer(folder):
     done = run("scene", "lead.bvh", "follow.bvh", "--cut", "-t", SAMPLES / "child.json", "-o", "duet")
     assert done.returncode == 0, done.stderr
-    assert "lead and follow: what touches between them in " in done.stdout
+    assert "lead and follow: contacts in " in done.stdout
     for name in ("lead", "follow"):
         assert len(read_bvh(folder / "duet" / f"{name}.bvh")) == 60
     again = run("scene", "lead.bvh", "follow.bvh", "--cut", "-t", SAMPLES / "child.json", "-o", "duet")

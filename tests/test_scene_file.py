@@ -151,7 +151,7 @@ def test_the_command_converts_a_scene_and_a_folder_of_scenes(tmp_path):
     staff = SAMPLES / "scenes" / "staff"
     done = run("scene", staff / "scene.json", "-o", tmp_path / "one")
     assert done.returncode == 0, done.stderr
-    assert "performer and staff: what touches between them in 157 frames" in done.stdout
+    assert "performer and staff: contacts in 157 frames" in done.stdout
     assert len(read_bvh(tmp_path / "one" / "staff.bvh")) == 157
     done = run("scene", staff.parent, "-o", tmp_path / "all")
     assert done.returncode == 0, done.stderr

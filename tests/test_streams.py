@@ -73,8 +73,8 @@ def test_skeletons_are_read_from_standard_input_and_written_to_standard_output()
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("-", "-", "-o", "out.bvh"), "standard input, which can stand for one file only"),
-        (("in.bvh", "body.json", "-o", "-", "--json", "-"), "standard output, which can stand for one file only"),
+        (("-", "-", "-o", "out.bvh"), "standard input, which can be one file only"),
+        (("in.bvh", "body.json", "-o", "-", "--json", "-"), "standard output, which can be one file only"),
         (("batch", "-", "body.json", "-o", "out"), "standard input has no name"),
     ],
 )

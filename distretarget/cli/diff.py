@@ -85,7 +85,7 @@ def diff_command(
     glTF, VRM, VRMA or FBX.
 
     Their skeletons, frame times and numbers of frames may differ: A is resampled at B's frame time, and the longer clip
-    is cut. - stands for standard input or output.
+    is cut. - means standard input or output.
 
     To compare two scenes, give two folders with a file for each performer and prop, with the same names in both, or a
     SCENE.json for either. Each performer is measured, and the gaps in B between what touches in A.

@@ -200,10 +200,10 @@ def _lines(metrics: SceneDiffDocument, verdicts: Mapping[str, Sequence[str]]) ->
         yield from (f"{name}: {line}" for line in verdict)
     gaps = gap_table(metrics)
     if not gaps["rows"]:
-        yield "nothing touches between them in A"
+        yield "no contacts between performers and props in A"
         return
     yield (
-        f"what touches between them in A: {metrics['gap_a']:.1f} % of a leg apart in A, {metrics['gap_b']:.1f} in B, "
+        f"contacts in A: joints {metrics['gap_a']:.1f} % of a leg apart in A, {metrics['gap_b']:.1f} in B, "
         f"off by {metrics['gap_error']:.1f} on average; a unit of A's world is {metrics['world_scale']:.3g} of B's"
     )
     yield from _table_lines(gaps, MOST)

@@ -74,7 +74,7 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None],
     """
     for paths, what in ((inputs, "input"), (outputs, "output")):
         if paths.count(STANDARD) > 1:
-            raise click.UsageError(f"- is standard {what}, which can stand for one file only.")
+            raise click.UsageError(f"- is standard {what}, which can be one file only.")
     click.get_current_context().meta[OUTPUT_TAKEN] = STANDARD in outputs
     written, read = ([path for path in paths if path and path != STANDARD] for paths in (outputs, inputs))
     for number, path in enumerate(written):

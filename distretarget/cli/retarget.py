@@ -109,7 +109,7 @@ def retarget_command(
     SOURCE is BVH, glTF (.glb, .gltf), VRM, a VRM animation (.vrma), FBX, or arrays (.npz, .npy): parameters of SMPL, or
     positions of joints, with --skeleton. TARGET is a character, in the same formats,
     or a skeleton file (.json). Names, rest pose and axes may differ from those of SOURCE; 'distretarget skeleton match'
-    shows which joint drives which. A glTF or VRM character can be written with its mesh and the motion. - stands for
+    shows which joint drives which. A glTF or VRM character can be written with its mesh and the motion. - means
     standard input or output.
 
     \b

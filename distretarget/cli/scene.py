@@ -296,16 +296,16 @@ def _write(
                 err=True,
             )
     for (i, j), gap in result.gaps.items():
-        line, copy = "nothing touches between them in the source", result.copy_gaps[i, j]
+        line, copy = "no contacts between them in the source", result.copy_gaps[i, j]
         if skin_gap := result.skin_gaps.get((i, j)):
             line = skin_gap.sentence
         elif gap and copy:
             line = (
-                f"what touches between them in {gap.frames} frames is {100 * gap.b:.1f} % of a leg apart on average, "
-                f"1 % of it more than {100 * gap.worst:.1f} "
+                f"contacts in {gap.frames} frames: joints {100 * gap.b:.1f} % of a leg apart on average, more than "
+                f"{100 * gap.worst:.1f} in 1 % of the cases "
                 f"({100 * gap.a:.1f} on average in the source, {100 * copy.b:.1f} in copied rotations)"
             )
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")
     if any(gap and both not in result.skin_gaps for both, gap in result.gaps.items()):
         error = 100.0 * result.gap_error
-        say(f"sweeps: {result.sweeps}; gaps between what touches are {error:.1f} % of a leg off on average")
+        say(f"sweeps: {result.sweeps}; gaps of contacts off by {error:.1f} % of a leg on average")

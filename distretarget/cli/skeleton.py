@@ -49,7 +49,7 @@ def of_bone(text: str) -> tuple[str, float]:
 
 @click.group("skeleton")
 def skeleton_group() -> None:
-    """Show, edit and match skeletons, and write skeleton files. - stands for standard input or output."""
+    """Show, edit and match skeletons, and write skeleton files. - means standard input or output."""
     click.get_current_context().with_resource(uncompiled())
 
 

@@ -31,7 +31,7 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
 
     FILES are BVH, glTF, VRM, VRMA, FBX and skeleton files, or folders of them. A character is shown with its mesh, any
     other body as thick as an average one. Of a file with several animations all are shown, or that of --clip. The
-    page is one file that asks for nothing from the network. - stands for standard input or output.
+    page is one file that asks for nothing from the network. - means standard input or output.
 
     \b
     distretarget view walk.bvh

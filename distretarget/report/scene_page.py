@@ -1,6 +1,6 @@
 """The report on a scene, or on the diff of two: a player of both sides, and tables of gaps and metrics.
 
-Rows of its timeline say what touches between performers and props.
+Rows of its timeline are the contacts between performers and props.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Performers and props in one world: what touches between them, and the sweeps that keep these contacts."""
+"""Performers and props in one world: the contacts between them, and the sweeps that keep these."""
