@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 THREE, ESBUILD = "0.187.0", "0.28.2"
-SHA256 = "34f1a954b5b6a973d87a2f4005be2ce6e7af4bef4380e210c079b8a4757bfea3"
+SHA256 = "159da3dd64028403f09171ef16732992ed3b8529ca5ccdbf7750586423f3a06a"
 REPORT = Path(__file__).resolve().parents[1] / "distretarget" / "report"
 FILE, LICENCE = REPORT / "three.min.js", REPORT / "three.LICENSE.txt"
 BANNER = f"/*! three.js {THREE}, MIT licence, https://threejs.org: see three.LICENSE.txt */"
@@ -30,24 +30,24 @@ CORE = [
     "Fog",
     "HemisphereLight",
     "DirectionalLight",
-    "BasicShadowMap",
-    "PCFShadowMap",
     "BufferGeometry",
     "BufferAttribute",
     "LatheGeometry",
     "PlaneGeometry",
-    "GridHelper",
+    "LineSegments",
+    "LineBasicMaterial",
     "Mesh",
     "Sprite",
     "SpriteMaterial",
     "MeshLambertMaterial",
     "MeshBasicMaterial",
-    "ShadowMaterial",
     "CanvasTexture",
     "Texture",
     "RepeatWrapping",
     "SRGBColorSpace",
     "DoubleSide",
+    "NotEqualStencilFunc",
+    "ReplaceStencilOp",
     "Vector2",
     "Vector3",
     "Quaternion",

@@ -101,7 +101,7 @@ async function capsulesOf(data) {
 /** A mesh of a body that `bend` bends. It is bent here, not by the graphics card, which may be a program. */
 export function bendable(body, materials) {
   const mesh = new THREE.Mesh(body.geometry.clone(), materials.length > 1 ? materials : materials[0]);
-  return Object.assign(mesh, {body, castShadow: true, frustumCulled: false});
+  return Object.assign(mesh, {body, frustumCulled: false});
 }
 
 const move = new THREE.Matrix4(), place = new THREE.Vector3(), turn = new THREE.Quaternion();

@@ -1,31 +1,44 @@
-// The ground on which actors stand: light, a floor that takes their shadows, and its grid.
+// The ground on which actors stand: light, the grid of the floor, and shadows on it.
 /* global THREE */
 
-import {SOFTWARE} from './bodies.js';
 import {colourOf} from './dom.js';
 
-const CELL = 0.25; // of the grid [body units]
+const CELL = 0.25, BLOCK = 1; // of the grid, and of its stronger lines [body units]
+const REACH = 7; // of the grid from its middle; the air hides it before [body units]
+const LIFT = 0.001; // of the grid over the floor, and of shadows over the grid [body units]
+
+/** The lines of a grid, in short pieces, as some drivers drop a line that begins behind the camera. */
+function gridOf(cell, tone) {
+  const corners = [];
+  for (let across = -REACH; across <= REACH; across += cell) {
+    for (let along = -REACH; along < REACH; along += BLOCK) {
+      for (const end of [along, along + BLOCK]) corners.push(across, LIFT, end);
+      for (const end of [along, along + BLOCK]) corners.push(end, LIFT, across);
+    }
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(corners), 3));
+  return Object.assign(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial()), {tone});
+}
 
 export class Ground {
-  /** The ground of a scene whose actors are within `reach`, lit from the side that looks along `facing`. */
-  constructor(scene, reach, facing) {
-    const light = new THREE.DirectionalLight(0xffffff, 2.1);
-    light.position.setFromSphericalCoords(3.2 * reach + 0.5, 0.51, facing + 0.7);
-    light.castShadow = true;
-    light.shadow.mapSize.setScalar(SOFTWARE ? 512 : 1024);
-    Object.assign(light.shadow, {radius: 3, normalBias: 0.012});
-    Object.assign(light.shadow.camera, {left: -reach, right: reach, top: reach, bottom: -reach, far: 8 * reach});
+  /** The ground of a scene, lit from the side that looks along `facing`. */
+  constructor(scene, facing) {
+    const light = new THREE.DirectionalLight(0xffffff, 2.1), {x, y, z} = light.position.setFromSphericalCoords(
+      1, 0.51, facing + 0.7);
     this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
-    const plane = new THREE.PlaneGeometry(2.2 * reach, 2.2 * reach).rotateX(-Math.PI / 2);
-    this.floor = new THREE.Mesh(plane, new THREE.ShadowMaterial({depthWrite: false}));
-    this.floor.position.set(-light.position.x, 0, -light.position.z).setLength(0.3 * reach);
-    this.floor.receiveShadow = true;
-    this.grids = [[CELL, 'line-floor'], [4 * CELL, 'line-strong']].map(([cell, tone]) => {
-      const grid = new THREE.GridHelper(80 * CELL, Math.round(80 * CELL / cell));
-      Object.assign(grid.material, {transparent: true, vertexColors: false});
-      return Object.assign(grid, {tone});
-    });
-    scene.add(light, light.target, this.sky, this.floor, ...this.grids);
+    this.grids = [gridOf(CELL, 'line-floor'), gridOf(BLOCK, 'line-strong')];
+    this.dark = new THREE.MeshBasicMaterial({color: 0, transparent: true, depthWrite: false, fog: false,
+      stencilWrite: true, stencilRef: 1, stencilFunc: THREE.NotEqualStencilFunc, stencilZPass: THREE.ReplaceStencilOp});
+    this.flat = new THREE.Matrix4().set(1, -x / y, 0, 0, 0, 0, 0, 2 * LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
+    scene.add(light, light.target, this.sky, ...this.grids);
+  }
+
+  /** The shadow of a mesh: the mesh pressed flat along the light; where several overlap each pixel is dark once. */
+  shadowOf({geometry}) {
+    const shadow = Object.assign(new THREE.Mesh(geometry, this.dark), {matrixAutoUpdate: false, frustumCulled: false});
+    shadow.matrix.copy(this.flat);
+    return shadow;
   }
 
   /** Takes the colours of the page, and returns that of the air, into which the ground fades. */
@@ -33,13 +46,13 @@ export class Ground {
     const air = new THREE.Color(colourOf('stage'));
     scene.fog = new THREE.Fog(air, 1, 10);
     this.sky.groundColor.set(colourOf('stage-below'));
-    this.floor.material.opacity = Number(colourOf('shadow-opacity'));
+    this.dark.opacity = Number(colourOf('shadow-opacity'));
     for (const {material, tone} of this.grids) material.color.set(colourOf(tone));
     return air;
   }
 
   /** Moves the grid with the world, whose origin is at a place. */
   moveTo(x, z) {
-    for (const grid of this.grids) grid.position.set(x % (4 * CELL), 0.001, z % (4 * CELL));
+    for (const grid of this.grids) grid.position.set(x % BLOCK, 0, z % BLOCK);
   }
 }

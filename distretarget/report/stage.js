@@ -42,18 +42,16 @@ export class Stage {
 
   build(repaint) {
     Object.assign(this, {repaint, drawn: -Infinity});
-    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE});
+    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE, stencil: true});
     this.renderer.setScissorTest(true);
-    this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = SOFTWARE ? THREE.BasicShadowMap : THREE.PCFShadowMap;
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(26, 1, 0.05, 100);
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     Object.assign(this.controls, {minDistance: 0.15, maxDistance: 40, maxPolarAngle: 1.75});
     this.controls.addEventListener('change', repaint);
     for (const side of this.sides) side.room = this.measured(side);
-    const reach = Math.max(...this.sides.map(({room}) => room.across));
-    this.ground = new Ground(this.scene, reach, this.facing);
+    this.ground = new Ground(this.scene, this.facing);
+    for (const {group, actors} of this.sides) group.add(...actors.map(({mesh}) => this.ground.shadowOf(mesh)));
     this.scene.add(...this.sides.map(({group}) => group));
     this.look(this.facing + 0.5, 0.2);
     onTheme(() => {
@@ -158,7 +156,7 @@ export class Stage {
     for (const side of this.sides.filter(({shown}) => shown)) this.place(side, frame, views[0]);
     views.forEach((sides, k) => {
       for (const side of this.sides) side.group.visible = sides.includes(side);
-      const [x, , z] = sides[sides.length - 1].group.position.toArray();
+      const {x, z} = sides[sides.length - 1].group.position;
       this.ground.moveTo(x, z);
       this.renderer.setViewport(k * share, 0, share, height);
       this.renderer.setScissor(k * share, 0, share, height);
