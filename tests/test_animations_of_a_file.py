@@ -9,8 +9,8 @@ from bodies import SAMPLES
 from characters import ARMATURE, Bones, Performance, character, chunks
 
 from distretarget import Motion, read_bvh, write_motion
+from distretarget.io.character_file import parse_character
 from distretarget.io.input_file import load_file
-from distretarget.io.motion_file import parse_character
 
 BONES = Bones.of(read_bvh(SAMPLES / "walk.bvh").skeleton)
 SWAY = Performance.swaying(BONES, 5)

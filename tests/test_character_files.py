@@ -21,8 +21,8 @@ from test_characters import BONES, KINDS, ROLLED, WALK
 
 from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.body.body import Body
+from distretarget.io.character_file import parse_character
 from distretarget.io.input_file import load_file
-from distretarget.io.motion_file import parse_character
 
 NEAR = 1e-5  # [m]
 

@@ -10,9 +10,8 @@ from test_character_files import glb
 from test_characters import BONES, WALK
 
 from distretarget import Motion, load_target, read_motion
+from distretarget.io.character_file import CharacterMesh, parse_character
 from distretarget.io.input_file import InputFile
-from distretarget.io.mesh_file import CharacterMesh
-from distretarget.io.motion_file import parse_character
 
 RIGS = {
     "plain": {},

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from test_deform_bones import ALONE, GENERATED
 
 from distretarget import load_target, read_motion, write_motion
+from distretarget.io.character_file import parse_character
 from distretarget.io.input_file import load_file
-from distretarget.io.motion_file import parse_character
 
 
 def made(text):

@@ -112,9 +112,9 @@ BAD = {
     "two numbers": (
         spine(offset=[0, 1]),
         "joints[1].offset",
-        "expected a list of three numbers, found a list of 2",
+        "expected a list of 3 numbers, found a list of 2",
     ),
-    "four numbers": (spine(offset=[0, 1, 2, 3]), "joints[1].offset", "expected a list of three numbers"),
+    "four numbers": (spine(offset=[0, 1, 2, 3]), "joints[1].offset", "expected a list of 3 numbers"),
     "offset no list": (spine(offset=1), "joints[1].offset", "expected a list, found 1"),
     "offset text": (spine(offset=[0, 0, "18"]), "joints[1].offset[2]", "expected a number, found '18'"),
     "offset true": (spine(offset=[0, True, 0]), "joints[1].offset[1]", "expected a number, found true"),

@@ -11,9 +11,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
+from distretarget.io.character_file import animations_in
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
 from distretarget.io.gltf_animation import free_name
-from distretarget.io.gltf_scene import animation_names
 from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile, load_file
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile
@@ -144,7 +144,7 @@ def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath,
     names: Sequence[str] = ()
     if KINDS.get(path.suffix.lower()) == "glTF":
         with suppress(DistretargetError):  # reading the clip will report it
-            names = animation_names(InputFile(read_bytes(path), path).gltf)
+            names = animations_in(InputFile(read_bytes(path), path))
     if len(names) < 2:
         yield path, place, None
         return

@@ -20,8 +20,9 @@ from distretarget.cli.options import (
 )
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
+from distretarget.io.character_file import animations_in
 from distretarget.io.input_file import InputFile
-from distretarget.io.motion_file import parse_motion, read_scene
+from distretarget.io.motion_file import parse_motion
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page
@@ -135,7 +136,7 @@ def _measure_clips(
 
 def _motion(file: InputFile, clip: str | None) -> Motion:
     """The motion in a file; `clip` is for one that has several animations."""
-    several = clip and file.kind in ("glTF", "FBX") and len(read_scene(file, animated=False).animations) > 1
+    several = clip and len(animations_in(file)) > 1
     return parse_motion(file, clip if several else None)[0]
 
 

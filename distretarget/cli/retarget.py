@@ -42,11 +42,12 @@ from distretarget.io.build_file import with_source
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_readers import refusals
 from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.character_file import animations_in
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_file import parse_motion, read_scene
+from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
@@ -201,7 +202,7 @@ def _source_motion(
         return parse_motion(source, clip, fps)
     except FileError:
         is_character = source.kind in ("glTF", "FBX") and target.kind != "skeleton"
-        if is_character and not read_scene(source, animated=False).animations:
+        if is_character and not animations_in(source):
             raise FileError(source.path, f"has no animation, expected a motion as SOURCE; {order}") from None
         raise
 

@@ -12,7 +12,6 @@ from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
 from distretarget.io.target_file import parse_full_target
 from distretarget.motion import Motion, is_frame_time
 from distretarget.numerics.rotations import from_represented
-from distretarget.objectives.positions import motion_of_positions
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -41,6 +40,8 @@ def array_motion(file: InputFile, fps: float | None) -> Motion:
             turns = from_represented(arrays.array("local_rotations").astype(float))
             motion = Motion(skeleton, arrays.array("root_path"), turns, frame_time)
         else:
+            from distretarget.objectives.positions import motion_of_positions  # takes long to import
+
             positions = _positions(arrays)
             motion = motion_of_positions(skeleton, _joints(arrays, skeleton, positions.shape[1]), positions, frame_time)
         return motion.resampled(f"{1 / fps:.9g}") if fps else motion

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.character.nodes import Animation, Nodes
-from distretarget.io.gltf import Gltf, dotted
-from distretarget.io.json_node import Fields, Node
+from distretarget.io.gltf import Gltf
+from distretarget.io.json_node import Node
 
 Mode = Literal["add", "replace"]
 
@@ -33,15 +33,9 @@ class Numbers:
         data = np.ascontiguousarray(values, "<f4").tobytes()
         start = self._start + len(self.content)
         view: dict[str, object] = {"buffer": self._buffer, "byteOffset": start, "byteLength": len(data)}
-        self.accessors.append(
-            {
-                "bufferView": self._first_view + len(self.views),
-                "componentType": 5126,
-                "count": len(values),
-                "type": kind,
-            }
-            | entry
-        )
+        number = self._first_view + len(self.views)
+        accessor = {"bufferView": number, "componentType": 5126, "count": len(values), "type": kind}
+        self.accessors.append(accessor | entry)
         self.views.append(view)
         self.content += data
         return self._first_accessor + len(self.accessors) - 1
@@ -57,7 +51,7 @@ def animation_entries(
     animations moves has in each a key of its own: the transform that the node shows.
     """
     kept = gltf.entries("animations") if mode == "add" else []
-    taken = {entry.entries(dotted).read("name", Node.text, "") for entry in kept} - {""}
+    taken = {entry.entries().read("name", Node.text, "") for entry in kept} - {""}
     moved = {target for entry in kept for target in _targets(gltf, entry)}
     moved |= {(path, node) for animation in animations for path, node, _ in _tracks(animation)}
     shown = {"translation": nodes.translations, "rotation": nodes.rotations, "scale": nodes.scales}
@@ -101,8 +95,8 @@ def _tracks(animation: Animation) -> Iterator[tuple[str, int, NDArray[np.float64
 
 def _targets(gltf: Gltf, animation: Node) -> Iterator[tuple[str, int]]:
     """What an animation of the file has keys for: a path, such as "rotation", and a node."""
-    for channel in animation.entries(dotted).listed("channels"):
-        target = channel.entries(dotted).read("target", lambda node: node.entries(dotted), Fields())
+    for channel in animation.entries().listed("channels"):
+        target = channel.entries().inner("target")
         if "node" in target:
             yield target.read("path", Node.text, ""), gltf.index("nodes", target["node"])
 

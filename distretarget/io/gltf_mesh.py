@@ -1,9 +1,9 @@
-"""The meshes of a glTF file, with the nodes that move them."""
+"""The meshes of a glTF file, with the nodes that move them and the materials that colour them."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import count
 
 import numpy as np
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from distretarget.character.mesh import MeshPart
 from distretarget.character.nodes import Skin
 from distretarget.errors import DistretargetError, FileError
-from distretarget.io.gltf import Gltf, dotted, whole
+from distretarget.io.gltf import Gltf
 from distretarget.io.json_node import Fields, Node
+from distretarget.skin.mesh import Material
 
 Array = NDArray[np.float64]
 Triangles = NDArray[np.intp]
@@ -31,47 +32,41 @@ def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
         FileError, SkeletonFileError: a mesh is compressed or not valid.
     """
     for node, entry in enumerate(gltf.entries("nodes")):
-        fields = entry.entries(dotted)
+        fields = entry.entries()
         if "mesh" not in fields:
             continue
         skin = skins[gltf.index("skins", fields["skin"])] if "skin" in fields else None
-        bones = np.array([node]) if skin is None else skin.joints
-        to_bones = np.tile(np.eye(4), (len(bones), 1, 1)) if skin is None or skin.inverse_binds is None else None
-        binds = skin.inverse_binds if skin is not None and to_bones is None else to_bones
-        assert binds is not None
-        groups: dict[tuple[object, ...], list[tuple[Node, Fields]]] = defaultdict(list)
+        groups: dict[tuple[object, ...], list[Fields]] = defaultdict(list)
         for place in gltf.entry("meshes", fields["mesh"]).listed("primitives"):
-            primitive = place.entries(dotted)
-            attributes = primitive["attributes"].entries(dotted) if "attributes" in primitive else Fields()
-            if "POSITION" in attributes and primitive.read("mode", whole, TRIANGLES) in (TRIANGLES, STRIP, FAN):
-                key = tuple((name, attributes[name].value) for name in sorted(attributes))
-                groups[key].append((place, primitive))
+            primitive = place.entries()
+            attributes = primitive.inner("attributes")
+            if "POSITION" in attributes and primitive.read("mode", Node.whole, TRIANGLES) in (TRIANGLES, STRIP, FAN):
+                groups[tuple((name, attributes[name].value) for name in sorted(attributes))].append(primitive)
         for primitives in groups.values():
-            yield _part(gltf, primitives, bones, binds, skinned=skin is not None)
+            yield _part(gltf, primitives, node, skin)
 
 
-def _part(
-    gltf: Gltf, primitives: list[tuple[Node, Fields]], bones: NDArray[np.intp], binds: Array, skinned: bool
-) -> MeshPart:
-    """The part of primitives with the same vertices."""
-    for place, primitive in primitives:
-        if "extensions" in primitive and DRACO in primitive["extensions"].entries(dotted):
-            raise FileError(gltf.path, f"{place.place} is compressed by Draco")
-    place, primitive = primitives[0]
-    attributes = primitive["attributes"].entries(dotted)
+def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: Skin | None) -> MeshPart:
+    """The part of primitives with the same vertices, which a skin moves, or else the node where they are."""
+    for primitive in primitives:
+        if DRACO in primitive.inner("extensions"):
+            raise FileError(gltf.path, f"{primitive.node.place} is compressed by Draco")
+    attributes = primitives[0]["attributes"].entries()
     vertices = gltf.numbers(attributes["POSITION"], "VEC3")
+    bones = np.array([node]) if skin is None else skin.joints
+    to_bones = skin.inverse_binds if skin else None
     joints, weights = np.zeros((len(vertices), 1), np.intp), np.ones((len(vertices), 1))
-    if skinned:
-        joints, weights = _influences(gltf, place, attributes, len(vertices), len(bones))
-    triangles = [_triangles(gltf, each, fields, len(vertices)) for each, fields in primitives]
+    if skin:
+        joints, weights = _influences(gltf, primitives[0].node, attributes, len(vertices), len(bones))
+    triangles = [_triangles(gltf, primitive, len(vertices)) for primitive in primitives]
     materials = [
-        np.full(len(some), gltf.index("materials", fields["material"]) if "material" in fields else -1)
-        for some, (_, fields) in zip(triangles, primitives, strict=True)
+        np.full(len(some), gltf.index("materials", primitive["material"]) if "material" in primitive else -1)
+        for some, primitive in zip(triangles, primitives, strict=True)
     ]
     return MeshPart(
         vertices,
         bones,
-        binds,
+        np.tile(np.eye(4), (len(bones), 1, 1)) if to_bones is None else to_bones,
         joints,
         weights,
         np.concatenate(triangles),
@@ -113,14 +108,14 @@ def _influences(
     return every, shares
 
 
-def _triangles(gltf: Gltf, place: Node, primitive: Fields, vertices: int) -> Triangles:
+def _triangles(gltf: Gltf, primitive: Fields, vertices: int) -> Triangles:
     """The triangles of a primitive, (triangles, 3)."""
     indices = np.arange(vertices)
     if "indices" in primitive:
         indices = gltf.numbers(primitive["indices"], "SCALAR", INDICES).astype(np.intp)
         if indices.max(initial=-1) >= vertices:
-            place.fail(f"has the index {indices.max()}; it has {vertices} vertices")
-    mode = primitive.read("mode", whole, TRIANGLES)
+            primitive.node.fail(f"has the index {indices.max()}; it has {vertices} vertices")
+    mode = primitive.read("mode", Node.whole, TRIANGLES)
     if mode == TRIANGLES:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     if len(indices) < 3:
@@ -130,3 +125,33 @@ def _triangles(gltf: Gltf, place: Node, primitive: Fields, vertices: int) -> Tri
     strip = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1)
     strip[1::2] = strip[1::2, [1, 0, 2]]
     return strip
+
+
+def gltf_materials(gltf: Gltf) -> tuple[Material, ...]:
+    """Return the materials of a file; what of one cannot be read is plain."""
+    return tuple(_material(gltf, place) for place in gltf.entries("materials"))
+
+
+def _material(gltf: Gltf, place: Node) -> Material:
+    try:
+        fields = place.entries()
+        surface = fields.inner("pbrMetallicRoughness")
+        numbers = [number.number() for number in surface.listed("baseColorFactor")]
+        return Material(
+            colour=(*numbers, *(1.0, 1.0, 1.0, 1.0)[len(numbers) :])[:4],
+            image=_image(gltf, surface, "baseColorTexture"),
+            normal_map=_image(gltf, fields, "normalTexture"),
+            mode=fields.read("alphaMode", Node.text, "OPAQUE"),
+            cutoff=fields.read("alphaCutoff", Node.number, 0.5),
+            two_sided=fields.read("doubleSided", Node.flag, False),
+        )
+    except DistretargetError:
+        return Material()
+
+
+def _image(gltf: Gltf, fields: Fields, key: str) -> bytes:
+    """The content of the image of a texture; empty where there is none."""
+    if key not in fields:
+        return b""
+    source = gltf.entry("textures", fields[key].entries().need("index"))
+    return bytes(gltf.image(source["source"])) if "source" in source else b""

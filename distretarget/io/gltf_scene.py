@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.character.nodes import Animation, Nodes, Scene, Skin, choose_animation
 from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import SkeletonFileError
-from distretarget.io.gltf import Gltf, dotted, whole
+from distretarget.io.gltf import Gltf
 from distretarget.io.json_node import Fields, Node
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.skeleton import LARGEST, SMALLEST
@@ -40,7 +40,7 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     names = animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
-    extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
+    extensions = gltf.document.inner("extensions")
     is_vrm_0 = next((key for key in HUMANOIDS if key in extensions), "") == "VRM"
     notes = () if animated else tuple(_compression(gltf))
     return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0, notes)
@@ -58,7 +58,7 @@ def _compression(gltf: Gltf) -> Iterator[str]:
 
 def animation_names(gltf: Gltf) -> tuple[str, ...]:
     """Return the names of the animations in a file; they may be empty or the same."""
-    return tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
+    return tuple(entry.entries().read("name", Node.text, "") for entry in gltf.entries("animations"))
 
 
 def _nodes(gltf: Gltf) -> Nodes:
@@ -66,8 +66,8 @@ def _nodes(gltf: Gltf) -> Nodes:
     names, children = [], []
     translations, rotations, scales = (np.empty((len(entries), len(rest))) for rest in REST.values())
     for number, entry in enumerate(entries):
-        fields = entry.entries(dotted)
-        translations[number], rotations[number], scales[number] = _transform(entry, fields)
+        fields = entry.entries()
+        translations[number], rotations[number], scales[number] = _transform(fields)
         names.append(fields.read("name", Node.text, ""))
         children.append([gltf.index("nodes", child) for child in fields.listed("children")])
     return Nodes(tuple(names), _parents(gltf, children), translations, rotations, scales)
@@ -78,7 +78,7 @@ def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
     for number, below in enumerate(children):
         for place, child in enumerate(below):
             if parents[child] >= 0:
-                node = gltf.entries("nodes")[number].entries(dotted).listed("children")[place]
+                node = gltf.entries("nodes")[number].entries().listed("children")[place]
                 node.fail(f"nodes[{child}] is a child of nodes[{parents[child]}] already")
             parents[child] = number
     above = parents.copy()  # follow all lines upwards at once; each step doubles their length
@@ -89,17 +89,17 @@ def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
     return parents
 
 
-def _transform(entry: Node, fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
+def _transform(fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
     """Translation, rotation and scale of a node, from these or its matrix."""
     if "matrix" in fields:
-        translation, rotation, scale = decomposed(np.array(_floats(fields["matrix"], 16)).reshape(4, 4).T)
+        translation, rotation, scale = decomposed(np.array(fields["matrix"].numbers(16)).reshape(4, 4).T)
         if not ((np.abs(scale) >= SMALLEST) & (np.abs(scale) <= LARGEST)).all():
             fields["matrix"].fail(f"has an axis of length 0, or longer than {LARGEST:g}")
         return translation, rotation, scale
-    shift, turn, size = (_floats(fields[key], len(rest)) if key in fields else rest for key, rest in REST.items())
+    shift, turn, size = (fields[key].numbers(len(rest)) if key in fields else rest for key, rest in REST.items())
     length = math.hypot(*turn)
     if not length >= SMALLEST:
-        entry.fail("has a rotation of length 0")
+        fields.node.fail("has a rotation of length 0")
     return shift, [number / length for number in turn], size
 
 
@@ -113,25 +113,11 @@ def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
     return matrix[:3, 3], Rotation.from_matrix(nearest_rotations(axes[None])[0]).as_quat(), scale
 
 
-def _is_usual(number: object) -> bool:
-    return isinstance(number, float) and abs(number) <= LARGEST
-
-
-def _floats(node: Node, count: int) -> list[float]:
-    found = node.value
-    if isinstance(found, list) and len(found) == count and all(map(_is_usual, found)):
-        return found
-    numbers = node.items()
-    if len(numbers) != count:
-        node.expected(f"a list of {count} numbers")
-    return [number.number() for number in numbers]
-
-
 def _skins(gltf: Gltf) -> tuple[Skin, ...]:
     """The skins, each with the nodes that show a mesh with it."""
     shown: dict[int, list[int]] = {}
     for number, entry in enumerate(gltf.entries("nodes")):
-        fields = entry.entries(dotted)
+        fields = entry.entries()
         if "skin" in fields:
             shown.setdefault(gltf.index("skins", fields["skin"]), []).append(number)
     binds: dict[int, Array] = {}
@@ -140,7 +126,7 @@ def _skins(gltf: Gltf) -> tuple[Skin, ...]:
 
 def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Array]) -> Skin:
     """A skin; `binds` keeps the inverse bind matrices of each accessor, which skins may share."""
-    fields = entry.entries(dotted)
+    fields = entry.entries()
     joints = np.array([gltf.index("nodes", node) for node in fields.listed("joints")])
     if not len(joints):
         entry.fail("has no joints")
@@ -158,11 +144,10 @@ def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Arr
 
 def _humanoid(gltf: Gltf) -> Mapping[str, int]:
     """The node of each bone of the VRM humanoid, by VRM 1.0's names of bones; empty without one."""
-    extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
+    extensions = gltf.document.inner("extensions")
     for key in HUMANOIDS:
         if key in extensions:
-            humanoid = extensions[key].entries(dotted).get("humanoid")
-            bones = humanoid and humanoid.entries(dotted).get("humanBones")
+            bones = extensions[key].entries().inner("humanoid").get("humanBones")
             found = {} if not bones else dict(_vrm_0(gltf, bones) if key == "VRM" else _vrm_1(gltf, bones))
             if not found:
                 extensions[key].fail("has no humanoid bones")
@@ -171,16 +156,13 @@ def _humanoid(gltf: Gltf) -> Mapping[str, int]:
 
 
 def _vrm_1(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
-    for bone, entry in bones.entries(dotted).items():
-        fields = entry.entries(dotted)
-        if "node" not in fields:
-            entry.fail('has no "node"')
-        yield bone, gltf.index("nodes", fields["node"])
+    for bone, entry in bones.entries().items():
+        yield bone, gltf.index("nodes", entry.entries().need("node"))
 
 
 def _vrm_0(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
     for entry in bones.items():
-        fields = entry.entries(dotted)
+        fields = entry.entries()
         if "bone" not in fields or "node" not in fields:
             entry.fail('expected "bone" and "node"')
         bone = fields["bone"].text()
@@ -192,29 +174,23 @@ def _vrm_0(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
 
 def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animation:
     entry = gltf.entries("animations")[number]
-    fields = entry.entries(dotted)
+    fields = entry.entries()
     samplers = fields.listed("samplers")
     curves: dict[str, dict[int, Curve]] = {path: {} for path in KINDS}
     for channel in fields.listed("channels"):
-        parts = channel.entries(dotted)
-        target = parts["target"].entries(dotted) if "target" in parts else Fields()
+        parts = channel.entries()
+        target = parts.inner("target")
         path = target.read("path", Node.text, "")
         if path in KINDS and "node" in target:
             node = gltf.index("nodes", target["node"])
-            if "sampler" not in parts:
-                channel.fail('has no "sampler"')
-            sampler = samplers[whole(parts["sampler"], len(samplers) - 1, "samplers")]
-            curves[path][node] = _curve(gltf, sampler, path)
+            sampler = samplers[parts.need("sampler").index(len(samplers) - 1, "samplers")]
+            curves[path][node] = _curve(gltf, sampler.entries(), path)
     return sampled(gltf.path, name, curves, fps, most=gltf.size)
 
 
-def _curve(gltf: Gltf, sampler: Node, path: str) -> Curve:
-    fields = sampler.entries(dotted)
-    for key in ("input", "output"):
-        if key not in fields:
-            sampler.fail(f'has no "{key}"')
-    times = gltf.numbers(fields["input"], "SCALAR", FLOATS)
-    keys = gltf.numbers(fields["output"], KINDS[path], SIGNED)
+def _curve(gltf: Gltf, fields: Fields, path: str) -> Curve:
+    times = gltf.numbers(fields.need("input"), "SCALAR", FLOATS)
+    keys = gltf.numbers(fields.need("output"), KINDS[path], SIGNED)
     interpolation = fields.read("interpolation", lambda node: node.one_of(("LINEAR", "STEP", "CUBICSPLINE")), "LINEAR")
     each = 3 if interpolation == "CUBICSPLINE" else 1
     if not len(times) or len(keys) != each * len(times):

@@ -17,12 +17,9 @@ from distretarget.io.gltf import (
     JSON_CHUNK,
     MAGIC,
     Gltf,
-    dotted,
-    required,
-    whole,
 )
 from distretarget.io.gltf_animation import Mode, Numbers, animation_entries
-from distretarget.io.json_node import Fields, Node, without_collection
+from distretarget.io.json_node import Node, without_collection
 from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
 
 Parts = Sequence[bytes | memoryview]
@@ -53,9 +50,8 @@ class _Room:
     @classmethod
     def of(cls, gltf: Gltf, as_binary: bool) -> _Room:
         buffers, binary = gltf.entries("buffers"), gltf.binary
-        first = buffers[0].entries(dotted) if buffers else Fields()
-        if binary is not None and buffers and "uri" not in first:
-            required(buffers[0], first, "byteLength", whole)
+        if binary is not None and buffers and "uri" not in (first := buffers[0].entries()):
+            first.need("byteLength").whole()
             return cls(0, binary, extends=True, in_chunk=as_binary)
         return cls(len(buffers), memoryview(b""), extends=False, in_chunk=as_binary and not buffers)
 
@@ -155,7 +151,7 @@ def _embedding(gltf: Gltf, top: Top, embedded: Callable[[Node], bytes]) -> Itera
         nodes = gltf.entries(key)
         for entry in members(gltf.text, top[key].value) if key in top else ():
             uri = member(gltf.text, entry.value, "uri")
-            node = nodes[int(entry.key)].entries(dotted)["uri"] if uri else None
+            node = nodes[int(entry.key)].entries()["uri"] if uri else None
             if uri and node and not node.text().startswith(DATA_URI):
                 kind = OCTETS if key == "buffers" else mimetypes.guess_type(node.text())[0] or OCTETS
                 yield Edit(uri.value, uri.end, compact(data_uri([embedded(node)], kind)))

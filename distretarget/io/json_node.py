@@ -19,6 +19,7 @@ from distretarget.skeleton import LARGEST, SMALLEST
 Value = TypeVar("Value")
 
 MOST_ENTRIES = 65536  # of a list or object that is read
+WHOLE = 2**53  # up to it floats hold all whole numbers
 INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")  # the others hold bytes that are not valid UTF-8
 
 
@@ -55,6 +56,12 @@ def shared_float(digits: str) -> float:
     return float(digits)
 
 
+def field_place(place: str, key: str) -> str:
+    """Return the place of a key that the format defines."""
+    named = key.isidentifier() and cut(key) == key
+    return f"{place}.{key}".lstrip(".") if named else entry_place(place, key)
+
+
 @dataclass(frozen=True, slots=True)
 class Node:
     """A JSON value and its place in the file; objects are tuples of (key, value), lists are lists."""
@@ -71,22 +78,22 @@ class Node:
         """Raise a SkeletonFileError that says what was expected at this place, and what was found."""
         self.fail(f"expected {what}, found {described(self.value)}")
 
-    def entries(self, place_of: Callable[[str, str], str] = entry_place) -> Fields:
+    def entries(self, place_of: Callable[[str, str], str] = field_place) -> Fields:
         """Return the values of an object by key, each with the place `place_of(self.place, key)`."""
         if not isinstance(self.value, tuple):
             self.expected("an object")
         self._check_length(self.value)
-        nodes = Fields()
+        fields = Fields(self)
         for key, value in self.value:
             node = Node(self.path, place_of(self.place, key), value)
-            if key in nodes:
+            if key in fields:
                 node.fail("expected each key once, found it twice")
-            nodes[key] = node
-        return nodes
+            fields[key] = node
+        return fields
 
     def fields(self, required: Sequence[str], optional: Sequence[str] = ()) -> Fields:
         """Return the values of an object by key; all other keys are errors."""
-        fields = self.entries(field_place)
+        fields = self.entries()
         for key, node in fields.items():
             if key not in (*required, *optional):
                 node.fail(f"unknown key; {closest(key, (*required, *optional))}")
@@ -97,7 +104,7 @@ class Node:
 
     def check_header(self, **header: object) -> None:
         """Check that an object has these values at these keys, such as its format and version."""
-        fields = self.entries(field_place)
+        fields = self.entries()
         for key, known in header.items():
             if key not in fields:
                 self.fail(f'has no "{key}"; expected "{key}": {json.dumps(known)}')
@@ -110,6 +117,13 @@ class Node:
             self.expected("a list")
         self._check_length(self.value)
         return [Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(self.value)]
+
+    def numbers(self, count: int) -> list[float]:
+        """Return the numbers of a list of so many."""
+        numbers = self.items()
+        if len(numbers) != count:
+            self.expected(f"a list of {count} numbers")
+        return [number.number() for number in numbers]
 
     def _check_length(self, entries: Sequence[object]) -> None:
         if len(entries) > MOST_ENTRIES:
@@ -149,6 +163,15 @@ class Node:
             self.expected(f"a number above 0, at least {SMALLEST:g}")
         return self.number()
 
+    def whole(self) -> int:
+        return self.index(WHOLE, "")
+
+    def index(self, most: int, key: str) -> int:
+        """Return the index of an entry of the list at a key, from 0 to `most`."""
+        if not isinstance(self.value, float) or not 0 <= self.value <= most or self.value != int(self.value):
+            self.expected(f"an index of {key}, from 0 to {most}" if key and most >= 0 else "a whole number, from 0")
+        return int(self.value)
+
     def flag(self) -> bool:
         if not isinstance(self.value, bool):
             self.expected("true or false")
@@ -156,21 +179,28 @@ class Node:
 
 
 class Fields(dict[str, Node]):
-    """The values of a JSON object by key."""
+    """The values of a JSON object by key; `node` is the object, or that which lacks it."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+
+    def need(self, key: str) -> Node:
+        """Return the value at a key; a SkeletonFileError where the object lacks the key."""
+        if key not in self:
+            self.node.fail(f'has no "{key}"')
+        return self[key]
 
     def read(self, key: str, read: Callable[[Node], Value], default: Value) -> Value:
         """Return what `read` makes of the value at a key, or the default where the object lacks the key."""
         return read(self[key]) if key in self else default
 
+    def inner(self, key: str) -> Fields:
+        """Return the values of the object at a key; none where this object lacks the key."""
+        return self[key].entries() if key in self else Fields(self.node)
+
     def listed(self, key: str) -> list[Node]:
         """Return the values of the list at a key; none where the object lacks the key."""
         return self[key].items() if key in self else []
-
-
-def field_place(place: str, key: str) -> str:
-    """Return the place of a key that the format defines."""
-    named = key.isidentifier() and cut(key) == key
-    return f"{place}.{key}".lstrip(".") if named else entry_place(place, key)
 
 
 def described(value: object) -> str:

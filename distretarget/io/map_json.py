@@ -98,12 +98,12 @@ def load_rest(path: str | Path) -> RestPose:
 def parse_map(text: str, path: str | Path) -> MapFile:
     """Return the map in the text of a file as `load_map` does; `path` is for errors."""
     root = parse_json(path, text)
-    entries = root.entries()
+    entries = root.entries(entry_place)
     if "format" not in entries or entries["format"].value != FORMAT:
         return MapFile(_pairs(entries), path)
     root.check_header(format=FORMAT, version=VERSION)
     fields = root.fields(("format", "version", "map"), ("rest",))
-    return MapFile(_pairs(fields["map"].entries()), path, fields.read("rest", _rest, None))
+    return MapFile(_pairs(fields["map"].entries(entry_place)), path, fields.read("rest", _rest, None))
 
 
 def _pairs(entries: Mapping[str, Node]) -> JointMap:
@@ -113,7 +113,7 @@ def _pairs(entries: Mapping[str, Node]) -> JointMap:
 def _rest(node: Node) -> RestPose:
     """The rest pose of a map."""
     rotations: dict[str, Sequence[float]] = {}
-    for key, each in node.entries().items():
+    for key, each in node.entries(entry_place).items():
         rotations[key] = [number.number() for number in each.items()]
         if len(rotations[key]) != QUATERNION or not any(rotations[key]):
             each.expected("a rotation of four numbers, x y z w")

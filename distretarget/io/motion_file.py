@@ -7,14 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from types import NoneType
 
-from distretarget.character.character import Character
-from distretarget.character.from_scene import character_of
-from distretarget.character.nodes import Scene
 from distretarget.checks import check_kind, check_number, check_path
-from distretarget.errors import DistretargetError, FileError, MotionError, SkeletonError
+from distretarget.errors import DistretargetError, FileError, MotionError
+from distretarget.io.array_motion import array_motion
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.fbx import parse_fbx
-from distretarget.io.gltf_scene import gltf_scene
+from distretarget.io.character_file import read_scene, shown_character
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion
 
@@ -68,34 +65,13 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
             except MotionError as error:
                 raise error.in_file(file.path) from None
         case "arrays":
-            from distretarget.io.array_motion import array_motion  # which imports the solver
-
             return array_motion(file, fps), ()
     scene = read_scene(file, clip, fps)
     if scene.animation is None:
         raise FileError(file.path, "has no animation; expected a file with a motion")
-    character = _character(scene)
+    character = shown_character(scene)
     try:
         motion = character.motion(scene.animation, len(file.content) + sum(map(len, file.beside.values())))
     except DistretargetError as error:
         raise error.in_file(file.path) from None
     return motion, character.warnings
-
-
-def parse_character(file: InputFile) -> Character:
-    """Return the character in a glTF or FBX file; errors as in `read_motion`."""
-    return _character(read_scene(file, animated=False))
-
-
-def read_scene(file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
-    """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
-    if file.kind == "FBX":
-        return parse_fbx(file.content, file.path, clip, fps, animated)
-    return gltf_scene(file.gltf, clip, fps, animated)
-
-
-def _character(scene: Scene) -> Character:
-    try:
-        return character_of(scene)
-    except SkeletonError as error:
-        raise error.in_file(scene.path) from None

@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from distretarget.character.character import Character
-from distretarget.errors import BvhError, MotionError, SkeletonError, SkeletonFileError, closest, quoted
+from distretarget.errors import BvhError, MotionError, SkeletonError, SkeletonFileError, closest, entry_place, quoted
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
+from distretarget.io.character_file import CharacterMesh, parse_character
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
-from distretarget.io.mesh_file import CharacterMesh, HeldMesh
-from distretarget.io.motion_file import parse_character
 from distretarget.io.smpl import array_skeleton
 from distretarget.motion import check_reach
 from distretarget.skeleton import (
@@ -50,7 +49,7 @@ class CharacterTarget(Target):
     """
 
     character: Character
-    mesh: CharacterMesh | HeldMesh
+    mesh: CharacterMesh
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -139,7 +138,7 @@ def _json_target(document: Node) -> LoadedTarget:
 
 
 def _positives(node: Node) -> Mapping[str, float]:
-    return {name: number.positive() for name, number in node.entries().items()}
+    return {name: number.positive() for name, number in node.entries(entry_place).items()}
 
 
 def _full_form(document: Node, fields: Fields, name: str) -> Target:
@@ -156,7 +155,7 @@ def _full_form(document: Node, fields: Fields, name: str) -> Target:
         skeleton = _skeleton(joints, units, up)
     except SkeletonError as error:
         fields["joints"].fail(str(error))
-    pairs = fields["map"].entries() if "map" in fields else {}
+    pairs = fields["map"].entries(entry_place) if "map" in fields else {}
     for key, node in pairs.items():
         if key not in skeleton.keys:
             node.fail(f"the target has no such joint; {closest(key, skeleton.keys)}")
@@ -176,19 +175,12 @@ def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Sk
     return Skeleton(
         names=names,
         parents=np.array(_parents([joint["parent"] for joint in joints], names, ends)),
-        offsets=np.array([_offset(joint["offset"]) for joint in joints]),
+        offsets=np.array([joint["offset"].numbers(3) for joint in joints]),
         channels=tuple(map(_channels, joints, ends)),
         end_sites=np.array(ends),
         units=units,
         up=up,
     )
-
-
-def _offset(node: Node) -> list[float]:
-    numbers = node.items()
-    if len(numbers) != 3:
-        node.expected("a list of three numbers")
-    return [number.number() for number in numbers]
 
 
 def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:

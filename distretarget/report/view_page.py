@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.body.thickness import capsules_of
 from distretarget.errors import DistretargetError
+from distretarget.io.character_file import animations_in
 from distretarget.io.input_file import InputFile
-from distretarget.io.motion_file import parse_motion, read_scene
+from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import parse_full_target
 from distretarget.measure.diff import diff
 from distretarget.motion import Motion
@@ -49,7 +50,7 @@ def _motions(file: InputFile, clip: str | None) -> Iterator[tuple[str, Motion]]:
     """The motions in a file with their names."""
     if file.kind == "BVH":
         yield "", parse_motion(file)[0]
-    names = read_scene(file, animated=False).animations if file.kind in ("glTF", "FBX") else ()
+    names = animations_in(file)
     if clip is not None and len(names) > 1:
         yield clip, parse_motion(file, clip)[0]
         return
@@ -59,7 +60,7 @@ def _motions(file: InputFile, clip: str | None) -> Iterator[tuple[str, Motion]]:
 
 def small_stage(source: InputFile, clip: str | None, result: InputFile) -> dict[str, object]:
     """What plays a clip and its result, side by side, in few bytes; a DistretargetError if a file cannot be read."""
-    added = len(read_scene(result, animated=False).animations) if result.kind in ("glTF", "FBX") else 0
+    added = len(animations_in(result))
     actors = []
     for side, (file, own) in enumerate(((source, clip), (result, f"#{added}"))):
         target = parse_full_target(file)

@@ -1,4 +1,4 @@
-"""The mesh of a character's file."""
+"""Characters in glTF, VRM and FBX files: their nodes, animations and meshes."""
 
 from __future__ import annotations
 
@@ -6,27 +6,44 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from distretarget.character.character import Character
+from distretarget.character.from_scene import character_of
 from distretarget.character.mesh import skinned_mesh
-from distretarget.errors import DistretargetError
-from distretarget.io.fbx import fbx_mesh
-from distretarget.io.gltf_materials import gltf_materials
-from distretarget.io.gltf_mesh import gltf_parts
-from distretarget.io.gltf_scene import gltf_scene
+from distretarget.character.nodes import Scene
+from distretarget.errors import DistretargetError, SkeletonError
+from distretarget.io.fbx import fbx_mesh, parse_fbx
+from distretarget.io.gltf_mesh import gltf_materials, gltf_parts
+from distretarget.io.gltf_scene import animation_names, gltf_scene
 from distretarget.io.input_file import InputFile
 from distretarget.skin.mesh import SkinnedMesh
 
 VERTICES = b"Vertices"  # in FBX files with a mesh, binary or text
 
 
-@dataclass(frozen=True, eq=False)
-class HeldMesh:
-    """Returns a mesh that was read already; `warnings` are as in `CharacterMesh`."""
+def read_scene(file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
+    """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
+    if file.kind == "FBX":
+        return parse_fbx(file.content, file.path, clip, fps, animated)
+    return gltf_scene(file.gltf, clip, fps, animated)
 
-    mesh: SkinnedMesh | None
-    warnings: tuple[str, ...] = ()
 
-    def __call__(self) -> SkinnedMesh | None:
-        return self.mesh
+def animations_in(file: InputFile) -> tuple[str, ...]:
+    """Return the names of the animations in a file, which may be empty or the same; none in other files than these."""
+    if file.kind == "FBX":
+        return read_scene(file, animated=False).animations
+    return animation_names(file.gltf) if file.kind == "glTF" else ()
+
+
+def parse_character(file: InputFile) -> Character:
+    """Return the character in a glTF or FBX file; errors as in `read_motion`."""
+    return shown_character(read_scene(file, animated=False))
+
+
+def shown_character(scene: Scene) -> Character:
+    """Return the character of a file's scene; errors as in `read_motion`."""
+    try:
+        return character_of(scene)
+    except SkeletonError as error:
+        raise error.in_file(scene.path) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +63,9 @@ class CharacterMesh:
     def __call__(self) -> SkinnedMesh | None:
         return self._read[0]
 
-    def __reduce__(self) -> tuple[type[HeldMesh], tuple[SkinnedMesh | None, tuple[str, ...]]]:
+    def __getstate__(self) -> dict[str, object]:
         """What goes to a worker: the mesh, not the file."""
-        return HeldMesh, self._read
+        return {"_read": self._read}
 
     @property
     def warnings(self) -> tuple[str, ...]:
