@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.frame_times import frame_count, frame_times, is_on_grid, own_rate
 from distretarget.character.nodes import Animation
 from distretarget.errors import FileError, cut
 from distretarget.motion import LONGEST_FRAME
@@ -19,11 +20,6 @@ from distretarget.skeleton import SMALLEST
 
 Array = NDArray[np.float64]
 
-RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
-LEAST_RATE, MOST_RATE = 9.9, 1000.0  # keys at other rates are no frames [frames/s]
-IRREGULAR_RATE = 60.0  # of keys that are on no such grid [frames/s]
-ON_GRID = 0.02  # a key is on a grid within this [frames]
-SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times are float32
 BLOCK = 65536  # frames that are sampled at once
 FREE_SAMPLES = 1_000_000  # so many samples may a file have, however small it is [frames x curves]
 
@@ -105,25 +101,18 @@ def sampled(
         raise FileError(path, f"nothing moves in its animation {cut(name)!r}")
     times = np.unique(np.concatenate([*{id(curve.times): curve.times for curve in every}.values()]))
     rate, most = fps or own_rate(times), max(most, FREE_SAMPLES) // len(every)
-    if fps is None and _frames_at(rate, times) > most:
+    if fps is None and frame_count(times, rate) > most:
         step = float(np.diff(times).mean())
-        rate = 1.0 / step if step <= LONGEST_FRAME and _on_grid(times, 1.0 / step) else rate
-    frames = _frames_at(rate, times)
-    if frames > most:
+        rate = 1.0 / step if step <= LONGEST_FRAME and is_on_grid(times, 1.0 / step) else rate
+    if frame_count(times, rate) > most:
         duration = f"{times[-1] - times[0]:.6g} s"
         raise FileError(path, f"its animation {cut(name)!r} is {duration} long; at {rate:g} frames/s that is too much")
-    at = _at_keys(times[0] + np.arange(frames) / rate, times, ON_GRID / rate)
+    at = frame_times(times, rate)
     values = {
         kind: {node: _at(curve, at, kind == "rotation") for node, curve in of_nodes.items()}
         for kind, of_nodes in curves.items()
     }
-    text = f"{1 / rate:.9g}"
-    return Animation(name, frames, text, values["translation"], values["rotation"], values["scale"])
-
-
-def _frames_at(rate: float, times: Array) -> int:
-    """How many frames keys at some times last."""
-    return int((times[-1] - times[0]) * rate + ON_GRID) + 1
+    return Animation(name, len(at), f"{1 / rate:.9g}", values["translation"], values["rotation"], values["scale"])
 
 
 def _at(curve: Curve, times: Array, rotates: bool) -> Array:
@@ -131,45 +120,3 @@ def _at(curve: Curve, times: Array, rotates: bool) -> Array:
     if len(times) <= BLOCK:
         return curve.at(times, rotates)
     return np.concatenate([curve.at(times[first : first + BLOCK], rotates) for first in range(0, len(times), BLOCK)])
-
-
-def _at_keys(at: Array, times: Array, near: float) -> Array:
-    """Times, (n,), each moved to a key that is near, so that rounding puts no frame before its key; all in [s]."""
-    after = np.searchsorted(times, at).clip(0, len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(at - times[before] < times[after] - at, times[before], times[after])
-    return np.where(np.abs(nearest - at) < near, nearest, at)
-
-
-def own_rate(times: Array) -> float:
-    """Return the frame rate of keys at some times, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` on
-    whose frames all of them are, else `IRREGULAR_RATE` [frames/s].
-    """
-    steps = np.diff(times)
-    steps = steps[steps > SAME_KEY]
-    if not len(steps):
-        return 30.0
-    own = 1.0 / steps[steps < 1.05 * steps.min()].mean()
-    if LEAST_RATE <= own <= MOST_RATE:
-        own = _refined(times, own)
-        for rate in (float(round(own)), own):
-            if _on_grid(times, rate):
-                return rate
-    return next((float(rate) for rate in RATES if _on_grid(times, rate)), IRREGULAR_RATE)
-
-
-def _refined(times: Array, rate: float) -> float:
-    """The rate that fits all keys best."""
-    frames = np.rint((times - times[0]) * rate)
-    for _ in range(3):  # a rough rate counts late frames wrong; each fit reaches farther
-        near = np.abs((times - times[0]) * rate - frames) < 0.25
-        last = len(near) - 1 if near.all() else int(near.argmin()) - 1
-        if frames[last] > 0:
-            rate = float(frames[last] / (times[last] - times[0]))
-        frames = np.rint((times - times[0]) * rate)
-    return rate
-
-
-def _on_grid(times: Array, rate: float) -> bool:
-    frames = (times - times[0]) * rate
-    return bool((np.abs(frames - np.rint(frames)) < ON_GRID).all())

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.frame_times import frame_count, frame_times, own_rate
 from distretarget.character.nodes import choose_animation
 from distretarget.errors import FileError
 
@@ -31,9 +32,7 @@ Element = TypeVar("Element")
 TRANSFORMS = frozenset({"Lcl Translation", "Lcl Rotation", "Lcl Scaling"})
 FREE_SAMPLES = 4_000_000  # so many keys, and samples, may a file have, however small it is [frames x nodes]
 SAME_KEY = 1e-4  # keys that are nearer belong to one frame [s]
-NEAR = 0.05  # tolerance of a key's place on a grid of frames [frames]
-LONGEST_STEP = 0.1  # keys that are further apart are poses of an animator, not frames of a recording [s]
-SHORTEST_STEP = 1e-3
+SLOWEST, FASTEST = 1.0, 1000.0  # frame rates of a file that make sense [frames/s]
 PROBES = 16  # keys of a curve that are compared with those of another
 FREE_MEMORY, MEMORY_PER_BYTE = 1 << 30, 40  # bounds of the memory: for any file, and for each byte of it [bytes]
 
@@ -317,12 +316,13 @@ def _sampled(
     begin, end = stack.time_begin, stack.time_end
     inside = keys[(keys >= begin - SAME_KEY) & (keys <= end + SAME_KEY)]
     keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if that makes sense
-    step = 1.0 / fps if fps else frame_step(keys, scene.settings.frames_per_second)
+    stated = scene.settings.frames_per_second
+    rate = fps or own_rate(keys, stated if SLOWEST <= stated <= FASTEST else None)
     chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or _follows_scale(node)]
-    frames = (keys[-1] - keys[0]) / step + 1.0
+    frames = frame_count(keys, rate)
     if not frames * len(chosen) <= most:
         raise FileError("", f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
-    times = frame_times(keys, step)
+    times = frame_times(keys, rate)
     anim, parts = _held(stack.anim), [nodes[index] for index in chosen]
     samples = np.empty((len(times), len(parts), 10))
     for frame, time in enumerate(times.tolist()):
@@ -333,7 +333,7 @@ def _sampled(
             row += transform.rotation
             row += transform.scale
         samples[frame] = np.reshape(row, (-1, 10))
-    return np.array(chosen, np.int64), samples, step
+    return np.array(chosen, np.int64), samples, 1.0 / rate
 
 
 def _follows_scale(node: ufbx.Node) -> bool:
@@ -362,45 +362,3 @@ def _keys(stack: ufbx.AnimStack, most: int) -> tuple[Array, set[int]]:
             times.extend(keys[index].time for index in range(len(keys)))
     sorted_times: Array = np.unique(np.array(times))
     return sorted_times[np.diff(sorted_times, prepend=-np.inf) > SAME_KEY], moving
-
-
-def frame_step(keys: Array, rate: float) -> float:
-    """Return the time between frames [s] of an animation with these keys, in a file of `rate` frames per second.
-
-    Keys as far apart as frames are give their own step, also where a few are missing or between them; others lie on
-    the file's frames, or on those of another rate.
-    """
-    gaps = np.diff(keys)
-    rate = rate if SHORTEST_STEP <= 1.0 / max(rate, 1e-9) <= 1.0 else 30.0
-    if not len(gaps):
-        return 1.0 / rate
-    usual = np.abs(gaps - np.median(gaps)) <= NEAR * np.median(gaps)
-    step = float(gaps[usual].mean())
-    if usual.mean() >= 0.9 and len(gaps) > 1 and SHORTEST_STEP <= step <= LONGEST_STEP:
-        return _exact_step(step, int(usual.sum()), rate)
-    least = float(gaps.min())
-    if not _on_grid(keys, 1.0 / rate) and SHORTEST_STEP <= least <= LONGEST_STEP and _on_grid(keys, least):
-        return _exact_step(least, 1, rate)
-    return 1.0 / rate
-
-
-def _on_grid(keys: Array, step: float) -> bool:
-    places = (keys - keys[0]) / step
-    return bool(np.all(np.abs(places - np.round(places)) <= NEAR))
-
-
-def _exact_step(step: float, count: int, rate: float) -> float:
-    """Return the step of the file's rate, a whole rate or an NTSC rate, if `count` steps are as long as with it."""
-    for exact in (rate, round(1.0 / step), round(1.001 / step) / 1.001):
-        if exact and abs(step * exact - 1.0) * count <= NEAR:
-            return 1.0 / exact
-    return step
-
-
-def frame_times(keys: Array, step: float) -> Array:
-    """Return the times of frames from the first key to the last [s]; those next to a key are the key's."""
-    times = keys[0] + step * np.arange(int((keys[-1] - keys[0]) / step + NEAR) + 1)
-    after = np.clip(np.searchsorted(keys, times), 1, max(len(keys) - 1, 1))
-    for near in (keys[after - 1], keys[np.minimum(after, len(keys) - 1)]):
-        times = np.where(np.abs(times - near) <= NEAR * step, near, times)
-    return np.asarray(times)

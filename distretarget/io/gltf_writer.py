@@ -19,8 +19,8 @@ from distretarget.io.gltf import (
     Gltf,
 )
 from distretarget.io.gltf_animation import Mode, Numbers, animation_entries
-from distretarget.io.json_node import Node, without_collection
-from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
+from distretarget.io.json_node import Fields, Node, without_collection
+from distretarget.io.json_text import Edit, Member, added, changed, compact, edited, members
 
 Parts = Sequence[bytes | memoryview]
 Top = Mapping[str, Member]
@@ -89,7 +89,7 @@ def animated(
         _listed(gltf.text, top, "accessors", numbers.accessors),
         _listed(gltf.text, top, "animations", entries, replaces=mode == "replace"),
         *_buffer(gltf.text, top, room, content),
-        *_without_matrices(gltf.text, top, animations, nodes),
+        *_without_matrices(gltf, top, animations, nodes),
         *(_embedding(gltf, top, embedded) if embedded else ()),
     ]
     document = edited(gltf.text, edits).encode()
@@ -109,52 +109,44 @@ def _listed(text: str, top: Top, key: str, entries: Sequence[Mapping[str, object
 
 def _buffer(text: str, top: Top, room: _Room, content: Parts) -> Iterator[Edit]:
     """The edits that give the buffer with the new numbers its length and, outside a binary chunk, its content."""
-    size, uri = sum(map(len, content)), {} if room.in_chunk else {"uri": data_uri(content)}
+    new: dict[str, object] = {"byteLength": sum(map(len, content))}
+    if not room.in_chunk:
+        new["uri"] = data_uri(content)
     if not room.extends:
-        yield _listed(text, top, "buffers", [{"byteLength": size, **uri}])
+        yield _listed(text, top, "buffers", [new])
         return
-    first = member(text, top["buffers"].value, 0)
-    length = first and member(text, first.value, "byteLength")
-    if first and length:
-        yield Edit(length.value, length.end, str(size))
-        yield from [added(text, first.value, [compact(uri)[1:-1]])] if uri else []
+    yield changed(text, next(members(text, top["buffers"].value)), new)
 
 
-def _without_matrices(text: str, top: Top, animations: Sequence[Animation], nodes: Nodes) -> Iterator[Edit]:
+def _without_matrices(gltf: Gltf, top: Top, animations: Sequence[Animation], nodes: Nodes) -> Iterator[Edit]:
     """The edits that replace the matrices of nodes that move by translation, rotation and scale."""
     moving = {node for animation in animations for node in (*animation.rotations, *animation.translations)}
-    for entry in members(text, top["nodes"].value) if "nodes" in top else ():
-        node = int(entry.key)
-        matrix = member(text, entry.value, "matrix") if node in moving else None
-        if matrix is not None:
+    for entry, node in _entries(gltf, top, "nodes"):
+        number = int(entry.key)
+        if number in moving and "matrix" in node:
             parts = {
-                "translation": nodes.translations[node].tolist(),
-                "rotation": nodes.rotations[node].tolist(),
-                "scale": nodes.scales[node].tolist(),
+                "translation": nodes.translations[number].tolist(),
+                "rotation": nodes.rotations[number].tolist(),
+                "scale": nodes.scales[number].tolist(),
             }
-            others = [each for each in members(text, entry.value) if each.key in parts]
-            for each in others:  # beside a matrix, against the specification
-                yield Edit(each.value, each.end, compact(parts.pop(str(each.key))))
-            yield Edit(matrix.start, matrix.end, compact(parts)[1:-1]) if parts else _removed(text, entry, matrix)
-
-
-def _removed(text: str, entry: Member, one: Member) -> Edit:
-    """The edit that removes one of several members of an entry."""
-    every = list(members(text, entry.value))
-    at = every.index(one)
-    return Edit(every[at - 1].end, one.end, "") if at else Edit(one.start, every[1].start, "")
+            yield changed(gltf.text, entry, parts, without="matrix")
 
 
 def _embedding(gltf: Gltf, top: Top, embedded: Callable[[Node], bytes]) -> Iterator[Edit]:
     """The edits that put the files into the document that its buffers and images name."""
     for key in ("buffers", "images"):
-        nodes = gltf.entries(key)
-        for entry in members(gltf.text, top[key].value) if key in top else ():
-            uri = member(gltf.text, entry.value, "uri")
-            node = nodes[int(entry.key)].entries()["uri"] if uri else None
-            if uri and node and not node.text().startswith(DATA_URI):
-                kind = OCTETS if key == "buffers" else mimetypes.guess_type(node.text())[0] or OCTETS
-                yield Edit(uri.value, uri.end, compact(data_uri([embedded(node)], kind)))
+        for entry, fields in _entries(gltf, top, key):
+            uri = fields.read("uri", Node.text, DATA_URI)
+            if not uri.startswith(DATA_URI):
+                kind = OCTETS if key == "buffers" else mimetypes.guess_type(uri)[0] or OCTETS
+                yield changed(gltf.text, entry, {"uri": data_uri([embedded(fields["uri"])], kind)})
+
+
+def _entries(gltf: Gltf, top: Top, key: str) -> Iterator[tuple[Member, Fields]]:
+    """The entries of a list of the document, with their values."""
+    if key in top:
+        for entry, node in zip(members(gltf.text, top[key].value), gltf.entries(key), strict=True):
+            yield entry, node.entries()
 
 
 def data_uri(content: Parts, kind: str = OCTETS) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from distretarget.io.json_node import shared_float
@@ -53,9 +53,15 @@ def members(text: str, start: int) -> Iterator[Member]:
             at = _past_blanks(text, at + 1)
 
 
-def member(text: str, start: int, key: str | int) -> Member | None:
-    """Return the member with a key or number; None where there is none."""
-    return next((each for each in members(text, start) if each.key == key), None)
+def changed(text: str, entry: Member, new: Mapping[str, object], without: str = "") -> Edit:
+    """Return the edit that gives the object at a member new values by key, and takes one of its keys away."""
+    old = json.loads(text[entry.value : entry.end], parse_int=_number)
+    return Edit(entry.value, entry.end, compact({key: old[key] for key in old if key != without} | dict(new)))
+
+
+def _number(digits: str) -> float:
+    """The value of a whole number; a float where Python may refuse to read an integer of so many digits."""
+    return int(digits) if len(digits) < 20 else float(digits)
 
 
 def added(text: str, start: int, entries: Sequence[str]) -> Edit:
