@@ -51,8 +51,7 @@ from hypothesis import strategies as st
 from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
 from distretarget.batch.manifest import Manifest
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.bvh_readers import refusals
-from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.bvh_writer import format_bvh, refusals
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
 from distretarget.io.target_file import TargetFile, parse_target, skeleton_to_json

@@ -17,8 +17,7 @@ from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
 from distretarget.io.build_file import with_source
-from distretarget.io.bvh_readers import refusals
-from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.bvh_writer import bvh_parts, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion

@@ -28,54 +28,45 @@ def joint_nodes(scene: Scene, order: Sequence[int]) -> tuple[list[int], list[int
     Raises:
         FileError: the file has no such nodes, or too many, or they hang from no common node.
     """
-    parents = scene.nodes.parents
-    lines = _Lines(parents, order)
-    wanted, left_out = _wanted(scene, order, lines)
-    root, carried = lines.meeting(wanted), lines.carried(wanted)
-    above = lines.up(parents.item(root), -1)[::-1] if parents[root] >= 0 else []
+    parents = scene.nodes.parents.tolist()
+    wanted, left_out = _wanted(scene, order, parents)
+    above, carried = [], _carried(wanted, order, parents)
+    node = parents[_meeting(wanted, order, parents)]
+    while node >= 0:
+        above.append(node)
+        node = parents[node]
     are_above = set(above)
     joints = [node for node in order if carried[node] and node not in are_above]
     if len(joints) + len(above) > MOST_JOINTS:
         counts = f"{counted(len(joints), 'joint')} and {counted(len(above), 'node')} above"
         raise FileError(scene.path, f"its skeleton has {counts}; expected at most {MOST_JOINTS}")
-    return above, joints, left_out
+    return above[::-1], joints, left_out
 
 
-class _Lines:
-    """The lines of a forest from its nodes upwards."""
+def _carried(nodes: Iterable[int], order: Sequence[int], parents: Sequence[int]) -> list[int]:
+    """How many of some nodes each node of the forest carries, itself included."""
+    counts = [0] * len(parents)
+    for node in nodes:
+        counts[node] = 1
+    for node in reversed(order):
+        if parents[node] >= 0:
+            counts[parents[node]] += counts[node]
+    return counts
 
-    def __init__(self, parents: NDArray[np.intp], order: Sequence[int]) -> None:
-        self._parents, self._order = parents.tolist(), order
 
-    def up(self, node: int, last: int) -> list[int]:
-        """The nodes from `node` up to `last`, both included; up to the top if that is -1."""
-        line = [node]
-        while line[-1] != last and self._parents[line[-1]] >= 0:
-            line.append(self._parents[line[-1]])
-        return line
+def _meeting(nodes: Collection[int], order: Sequence[int], parents: Sequence[int]) -> int:
+    """The lowest node from which all of some different nodes hang; -1 if there is none."""
+    counts = _carried(nodes, order, parents)
+    return next((node for node in reversed(order) if counts[node] == len(nodes)), -1)
 
-    def carried(self, nodes: Iterable[int]) -> list[int]:
-        """How many of some nodes each node of the forest carries, itself included."""
-        counts = [0] * len(self._parents)
-        for node in nodes:
-            counts[node] = 1
-        for node in reversed(self._order):
-            if (parent := self._parents[node]) >= 0:
-                counts[parent] += counts[node]
-        return counts
 
-    def meeting(self, nodes: Collection[int]) -> int:
-        """The lowest node from which all of some different nodes hang; -1 if there is none."""
-        counts = self.carried(nodes)
-        return next((node for node in reversed(self._order) if counts[node] == len(nodes)), -1)
-
-    def branches(self, above: int) -> list[int]:
-        """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
-        branches = list(range(len(self._parents)))
-        for node in self._order:
-            if self._parents[node] not in (-1, above) and node != above:
-                branches[node] = branches[self._parents[node]]
-        return branches
+def _branches(above: int, order: Sequence[int], parents: Sequence[int]) -> list[int]:
+    """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
+    branches = list(range(len(parents)))
+    for node in order:
+        if parents[node] not in (-1, above) and node != above:
+            branches[node] = branches[parents[node]]
+    return branches
 
 
 def top_down(parents: NDArray[np.intp]) -> list[int]:
@@ -90,7 +81,7 @@ def top_down(parents: NDArray[np.intp]) -> list[int]:
     return order
 
 
-def _wanted(scene: Scene, order: Sequence[int], lines: _Lines) -> tuple[list[int], tuple[str, ...]]:
+def _wanted(scene: Scene, order: Sequence[int], parents: Sequence[int]) -> tuple[list[int], tuple[str, ...]]:
     """The nodes that are joints for certain, and a warning of those that are left out: other skeletons in the file,
     whose skins share no branch with the humanoid's or, without one, with the largest.
     """
@@ -102,10 +93,10 @@ def _wanted(scene: Scene, order: Sequence[int], lines: _Lines) -> tuple[list[int
     if not every:
         found = "has no skin, no VRM humanoid, and no nodes with the names of a body"
         raise FileError(scene.path, f"{found}; expected a character")
-    skeletons = _skeletons(groups, lines.branches(lines.meeting(every)))
+    skeletons = _skeletons(groups, _branches(_meeting(every, order, parents), order, parents))
     chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
     others = [scene.nodes.names[next(iter(each))] for each in skeletons if each is not chosen]
-    if lines.meeting(chosen) < 0:
+    if _meeting(chosen, order, parents) < 0:
         raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
     notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
     return [node for node in every if node in chosen], tuple(notes)

@@ -40,8 +40,7 @@ from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import FileError, quoted
 from distretarget.io.build_file import with_source
 from distretarget.io.bvh import declared_frames
-from distretarget.io.bvh_readers import refusals
-from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.bvh_writer import bvh_parts, refusals
 from distretarget.io.character_file import animations_in
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content

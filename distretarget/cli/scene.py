@@ -28,8 +28,7 @@ from distretarget.cli.options import (
 )
 from distretarget.cli.outputs import check_outputs, complain, say
 from distretarget.errors import DistretargetError, FileError, counted
-from distretarget.io.bvh_readers import refusals
-from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.bvh_writer import bvh_parts, refusals
 from distretarget.io.files import (
     Content,
     check_inside,

@@ -18,6 +18,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
 from distretarget.io.bvh import add_offsets, joint_names
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import extent
 from distretarget.skeleton import Skeleton
 
 if TYPE_CHECKING:
@@ -77,7 +78,8 @@ def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
     package = _bvhio()
     skeleton = motion.skeleton
     _check_end_sites(skeleton)
-    _check_range(motion)
+    if not extent(motion.translations) <= LARGEST_FLOAT32:
+        raise MotionError(f"a position is not finite, or beyond {LARGEST_FLOAT32:.3g}, the most that bvhio holds")
     joints = [_joint(package, motion, number) for number in range(len(skeleton))]
     for number, parent in enumerate(skeleton.parents[1:], start=1):
         if skeleton.end_sites[number]:
@@ -173,12 +175,3 @@ def _check_end_sites(skeleton: Skeleton) -> None:
             raise SkeletonError(
                 f"bvhio holds an End Site only where a joint has nothing else; {skeleton.names[joint]!r} has {found}"
             )
-
-
-def _check_range(motion: Motion) -> None:
-    """Raise a MotionError unless float32 holds all numbers."""
-    arrays = (motion.skeleton.offsets, motion.translations, motion.rotations)
-    if not all(np.all(np.abs(array) <= LARGEST_FLOAT32) for array in arrays):
-        raise MotionError(
-            f"a position or rotation is not finite, or beyond {LARGEST_FLOAT32:.3g}, the most that bvhio holds"
-        )

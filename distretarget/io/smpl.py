@@ -29,27 +29,33 @@ from distretarget.skeleton import METRES, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
 
 Array = NDArray[np.float64]
 
-# The joints whose turns are parameters, in their order: the name of each, that of its parent, and its role.
-TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
-LIMBS = {
-    "hip": ("pelvis", "UpperLeg"),
-    "knee": ("hip", "LowerLeg"),
-    "ankle": ("knee", "Foot"),
-    "foot": ("ankle", "Toes"),
-    "collar": ("spine3", "Shoulder"),
-    "shoulder": ("collar", "UpperArm"),
-    "elbow": ("shoulder", "LowerArm"),
-    "wrist": ("elbow", "Hand"),
-}
-FINGERS = {"index": "Index", "middle": "Middle", "pinky": "Little", "ring": "Ring", "thumb": "Thumb"}
-ORDER = "pelvis hip spine1 knee spine2 ankle spine3 foot neck collar head shoulder elbow wrist"
-BODY = tuple(
-    name for part in ORDER.split() for name in ([part] if part in TRUNK else [f"{side}_{part}" for side in SIDES])
+# The joints whose turns are parameters, in their order.
+BODY = (
+    *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle"),
+    *("spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder"),
+    *("right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist"),
 )
+FINGERS = {"index": "Index", "middle": "Middle", "pinky": "Little", "ring": "Ring", "thumb": "Thumb"}
 HANDS = tuple(f"{side}_{finger}{bone}" for side in SIDES for finger in FINGERS for bone in (1, 2, 3))
+STUBS = ("left_hand", "right_hand")  # of SMPL alone, in place of hands
 FACE = ("jaw", "left_eye_smplhf", "right_eye_smplhf")
+PELVIS = BODY[0]
+ABOVE = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)  # the parents of BODY[1:], by number
+PARENTS = {name: BODY[above] for name, above in zip(BODY[1:], ABOVE, strict=True)} | dict.fromkeys(FACE, "head")
+PARENTS |= {name: f"{name.split('_')[0]}_wrist" for name in (*STUBS, *HANDS[::3])}
+PARENTS |= {name: before for name, before in zip(HANDS[1:], HANDS, strict=False) if not name.endswith("1")}
+ROLES = {
+    "hip": "UpperLeg",
+    "knee": "LowerLeg",
+    "ankle": "Foot",
+    "foot": "Toes",
+    "collar": "Shoulder",
+    "shoulder": "UpperArm",
+    "elbow": "LowerArm",
+    "wrist": "Hand",
+}
 # The joints of the body alone, of SMPL, SMPL-H and SMPL-X, by their number.
-MODELS = {len(names): names for names in (BODY, (*BODY, "left_hand", "right_hand"), BODY + HANDS, BODY + FACE + HANDS)}
+MODELS = {len(names): names for names in (BODY, BODY + STUBS, BODY + HANDS, BODY + FACE + HANDS)}
 CONVENTION = "SMPL"
 SHAPE = ("v_template", "shapedirs", "J_regressor")  # the arrays of a model's file that give the joints of a shape
 PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")  # of `poses`, in files without it
@@ -58,19 +64,6 @@ LEVEL = 0.9  # an arm in T-pose has a larger cosine than this with the sideways 
 SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0  # bounds of a person's height [m]
 UPRIGHT = 0.7  # a body with a larger mean cosine than this between its up and Y moves in a world with Y up [cosine]
 TO_Y_UP = Rotation.from_rotvec([-0.5 * np.pi, 0.0, 0.0])  # from the world of AMASS
-
-
-def _parent(name: str) -> str | None:
-    """The name of the joint above one; None for the pelvis."""
-    if name in TRUNK:
-        return TRUNK[TRUNK.index(name) - 1] if name != TRUNK[0] else None
-    if name in FACE:
-        return "head"
-    side, part = name.split("_")
-    if part[:-1] in FINGERS and not part.endswith("1"):
-        return f"{name[:-1]}{int(name[-1]) - 1}"
-    above = LIMBS[part][0] if part in LIMBS else "wrist"
-    return above if above in TRUNK else f"{side}_{above}"
 
 
 def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
@@ -104,8 +97,7 @@ def smpl_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
         known = ", ".join(map(str, MODELS))
         raise FileError(arrays.path, f"has {len(places)} joints; expected one of {known}, as SMPL, SMPL-H and SMPL-X")
     names = MODELS[len(places)]
-    above = [_parent(name) for name in names]
-    parents = np.array([-1 if parent is None else names.index(parent) for parent in above])
+    parents = np.array([names.index(PARENTS[name]) if name in PARENTS else -1 for name in names])
     offsets = places - np.where(parents[:, None] < 0, 0.0, places[parents])
     return replace(_free(names, parents, offsets, np.zeros(len(names), bool)), units="m", up="Y")
 
@@ -171,13 +163,13 @@ class SmplBody:
 
     @property
     def _pelvis_from_root(self) -> Array:
-        return np.asarray(self.skeleton.posed(self.turns)[self.joints[TRUNK[0]]])
+        return np.asarray(self.skeleton.posed(self.turns)[self.joints[PELVIS]])
 
     def motion(self, poses: Array, trans: Array, frame_time_text: str) -> Motion:
         """Return the motion of parameters, turned so that Y is up; those of joints that the body lacks are left out."""
         names, skeleton = MODELS[poses.shape[1] // 3], self.skeleton
         turns = dict(zip(names, poses.reshape(len(poses), -1, 3).swapaxes(0, 1), strict=True))
-        to_y_up = _to_y_up(turns[TRUNK[0]])
+        to_y_up = _to_y_up(turns[PELVIS])
         rest = Rotation.from_quat(self.turns)
         rotations = np.tile(skeleton.unturned, (len(poses), 1, 1))
         for joint, parent in enumerate(skeleton.parents.tolist()):
@@ -186,7 +178,7 @@ class SmplBody:
             if name in turns:
                 above = rest[skeleton.parents[joint]].inv() if joint else Rotation.identity()
                 turn = Rotation.from_rotvec(turns[name])
-                turn = to_y_up * turn if name == TRUNK[0] else turn
+                turn = to_y_up * turn if name == PELVIS else turn
                 rotations[:, joint] = (above * turn * rest[joint]).as_quat()
         path = to_y_up.apply(self.metre * trans + self.pelvis) - self._pelvis_from_root
         return Motion(skeleton, path, rotations, frame_time_text)
@@ -202,9 +194,9 @@ class SmplBody:
         poses = np.zeros((len(names), len(motion), 3))
         for number, name in enumerate(names):
             if name in turned:
-                above = _parent(name)
-                poses[number] = ((turned[above] if above else TO_Y_UP).inv() * turned[name]).as_rotvec()
-        places = TO_Y_UP.inv().apply(motion.positions[:, self.joints[TRUNK[0]]])
+                above = turned[PARENTS[name]] if name in PARENTS else TO_Y_UP
+                poses[number] = (above.inv() * turned[name]).as_rotvec()
+        places = TO_Y_UP.inv().apply(motion.positions[:, self.joints[PELVIS]])
         rate = 1.0 / motion.frame_time
         return {
             "poses": poses.swapaxes(0, 1).reshape(len(motion), -1),
@@ -216,14 +208,14 @@ class SmplBody:
 def _joints_of(skeleton: Skeleton, anatomy: Anatomy) -> dict[str, int]:
     """The joints that parameters turn, by SMPL's names."""
     roles, spine = anatomy.roles, anatomy.spine
-    wanted = {f"{side}_{part}": f"{side}{role}" for part, (_, role) in LIMBS.items() for side in SIDES}
+    wanted = {f"{side}_{part}": f"{side}{role}" for part, role in ROLES.items() for side in SIDES}
     wanted |= {"pelvis": "hips", "neck": "neck", "head": "head"}
     for side in SIDES:
         wanted |= {f"{side}_{name}{n}": f"{side}{role}{n}" for name, role in FINGERS.items() for n in (1, 2, 3)}
     joints = {name: roles[role] for name, role in wanted.items() if role in roles}
     if len(spine) > 2:
-        joints |= zip(TRUNK[1:4], (spine[0], spine[(len(spine) - 1) // 2], spine[-1]), strict=True)
-    return joints | {name: skeleton.index(name) for name in (*FACE, *MODELS[24][-2:]) if name in skeleton.keys}
+        joints |= zip(("spine1", "spine2", "spine3"), (spine[0], spine[(len(spine) - 1) // 2], spine[-1]), strict=True)
+    return joints | {name: skeleton.index(name) for name in (*FACE, *STUBS) if name in skeleton.keys}
 
 
 def _to_y_up(turns: Array) -> Rotation:
