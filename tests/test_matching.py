@@ -316,6 +316,12 @@ def test_fingers_match_if_the_source_has_most_of_them(fingers):
         assert pairs["middle_02_r"] == "mixamorig:RightHandMiddle2"
 
 
+def test_one_finger_that_stands_for_all_moves_none_of_five_by_its_name():
+    alone = without(MIXAMO, "Hand(Thumb|Middle|Ring|Pinky)").without_namespaces
+    assert not any("HandIndex" in name for name in named(matched(alone, MIXAMO)))
+    assert "mixamorig:LeftHandIndex1" in named(matched(alone, without(MIXAMO, "Hand(Thumb|Middle|Ring|Pinky)")))
+
+
 # Left and right
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from bodies import SAMPLES
 
+from distretarget.body.anatomy import FINGERS
 from distretarget.body.body import Body
 from distretarget.body.named_anatomy import by_names
 from distretarget.io.target_file import load_target
@@ -38,3 +39,26 @@ def test_limbs_without_names_are_found_by_shape(name, limbs, sides):
 def test_names_alone_count_where_they_show_all_limbs():
     for body in RIGS.values():
         assert Body.of(body).anatomy is by_names(body)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("Daumen", "Zeigefinger", "Mittelfinger", "Ringfinger", "KleinerFinger"),
+        ("Pulgar", "Índice", "Medio", "Anular", "Meñique"),
+        ("Pouce", "Index", "Majeur", "Annulaire", "Auriculaire"),
+        ("拇指", "食指", "中指", "无名指", "小指"),
+    ],
+    ids=["German", "Spanish", "French", "Chinese"],
+)
+def test_names_show_the_fingers_of_a_body_that_its_shape_shows(words):
+    body = RIGS["mixamo_t"]
+    fingers = {role: joint for role, joint in by_names(body).roles.items() if role[-1].isdigit()}
+    names = [f"b{joint}" for joint in range(len(body))]
+    for role, joint in fingers.items():
+        side = "left" if role.startswith("left") else "right"
+        finger = FINGERS.index(role.removeprefix(side)[:-1])
+        names[joint] = f"{words[finger]}{role[-1]}_{side[0].upper()}"
+    found = Body.of(replace(body, names=tuple(names))).anatomy
+    assert found.method == "shape"
+    assert {role: found.roles.get(role) for role in fingers} == fingers

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
 FOLDED = 45.0  # with a smaller angle between trunk and legs, a rest pose does not show how the body stands [degrees]
 SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file is snapped to it [cosine]
+AHEAD = np.cos(np.radians(10))  # so is left, within this angle, as a body that faces an axis is symmetric [cosine]
 PARALLEL = 1e-6  # directions are parallel if the angle between them is smaller than this [rad]
 
 
@@ -148,10 +149,10 @@ def upright(axes: Array) -> Array:
 def squared(axes: Array) -> Array:
     """Return a body's axes as `upright` does, with left snapped to a near axis of the file as well."""
     left, up, _ = upright(axes).T
-    return axes_of(normalised(level(_snapped(left), up)), up)
+    return axes_of(normalised(level(_snapped(left, AHEAD), up)), up)
 
 
-def _snapped(direction: Array) -> Array:
-    """The axis of the file, (3,), within the angle `SQUARE` of a direction; else the direction itself."""
+def _snapped(direction: Array, least: float = SQUARE) -> Array:
+    """The axis of the file, (3,), whose cosine with a direction is larger than this; else the direction itself."""
     nearest, cosine = nearest_axis(direction)
-    return axis_vector(nearest) if cosine > SQUARE else direction
+    return axis_vector(nearest) if cosine > least else direction

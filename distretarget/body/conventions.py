@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.resources import files
+from itertools import filterfalse
 from typing import Any, Literal, NamedTuple
 
 from distretarget.body.anatomy import ARM, LEG, Side
@@ -80,8 +81,9 @@ class JointName:
 
 @lru_cache(maxsize=4096)
 def words(name: str) -> NameWords:
-    """Return the words of a name in lower case: "mixamorig:LeftForeArm" has four, "upper_arm.L" three."""
-    return tuple(word.lower() for word in NAME_WORD.findall(unicodedata.normalize("NFKC", name)))
+    """Return the words of a name in lower case, without accents: "mixamorig:LeftForeArm" has four, "Índice.L" two."""
+    letters = "".join(filterfalse(unicodedata.combining, unicodedata.normalize("NFKD", name)))
+    return tuple(word.lower() for word in NAME_WORD.findall(letters))
 
 
 def stem_and_side(parts: Sequence[str]) -> tuple[str, Side | None]:

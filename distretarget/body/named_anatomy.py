@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from operator import itemgetter
 
@@ -62,6 +62,15 @@ def by_tree(tree: NamedTree) -> Anatomy | None:
     return _Rig(tree.parents, name_meanings(tree)).anatomy()
 
 
+def with_named_fingers(skeleton: Skeleton, anatomy: Anatomy) -> Anatomy:
+    """Return an anatomy without fingers with those that names show below its hands."""
+    tree = NamedTree.of(skeleton)
+    rig = _Rig(tree.parents, name_meanings(tree))
+    hands = {side: anatomy.roles[f"{side}Hand"] for side in SIDES}
+    fingers = {side + role: joint for side, hand in hands.items() for role, joint in rig.fingers(hand).items()}
+    return replace(anatomy, roles={**anatomy.roles, **fingers})
+
+
 @dataclass(frozen=True)
 class _Rig:
     """A tree of joints, given by the parent of each (-1 for the root), and the meanings of their names."""
@@ -79,7 +88,7 @@ class _Rig:
             return None
         roles = trunk_roles(*trunk)
         for side, arm, leg in zip(SIDES, arms, legs, strict=True):
-            fingers = self._fingers(arm["Hand"]) if "Hand" in arm else {}
+            fingers = self.fingers(arm["Hand"]) if "Hand" in arm else {}
             roles |= {side + part: joint for part, joint in (arm | leg | fingers).items()}
         _, spine, neck, _ = trunk
         convention = self.meanings.convention
@@ -106,7 +115,7 @@ class _Rig:
         _, joints = max((best[-1] for best in chains), key=lambda chain: (chain[0], self._carried(chain[1])))
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
-    def _fingers(self, hand: int) -> dict[str, int]:
+    def fingers(self, hand: int) -> dict[str, int]:
         """The joints of the fingers below a hand, by role without side, such as "Index1"."""
         names = self.meanings.names
         below = self._all_below([hand])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.named_anatomy import by_names, with_named_fingers
 from distretarget.body.shape import by_shape
 from distretarget.skeleton import Skeleton
 
@@ -26,8 +26,10 @@ def find_anatomy(skeleton: Skeleton, positions: NDArray[np.float64] | None = Non
     if named and (named.method == "humanoid" or all(_is_known(named, limb) for limb in LIMBS)):
         return named
     shaped = by_shape(skeleton, positions)
-    if not named or not shaped:
-        return named or shaped
+    if not named:
+        return with_named_fingers(skeleton, shaped) if shaped else None
+    if not shaped:
+        return named
     same = next((each for each in (shaped, shaped.mirrored) if _agree(named, each)), None)
     return _completed(named, same) if same else named
 

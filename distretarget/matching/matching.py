@@ -149,9 +149,12 @@ class Matching:
 
     @cached_property
     def in_reference(self) -> bool:
-        """Whether the bodies are aligned in their reference poses, not in their rest poses."""
+        """Whether the bodies are aligned in their reference poses, not in their rest poses: where both stand, since
+        they may face different ways, and where their rest poses differ.
+        """
         recognised = self.source.anatomy is not None and self.target.anatomy is not None
-        return recognised and (self.source.standing is not None or not self.rest_poses_alike)
+        both_stand = self.source.stands and self.target.stands
+        return recognised and (both_stand or self.source.standing is not None or not self.rest_poses_alike)
 
     def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and

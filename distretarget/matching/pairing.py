@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,12 @@ def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
     alike = s.convention == t.convention and not crossed
     if alike and len(names) == len(target.skeleton.joints):
         return names
+    shared = _shared_roles(s, t)
+    alone = [t.roles[role] for role in s.roles.keys() & t.roles.keys() - {*shared}]
+    names = {joint: pair for joint, pair in names.items() if not {*target.skeleton.line(joint)} & {*alone}}
     names_first = alike and s.convention
     pairs = {joint: pair for joint, pair in names.items() if names_first and joint not in (*t.spine, *t.neck)}
-    pairs |= _unused(_same_parts(s, t), pairs)
+    pairs |= _unused(_same_parts(s, t, shared), pairs)
     for joint, (driver, method) in _unused(names, pairs).items():
         above = _nearest(target.skeleton, joint, pairs.keys())
         if pairs.get(above, (-1, ""))[0] == _nearest(source.skeleton, driver, {known for known, _ in pairs.values()}):
@@ -75,17 +78,21 @@ def _plain_names(skeleton: Skeleton) -> dict[str, int]:
     return {name: joint for joint, name in names.items() if times[name] == 1}
 
 
-def _same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
-    """Joints with equal roles; spines and necks with equal numbers of joints pair joint by joint. The fingers of a hand
-    pair if the source has all of the target's, or at least `SHARED_FINGERS`: a single finger that stands for all four
-    (CMU) would move one finger of five.
+def _shared_roles(s: Anatomy, t: Anatomy) -> list[str]:
+    """The roles by which joints pair. The fingers of a hand pair if the source has all of the target's, or at least
+    `SHARED_FINGERS`: a single finger that stands for all four (CMU) would move one finger of five.
     """
-    method = "shape" if "shape" in (s.method, t.method) else "names"
     shared = [role for role in t.roles if role in s.roles]
     for side in SIDES:
         fingers = [{finger for finger in FINGERS if f"{side}{finger}1" in body.roles} for body in (s, t)]
         if not fingers[1] <= fingers[0] and len(fingers[0] & fingers[1]) < SHARED_FINGERS:
             shared = [role for role in shared if not role.startswith(tuple(side + finger for finger in FINGERS))]
+    return shared
+
+
+def _same_parts(s: Anatomy, t: Anatomy, shared: Sequence[str]) -> JointPairs:
+    """Joints with the shared roles; spines and necks with equal numbers of joints pair joint by joint."""
+    method = "shape" if "shape" in (s.method, t.method) else "names"
     pairs = {t.roles[role]: (s.roles[role], method) for role in shared}
     for drivers, joints in ((s.spine, t.spine), (s.neck, t.neck)):
         if len(drivers) == len(joints):
