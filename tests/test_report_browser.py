@@ -237,7 +237,7 @@ def test_a_link_leads_to_a_frame_and_the_address_follows(opened):
 
 def test_what_is_chosen_by_mouse_goes_to_that_frame(opened):
     tab = opened()
-    box = tab.locator(".track canvas").first.bounding_box()
+    box = tab.locator(".track").first.bounding_box()
     tab.mouse.click(box["x"] + 0.25 * box["width"], box["y"] + 5)
     assert abs(frame(tab) - 0.25 * tab.evaluate("app.clock.count - 1")) < 2
     tab.fill("#slider", "66")

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 THREE, ESBUILD = "0.187.0", "0.28.2"
-SHA256 = "159da3dd64028403f09171ef16732992ed3b8529ca5ccdbf7750586423f3a06a"
+SHA256 = "6cbcfc32e43c465c728c2388ce2b8ab4e6953206fc284f4443172206e6b9909f"
 REPORT = Path(__file__).resolve().parents[1] / "distretarget" / "report"
 FILE, LICENCE = REPORT / "three.min.js", REPORT / "three.LICENSE.txt"
 BANNER = f"/*! three.js {THREE}, MIT licence, https://threejs.org: see three.LICENSE.txt */"
@@ -46,8 +46,6 @@ CORE = [
     "RepeatWrapping",
     "SRGBColorSpace",
     "DoubleSide",
-    "NotEqualStencilFunc",
-    "ReplaceStencilOp",
     "Vector2",
     "Vector3",
     "Quaternion",

@@ -27,7 +27,7 @@ def _row(clip: AuditedClip, name: str, limits: Mapping[str, float]) -> str:
         for kind, found in clip.faults(limits).items()
     )
     size = f"<br><small>{counted(clip.frames, 'frame')}, {1 / clip.frame_time:.4g} frames/s</small>" if clip.rig else ""
-    return f'<tr><th scope="row">{escape(name)}{size}</th><td>{faults}</td></tr>'
+    return f'<tr><th scope="row">{escape(name)}{size}</th><td><div>{faults}</div></td></tr>'
 
 
 def fault_text(kind: str, found: Finding) -> str:

@@ -1,14 +1,13 @@
 // The report on a clip: head, cards, curves and contacts below the player.
 
 import {$, counted, element, embedded, followTheme, onTheme, showFacts, shown, terms} from './dom.js';
-import {METRICS, metricsAt, nameOf} from './registry.js';
-import {showCards} from './cards.js';
+import {cardOf, METRICS, metricsAt, nameOf, scaled} from './metrics.js';
 import {showCurve} from './curves.js';
 import {clock, goTo, repaint} from './playback.js';
 import {buildPlayer} from './player.js';
 import {tableOf} from './tables.js';
 
-const report = embedded('document');
+const report = embedded('document'), ofRun = report.metrics.rotation_copy !== null;
 const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
   + 'where the path between them is straight.';
 const COPY_MEANS = 'The rotation copy: A’s rotations on the bones of B, before anything is corrected.';
@@ -17,7 +16,6 @@ function buildHead() {
   const body = ({file, joints, convention}) => `${file}, ${joints} joints${convention ? `, ${convention}` : ''}`;
   const seconds = shown(report.frame_count * report.frame_time);
   const frames = `${counted(report.frame_count, 'frame')} of ${shown(1000 * report.frame_time)} ms, ${seconds} s`;
-  const ofRun = report.metrics.rotation_copy !== null;
   const [roleA, roleB] = ofRun ? ['the source', 'the result'] : ['the reference', 'measured'];
   const [nameA, nameB] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
   $('title').append(...ofRun ? ['result ', nameB, ' against source ', nameA] : [nameB, ' against ', nameA]);
@@ -25,13 +23,40 @@ function buildHead() {
   $('verdict').textContent = report.verdict;
   $('looks').hidden = !report.warnings.length;
   $('warnings').append(...report.warnings.map(text => element('li', {}, text)));
-  showFacts([[`A, ${roleA}`, body(report.a)], [`B, ${roleB}`, body(report.b)], ['Frames', frames]]);
-  const words = (report.program.command || 'distretarget').split(' ').flatMap(
-    (word, k) => [k ? ' ' : '', element('span', {}, word)]);
-  $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
-    element('dd', {}, element('code', {}, ...words), ` version ${report.program.version}`)));
+  showFacts([[`A, ${roleA}`, body(report.a)], [`B, ${roleB}`, body(report.b)], ['Frames', frames], ['Made by',
+    element('span', {}, element('code', {}, report.program.command || 'distretarget'),
+      ` version ${report.program.version}`)]]);
   $('terms').append(...terms([...METRICS.map(metric => [nameOf(metric), metric.explanation]), ['D', D_MEANS],
-    ['Contact', report.touching], ...report.metrics.rotation_copy ? [['Copy', COPY_MEANS]] : []]));
+    ['Contact', report.touching], ...ofRun ? [['Copy', COPY_MEANS]] : []]));
+}
+
+/** A line that says, in words and by a mark, whether a metric is within a limit; `over` is null if it has no value. */
+function limitLine(name, limit, over, factor) {
+  const most = `${name} ${String(Number((limit * factor).toPrecision(3)))}`;
+  if (over === null) return element('p', {class: 'limit'}, most);
+  return element('p', {class: over ? 'limit over' : 'limit within'},
+    element('span', {'aria-hidden': 'true'}, over ? '✗ ' : '✓ '), `${over ? 'over' : 'within'} ${most}`);
+}
+
+function cardOfClip(metric) {
+  const {key, factor, judged, comparison, whole, missing, instead} = metric, inUnits = judged === 'ratio' ? 1 : factor;
+  const {source, result, rotation_copy: copy, limits: usual} = report.metrics, value = scaled(result[key], factor);
+  const judgeable = value !== null && usual[key] !== null && (result[instead] ?? null) === null;
+  const over = judgeable && result[key] > usual[key], limits = report.limits.filter(one => one.metric === key);
+  const rows = [
+    ...judged === 'value' ? [] : [['A', scaled(source[key], factor)]],
+    ...scaled(copy?.[key], 1) === null ? [] : [['copy', scaled(copy[key], factor)]],
+    ...comparison && limits.length ? [[comparison, scaled(limits[0].value, inUnits)]] : []];
+  const big = value === null ? missing : whole ? String(value) : shown(value);
+  return cardOf(metric, element('p', {class: value === null ? 'big none' : 'big'}, big), rows, [
+    ...judgeable ? [limitLine('', usual[key], over, factor)] : [],
+    ...limits.map(one => limitLine('limit', one.limit, one.value === null ? null : one.over, inUnits))], over);
+}
+
+function buildCards() {
+  const first = metricsAt('card');
+  $('metrics').append(...first.map(cardOfClip));
+  $('other-metrics').append(...METRICS.filter(one => !first.includes(one)).map(cardOfClip));
 }
 
 function buildNotes() {
@@ -64,12 +89,11 @@ function buildWorst() {
 async function start() {
   buildHead();
   buildNotes();
-  showCards(report);
+  buildCards();
   followTheme();
   await buildPlayer();
-  const contacts = embedded('contact-table');
-  $('contacts').append(contacts.rows.length ? tableOf(contacts)
-    : element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
+  const contacts = embedded('contact-table'), none = 'No two regions of the body touch in A.';
+  $('contacts').append(contacts.rows.length ? tableOf(contacts) : element('p', {class: 'none'}, none));
   const columns = embedded('columns');
   for (const metric of metricsAt('curve')) await showCurve(metric, columns);
   buildWorst();

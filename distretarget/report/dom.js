@@ -1,14 +1,14 @@
-// Elements, numbers, colours and explanations.
+// Elements, numbers and colours.
 
 export const $ = id => document.getElementById(id);
 
-/** An element with attributes, listeners under `on`, and children; a string becomes text, never markup. */
-export function element(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name === 'on') Object.entries(value).forEach(([type, listener]) => made.addEventListener(type, listener));
-    else made.setAttribute(name, value);
-  }
+/** An element, given or by its tag, with attributes, listeners under `on`, and children; a string becomes text, never
+ * markup.
+ */
+export function element(tag, {on = {}, ...attributes} = {}, ...children) {
+  const made = typeof tag === 'string' ? document.createElement(tag) : tag;
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  for (const [type, listener] of Object.entries(on)) made.addEventListener(type, listener);
   made.append(...children);
   return made;
 }
@@ -51,13 +51,18 @@ export function showFacts(facts) {
   $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
 }
 
-// ---- colours, which the style sheet defines for both themes
+// ---- colours, each of which the style sheet defines for light and dark pages
 
 export const themed = [];
+const colours = new Map(), probe = document.body.appendChild(element('i', {hidden: ''}));
 
 /** The colour that the style sheet calls by a name. */
 export function colourOf(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  if (!colours.has(name)) {
+    probe.style.color = `var(--${name})`;
+    colours.set(name, getComputedStyle(probe).color);
+  }
+  return colours.get(name);
 }
 
 /** Calls `paint` now and whenever the colours change. */
@@ -66,53 +71,29 @@ export function onTheme(paint) {
   paint();
 }
 
-function isDark() {
-  const chosen = document.documentElement.dataset.theme;
-  return chosen ? chosen === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
-}
-
-function setTheme(theme) {
-  if (theme) document.documentElement.dataset.theme = theme;
-  $('theme').textContent = isDark() ? 'Light' : 'Dark';
-  $('theme').setAttribute('aria-label', `Use ${isDark() ? 'light' : 'dark'} colours`);
-  themed.forEach(paint => paint());
-}
-
-/** Sets the theme, and follows the button, the system and the printer from then on. */
+/** Takes light or dark colours, and follows the button, the system and the printer from then on. */
 export function followTheme() {
-  const root = document.documentElement, before = {};
-  setTheme();
-  $('theme').addEventListener('click', () => setTheme(isDark() ? 'light' : 'dark'));
-  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => setTheme());
+  const {style} = document.documentElement, dark = matchMedia('(prefers-color-scheme: dark)');
+  const use = theme => {
+    style.colorScheme = theme;
+    const other = theme === 'dark' ? 'light' : 'dark';
+    $('theme').textContent = other === 'dark' ? 'Dark' : 'Light';
+    $('theme').setAttribute('aria-label', `Use ${other} colours`);
+    colours.clear();
+    themed.forEach(paint => paint());
+  };
+  const useSystem = () => use(dark.matches ? 'dark' : 'light');
+  let before = '';
+  useSystem();
+  $('theme').addEventListener('click', () => use(style.colorScheme === 'dark' ? 'light' : 'dark'));
+  dark.addEventListener('change', useSystem);
   addEventListener('beforeprint', () => {
-    Object.assign(before, {theme: root.dataset.theme, open: $('glossary')?.open});
-    setTheme('light');
+    before = style.colorScheme;
+    use('light');
     if ($('glossary')) $('glossary').open = true;
   });
   addEventListener('afterprint', () => {
-    delete root.dataset.theme;
-    setTheme(before.theme);
-    if ($('glossary')) $('glossary').open = before.open;
+    use(before);
+    if ($('glossary')) $('glossary').open = false;
   });
-}
-
-// ---- explanations, by mouse and by keyboard
-
-/** A word whose explanation shows when it is pointed at or focused. */
-export function term(text, explanation) {
-  const word = element('span', {class: 'term', tabindex: '0', 'aria-describedby': 'tip'}, text);
-  const show = () => {
-    const tip = $('tip'), box = word.getBoundingClientRect();
-    tip.textContent = explanation;
-    tip.hidden = false;
-    tip.style.left = `${clamp(box.left, 8, Math.max(8, innerWidth - tip.offsetWidth - 8))}px`;
-    const below = box.bottom + 6 + tip.offsetHeight < innerHeight;
-    tip.style.top = `${below ? box.bottom + 6 : box.top - 6 - tip.offsetHeight}px`;
-  };
-  const hide = () => { $('tip').hidden = true; };
-  for (const [type, what] of [['mouseenter', show], ['focus', show], ['mouseleave', hide], ['blur', hide]]) {
-    word.addEventListener(type, what);
-  }
-  word.addEventListener('keydown', event => { if (event.key === 'Escape') hide(); });
-  return word;
 }

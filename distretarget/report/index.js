@@ -1,7 +1,7 @@
 // The page over all clips: head, metrics over the clips, a player, and the table with its filters.
 
-import {$, button, counted, element, embedded, followTheme, showFacts, shown, term, terms} from './dom.js';
-import {metricsAt, nameOf} from './registry.js';
+import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms} from './dom.js';
+import {cardOf, metricsAt, nameOf} from './metrics.js';
 import {buildPlayer} from './player.js';
 
 const batch = embedded('batch');
@@ -32,15 +32,15 @@ const STATUSES = [
 /** The state of the table: the column it is ordered by, downwards or not, the clips that pass, and the rows shown. */
 const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
 
-/**
- * The column of a metric: its name, its explanation, `of` for its value of a clip, and `beside`, which has names and
- * functions for the values to compare it with; the table shows the first of these.
+/** The column of a metric: `of` is its value of a clip, `beside` are names and functions for values to compare it with;
+ * the table shows the first of these.
  */
-function columnOf({key, label, symbol, explanation, judged, factor}) {
-  const scaled = suffix => clip => (clip[key + suffix] === null ? null : factor * clip[key + suffix]);
+function columnOf(metric) {
+  const {key, judged, factor} = metric;
+  const scaled = suffix => clip => (clip[key + suffix] === null ? null : factor * clip[key + suffix]), of = scaled('');
   const beside = [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]];
-  const column = {name: nameOf({label, symbol}), explanation, of: scaled(''), beside};
-  return {...column, cell: clip => [shown(column.of(clip)), element('small', {}, shown(beside[0][1](clip)))]};
+  return {...metric, name: nameOf(metric), of, beside,
+    cell: clip => [shown(of(clip)), element('small', {}, shown(beside[0][1](clip)))]};
 }
 
 function targetOf(clip) {
@@ -95,13 +95,11 @@ function buildHead() {
   $('metrics').append(...SHOWN.map(cardOfColumn));
 }
 
-function cardOfColumn({name, explanation, of, beside}) {
-  const rows = [['worst', quantile(of, 1)], ...beside.flatMap(([other, its]) => [
+function cardOfColumn(column) {
+  const rows = [['worst', quantile(column.of, 1)], ...column.beside.flatMap(([other, its]) => [
     [other, quantile(its, 0.5)], ...other === COPY ? [['copy’s worst', quantile(its, 1)]] : []])];
-  return element('div', {class: 'metric'},
-    element('h3', {}, term(name, explanation)),
-    element('p', {class: 'big'}, shown(quantile(of, 0.5)), element('small', {}, ' median')),
-    element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))));
+  const median = shown(quantile(column.of, 0.5));
+  return cardOf(column, element('p', {class: 'big'}, median, element('small', {}, ' median')), rows);
 }
 
 // ---- player
@@ -200,45 +198,32 @@ function sorted(some) {
 
 /** Shows the clips that pass the filters, in order, from the first row. */
 function refresh() {
-  const words = $('filter').value.toLowerCase().split(/\s+/), target = $('target').value;
+  const words = $('filter').value.toLowerCase().split(/\s+/);
   const [, , passes] = STATUSES.find(([key]) => key === $('status').value);
   const named = clip => {
     const text = `${clip.clip}\n${targetOf(clip)}\n${clip.error || ''}`.toLowerCase();
     return words.every(word => text.includes(word));
   };
-  const chosen = clip => passes(clip) && (!target || clip.target === Number(target));
-  Object.assign(view, {passing: sorted(clips.filter(clip => chosen(clip) && named(clip))), rows: 0});
+  Object.assign(view, {passing: sorted(clips.filter(clip => passes(clip) && named(clip))), rows: 0});
   $('rows').replaceChildren();
   addRows();
   if (!view.rows) $('rows').append(element('tr', {}, element('td', {class: 'words none', colspan: COLUMNS.length},
     clips.length ? 'No clip passes the filters.' : 'There are no clips.')));
 }
 
-/** Keeps the head of the table on the screen if its whole width fits, otherwise its first column. */
-function fit() {
-  const whole = $('rows').offsetWidth <= $('box').clientWidth;
-  $('box').classList.toggle('whole', whole);
-  $('box').classList.toggle('part', !whole);
-}
-
 /** Orders the table by a column; the same column again goes the other way. */
 function sortBy(column, down = column === view.column ? !view.down : !column.text) {
   Object.assign(view, {down, column});
   COLUMNS.forEach((one, k) => {
-    const head = $('heads').children[k];
-    if (one === column) head.setAttribute('aria-sort', down ? 'descending' : 'ascending');
-    else head.removeAttribute('aria-sort');
+    $('heads').children[k].ariaSort = one !== column ? null : down ? 'descending' : 'ascending';
   });
   refresh();
 }
 
 function buildTable() {
-  const option = (value, text, some) => new Option(`${text} (${some.length.toLocaleString('en')})`, value);
-  $('status').append(...STATUSES.map(([key, text, passes]) => option(key, text, clips.filter(passes))));
-  $('target').append(new Option('All targets', ''), ...batch.targets.map(
-    (name, k) => option(k, name, clips.filter(clip => clip.target === k))));
-  $('target').hidden = batch.targets.length < 2;
-  for (const id of ['filter', 'status', 'target']) $(id).addEventListener('input', refresh);
+  $('status').append(...STATUSES.map(([key, text, passes]) => (
+    new Option(`${text} (${clips.filter(passes).length.toLocaleString('en')})`, key))));
+  for (const id of ['filter', 'status']) $(id).addEventListener('input', refresh);
   $('more').addEventListener('click', addRows);
   for (const column of COLUMNS) {
     const [name, unit] = column.name.split(', '), [other] = column.beside?.[0] || [];
@@ -248,7 +233,6 @@ function buildTable() {
     $('heads').append(element('th', {scope: 'col', class: column.text ? 'words' : 'number'}, head));
   }
   sortBy(SHOWN[0], true);
-  [$('box'), $('rows')].forEach(place => new ResizeObserver(fit).observe(place));
 }
 
 buildHead();

@@ -33,9 +33,9 @@ STYLES = {
     "scene": ("style.css", "player.css"),
 }
 SCRIPTS = {
-    "clip": (*PLAYER, "tables.js", "registry.js", "cards.js", "curves.js", "clip.js"),
+    "clip": (*PLAYER, "tables.js", "metrics.js", "curves.js", "clip.js"),
     "audit": (),
-    "index": (*PLAYER, "registry.js", "index.js"),
+    "index": (*PLAYER, "metrics.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
 }
 IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)

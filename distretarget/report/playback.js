@@ -1,6 +1,6 @@
 // The time of a player: frames, speed, loop, jumps, and the links to frames.
 
-import {$, clamp} from './dom.js';
+import {$, clamp, element} from './dom.js';
 
 export const clock = {frame: 0, count: 1, frameTime: 1 / 30, playing: false, speed: 1, loop: null, jumps: []};
 export const watchers = [];
@@ -92,12 +92,8 @@ export function buildTransport(count, frameTime, jumps) {
   $('next').addEventListener('click', () => goTo(clock.frame + 1));
   $('loop').addEventListener('click', markLoop);
   $('speed').addEventListener('change', event => { clock.speed = Number(event.target.value); });
-  for (const kind of new Set(jumps.map(one => one.kind))) {
-    const group = document.createElement('optgroup');
-    group.label = kind;
-    group.append(...jumps.filter(one => one.kind === kind).map(({frame, text}) => new Option(text, frame)));
-    $('jump').append(group);
-  }
+  $('jump').append(...Object.entries(Object.groupBy(jumps, ({kind}) => kind)).map(([label, some]) => (
+    element('optgroup', {label}, ...some.map(({frame, text}) => new Option(text, frame))))));
   $('jump').hidden = !jumps.length;
   $('jump').addEventListener('change', event => {
     goTo(Number(event.target.value));
@@ -108,13 +104,13 @@ export function buildTransport(count, frameTime, jumps) {
 
 /** Pressing or dragging on an element, whose width stands for the whole clip, goes to the frame at that place. */
 export function dragFrames(target) {
-  const go = event => {
-    const box = target.getBoundingClientRect();
-    goTo((event.clientX - box.left) / box.width * (clock.count - 1));
+  const go = ({clientX, buttons}) => {
+    const {left, width} = target.getBoundingClientRect();
+    if (buttons) goTo((clientX - left) / width * (clock.count - 1));
   };
   target.addEventListener('pointerdown', event => {
     target.setPointerCapture(event.pointerId);
     go(event);
   });
-  target.addEventListener('pointermove', event => { if (event.buttons) go(event); });
+  target.addEventListener('pointermove', go);
 }

@@ -7,93 +7,80 @@ import {buildTransport, clock, goTo, jump, markLoop, onFrame, repaint, setPlayin
 import {Marks} from './marks.js';
 import {MOST_VIEWS, Stage} from './stage.js';
 
-const KEYS = [
-  ['Space', ' ', 'play or stop', () => setPlaying(!clock.playing)],
-  ['← →', 'ArrowLeft', 'a frame back or on; with Shift ten', event => goTo(clock.frame - (event.shiftKey ? 10 : 1))],
-  ['', 'ArrowRight', '', event => goTo(clock.frame + (event.shiftKey ? 10 : 1))],
-  ['Home End', 'Home', 'first or last frame', () => goTo(0)],
-  ['', 'End', '', () => goTo(clock.count - 1)],
-  ['B N', 'b', 'back or on to a worst frame, contact or cut', () => jump(-1)],
-  ['', 'n', '', () => jump(1)],
-  ['L', 'l', 'begin, end and leave a loop', markLoop],
-  ['A D W S', 'a', 'turn the view; with Shift move it', (event, stage) => steer(event, stage, -1, 0)],
-  ['', 'd', '', (event, stage) => steer(event, stage, 1, 0)],
-  ['', 'w', '', (event, stage) => steer(event, stage, 0, 1)],
-  ['', 's', '', (event, stage) => steer(event, stage, 0, -1)],
-  ['+ −', '+', 'zoom', (_, stage) => stage.zoom(1.2)],
-  ['', '-', '', (_, stage) => stage.zoom(1 / 1.2)],
-  ['O', 'o', 'lay bodies over each other', () => $('overlaid').click()],
-  ['F', 'f', 'follow the body', () => $('follow').click()],
-  ['T', 't', 'paths of hands and feet', () => $('trails').click()],
-  ['C', 'c', 'copy the contact below the timeline, for a contact file', () => $('copy').click()],
-  ['M', 'm', 'marks of contacts and supports', () => $('marks').click()],
-  ['R', 'r', 'reset the view', () => $('reset').click()],
-  ['P', 'p', 'save a picture', () => $('picture').click()],
-  ['X', 'x', 'full screen', () => $('full').click()],
-  ['?', '?', 'these keys', () => $('help').click()],
+const press = id => () => $(id).click();
+const step = sign => event => goTo(clock.frame + sign * (event.shiftKey ? 10 : 1));
+const steer = (x, y) => (event, stage) => (
+  event.shiftKey ? stage.pan(40 * x, 40 * y) : stage.orbit(0.12 * x, -0.12 * y));
+const KEYS = [ // what the list of keys calls them, what each does, and what the list says of them
+  ['Space', {' ': () => setPlaying(!clock.playing)}, 'play or stop'],
+  ['← →', {ArrowLeft: step(-1), ArrowRight: step(1)}, 'a frame back or on; with Shift ten'],
+  ['Home End', {Home: () => goTo(0), End: () => goTo(clock.count - 1)}, 'first or last frame'],
+  ['B N', {b: () => jump(-1), n: () => jump(1)}, 'back or on to a worst frame, contact or cut'],
+  ['L', {l: markLoop}, 'begin, end and leave a loop'],
+  ['A D W S', {a: steer(-1, 0), d: steer(1, 0), w: steer(0, 1), s: steer(0, -1)}, 'turn the view; with Shift move it'],
+  ['+ −', {'+': (_, stage) => stage.zoom(1.2), '-': (_, stage) => stage.zoom(1 / 1.2)}, 'zoom'],
+  ['O', {o: press('overlaid')}, 'lay bodies over each other'],
+  ['F', {f: press('follow')}, 'follow the body'],
+  ['T', {t: press('trails')}, 'paths of hands and feet'],
+  ['C', {c: press('copy')}, 'copy the contact below the timeline, for a contact file'],
+  ['M', {m: press('marks')}, 'marks of contacts and supports'],
+  ['R', {r: press('reset')}, 'reset the view'],
+  ['P', {p: press('picture')}, 'save a picture'],
+  ['X', {x: press('full')}, 'full screen'],
+  ['?', {'?': press('help')}, 'these keys'],
 ];
-
-function steer(event, stage, x, y) {
-  if (event.shiftKey) stage.pan(40 * x, 40 * y);
-  else stage.orbit(0.12 * x, -0.12 * y);
-}
+const ACTIONS = Object.assign({}, ...KEYS.map(([, keys]) => keys));
 
 function onKey(event) {
   const {stage} = globalThis.app || {};
   const {tagName: tag, type} = event.target, typing = tag === 'SELECT' || tag === 'INPUT' && type !== 'range';
   const presses = event.key === ' ' && ['BUTTON', 'SUMMARY'].includes(tag);
-  const found = KEYS.find(([, key]) => key === (event.key.length === 1 ? event.key.toLowerCase() : event.key));
-  if (!stage || !found || typing || presses || event.ctrlKey || event.metaKey || event.altKey || $('keys').open) return;
+  const act = ACTIONS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (!stage || !act || typing || presses || event.ctrlKey || event.metaKey || event.altKey || $('keys').open) return;
   event.preventDefault();
-  found[3](event, stage);
+  act(event, stage);
   repaint();
 }
 
 /** Makes a button switch something on and off. */
-function toggle(id, owner, name) {
+function toggle(id, owner, name, stage) {
   $(id).setAttribute('aria-pressed', owner[name]);
   $(id).addEventListener('click', () => {
     owner[name] = !owner[name];
     $(id).setAttribute('aria-pressed', owner[name]);
-    if (name === 'overlaid') owner.framed = '';
-    label(owner.stage || owner);
+    if (name === 'overlaid') relabel(stage);
     repaint();
   });
 }
 
-/** Writes the names of the sides above their views. */
-function label(stage) {
+/** Frames the views anew, and writes the names of the sides above them. */
+function relabel(stage) {
   const tone = actor => element('i', {class: `tone ${actor.tone}`});
-  const alone = side => element('span', {}, tone(side.actors[0]), side.title);
-  const several = side => [element('span', {}, side.title),
-    ...side.actors.map(actor => element('span', {class: 'one'}, tone(actor), actor.name))];
-  $('labels').replaceChildren(...stage.views.map(sides => element('div', {}, ...sides.flatMap(
-    side => (side.actors.length > 1 ? several(side) : [alone(side)])))));
+  const names = ({title, actors}) => (actors.length === 1 ? [element('span', {}, tone(actors[0]), title)] : [
+    element('span', {}, title), ...actors.map(actor => element('span', {class: 'one'}, tone(actor), actor.name))]);
+  stage.framed = '';
+  $('labels').replaceChildren(...stage.views.map(sides => element('div', {}, ...sides.flatMap(names))));
+  repaint();
 }
 
 /** Buttons that show and hide the sides, of which one stays, or a list to choose one of many. */
 function buildSides(stage) {
-  $('sides').hidden = stage.sides.length < 2;
-  if (stage.sides.length > MOST_VIEWS) {
-    $('sides').append(element('select', {'aria-label': 'File', on: {change: event => {
-      stage.sides.forEach((side, k) => { side.shown = k === event.target.selectedIndex; });
+  const {sides} = stage;
+  $('sides').hidden = sides.length < 2;
+  if (sides.length > MOST_VIEWS) {
+    $('sides').append(element('select', {'aria-label': 'File', on: {change: ({target}) => {
+      sides.forEach((side, k) => { side.shown = k === target.selectedIndex; });
       $('reset').click();
-      label(stage);
-      repaint();
-    }}}, ...stage.sides.map(({title, shown}) => new Option(title, title, shown, shown))));
+      relabel(stage);
+    }}}, ...sides.map(({title, shown}) => new Option(title, title, shown, shown))));
     return;
   }
-  for (const side of stage.sides) {
-    const made = button(side.title, () => {
-      if (side.shown && stage.views.flat().length === 1) return;
-      side.shown = !side.shown;
-      stage.framed = '';
-      made.setAttribute('aria-pressed', side.shown);
-      label(stage);
-      repaint();
-    }, {'aria-pressed': side.shown});
-    $('sides').append(made);
-  }
+  $('sides').append(...sides.map(side => button(side.title, ({target}) => {
+    if (side.shown && stage.views.flat().length === 1) return;
+    side.shown = !side.shown;
+    target.setAttribute('aria-pressed', side.shown);
+    relabel(stage);
+  }, {'aria-pressed': side.shown})));
 }
 
 function look(id, stage, azimuth, elevation) {
@@ -119,8 +106,8 @@ function savePicture(stage) {
 }
 
 function buildKeys() {
-  $('key-list').append(...KEYS.filter(([name]) => name).flatMap(([name, , text]) => [
-    element('dt', {}, ...name.split(' ').flatMap(key => [element('kbd', {}, key), ' '])), element('dd', {}, text)]));
+  $('key-list').append(...KEYS.flatMap(([names, , text]) => [
+    element('dt', {}, ...names.split(' ').flatMap(key => [element('kbd', {}, key), ' '])), element('dd', {}, text)]));
   $('help').addEventListener('click', () => $('keys').showModal());
   $('close').addEventListener('click', () => $('keys').close());
   $('keys').addEventListener('close', () => $('player').focus());
@@ -151,7 +138,7 @@ export async function buildPlayer(data = embedded('stage')) {
   }
   const marks = new Marks(stage, rows);
   buildSides(stage);
-  toggle('overlaid', stage, 'overlaid');
+  toggle('overlaid', stage, 'overlaid', stage);
   toggle('follow', stage, 'follow');
   toggle('trails', marks, 'trails');
   toggle('marks', marks, 'shown');
@@ -163,7 +150,7 @@ export async function buildPlayer(data = embedded('stage')) {
   $('picture').addEventListener('click', () => savePicture(stage));
   $('full').addEventListener('click', () => (
     document.fullscreenElement ? document.exitFullscreen() : $('stage-box').requestFullscreen()));
-  label(stage);
+  relabel(stage);
   new ResizeObserver(repaint).observe(canvas);
   onFrame(frame => {
     marks.update(frame, data.frame_time);

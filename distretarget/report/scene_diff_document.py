@@ -114,9 +114,8 @@ def metric_table(document: SceneDiffDocument) -> Table:
     sides = [one["metrics"][side] for one in document["performers"].values() for side in ("source", "result")]
     rows: list[list[str | int]] = []
     for metric in METRICS:
-        values = [side.get(metric.key) for side in sides]
-        name = f"{metric.label} [{metric.unit}]" if metric.unit else metric.label
-        rows.append([name, *("" if value is None else f"{value:.4g}" for value in values)])
+        name = f"{metric.label}, {metric.symbol}" if metric.symbol else metric.label
+        rows.append([name, *(metric.brief(side.get(metric.key)) for side in sides)])
     columns = ["metric", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
     return {"title": "Metrics of each performer", "columns": columns, "rows": rows}
 

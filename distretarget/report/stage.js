@@ -42,7 +42,7 @@ export class Stage {
 
   build(repaint) {
     Object.assign(this, {repaint, drawn: -Infinity});
-    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE, stencil: true});
+    this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE});
     this.renderer.setScissorTest(true);
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(26, 1, 0.05, 100);
@@ -70,8 +70,8 @@ export class Stage {
   centre(side, frame) {
     const leads = side.actors.filter(({role}) => role !== 'prop'), sum = [0, 0];
     const seen = leads.length ? leads : side.actors;
+    side.actors.forEach(({motion}) => motion.place(frame));
     for (const {motion, centre} of seen) {
-      motion.place(frame);
       sum[0] += motion.positions[3 * centre] / seen.length;
       sum[1] += motion.positions[3 * centre + 2] / seen.length;
     }
@@ -84,11 +84,10 @@ export class Stage {
     for (let k = 0; k < SAMPLES; k++) {
       const frame = Math.round(k * (this.frames - 1) / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
       let across = 0, top = 0;
-      for (const {motion, crown} of side.actors) {
-        motion.place(frame);
-        for (let joint = 0; joint < motion.positions.length; joint += 3) {
-          across = Math.max(across, Math.hypot(motion.positions[joint] - x, motion.positions[joint + 2] - z));
-          top = Math.max(top, motion.positions[joint + 1] + crown);
+      for (const {motion: {positions: p}, crown} of side.actors) {
+        for (let at = 0; at < p.length; at += 3) {
+          across = Math.max(across, Math.hypot(p[at] - x, p[at + 2] - z));
+          top = Math.max(top, p[at + 1] + crown);
         }
       }
       wide.push(across);
@@ -96,7 +95,7 @@ export class Stage {
       middle[0] += x / SAMPLES;
       middle[1] += z / SAMPLES;
     }
-    const most = values => values.sort((p, q) => p - q)[Math.floor(0.9 * (values.length - 1))];
+    const most = values => values.sort((p, q) => q - p)[2]; // what a pose before the motion does is left out
     return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.06, 0.5, 20), middle};
   }
 
@@ -120,9 +119,8 @@ export class Stage {
 
   /** Goes so far away that the whole room is in view, where the views have changed since the last time. */
   frame(aspect) {
-    const key = `${aspect.toFixed(2)}`;
-    if (key === this.framed) return;
-    this.framed = key;
+    if (this.framed === aspect.toFixed(2)) return;
+    this.framed = aspect.toFixed(2);
     const slope = 2 * Math.tan(this.camera.fov * Math.PI / 360), {high, across} = this.room;
     const away = Math.max(1.1 * high, across / aspect) / slope + 0.3 * across;
     this.camera.position.sub(this.controls.target).setLength(away).add(this.controls.target);

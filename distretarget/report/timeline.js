@@ -1,8 +1,11 @@
 // The timeline: a row for each contact and each support, coloured by how far it is off.
 
-import {$, button, colourOf, element, onTheme, shown} from './dom.js';
+import {$, button, element, shown} from './dom.js';
 import {clock, dragFrames, goTo, onFrame, repaint} from './playback.js';
 import {unpacked} from './motion.js';
+
+const PARTS = 1000; // of a row, at most: of frames that share one the worst is shown
+const MARKS = {found: ['line-strong', 'top'], dropped: ['violet', 'center'], added: ['b', 'bottom']};
 
 /** How far a row is off at a frame, in its unit. */
 export function offAt({codes, top}, frame) {
@@ -15,32 +18,41 @@ export function levelAt(row, frame) {
   return value <= limit ? 'within' : value <= 2 * limit ? 'warm' : 'over';
 }
 
-/** Draws the spans of a row; of frames that share a pixel the worst is drawn. */
-function drawRow(canvas, row) {
-  const width = Math.round(canvas.clientWidth * devicePixelRatio), context = canvas.getContext('2d');
-  if (!width) return;
-  Object.assign(canvas, {width, height: 3});
-  for (const {frames: [from, last], mark} of row.marked) {
-    const left = Math.floor(from * width / clock.count), right = Math.ceil((last + 1) * width / clock.count);
-    context.fillStyle = colourOf({found: 'line-strong', dropped: 'violet', added: 'b'}[mark]);
-    context.fillRect(left, {found: 0, dropped: 1, added: 2}[mark], right - left, 1);
-  }
-  for (let x = 0; x < width; x++) {
-    const first = Math.floor(x * clock.count / width), next = Math.floor((x + 1) * clock.count / width);
-    const end = Math.max(next, first + 1);
+/** A background of stripes from one place of the clip to another, 0 to 1, each in the colour of a name. */
+function stripes(parts) {
+  const stops = parts.flatMap(([from, to, tone]) => [
+    `transparent ${100 * from}%`, `var(--${tone}) ${100 * from}% ${100 * to}%`, `transparent ${100 * to}%`]);
+  return `linear-gradient(to right, ${['transparent', ...stops, 'transparent'].join()})`;
+}
+
+/** The times in which a row holds, as `stripes` takes them. */
+function levels(row) {
+  const step = Math.ceil(clock.count / PARTS), made = [];
+  for (let first = 0; first < clock.count; first += step) {
     let worst = first;
+    const end = Math.min(first + step, clock.count), from = first / clock.count, last = made.at(-1);
     for (let frame = first; frame < end; frame++) if (row.codes[frame] > row.codes[worst]) worst = frame;
-    if (!row.codes[worst]) continue;
-    context.fillStyle = colourOf(levelAt(row, worst));
-    context.fillRect(x, 0, 1, row.marked.some(({frames: [from, last], mark}) => (
-      mark === 'added' && from < end && first <= last)) ? 2 : 3);
+    const tone = row.codes[worst] ? levelAt(row, worst) : '';
+    if (last && last[1] === from && last[2] === tone) last[1] = end / clock.count;
+    else if (tone) made.push([from, end / clock.count, tone]);
   }
+  return made;
+}
+
+/** The backgrounds of a row: thin stripes of what was found, dropped or added, and below them those of its levels. */
+function backgrounds(row) {
+  const thin = Object.entries(MARKS).flatMap(([mark, [tone, place]]) => {
+    const own = row.marked.filter(one => one.mark === mark);
+    const spans = own.map(({frames: [first, last]}) => [first / clock.count, (last + 1) / clock.count, tone]);
+    return own.length ? [`${stripes(spans.sort(([p], [q]) => p - q))} ${place} / 100% 4px no-repeat`] : [];
+  });
+  return [...thin, `${stripes(levels(row))} var(--soft)`].join();
 }
 
 /** What a contact file says of the contact of a row that is nearest to a frame; nothing of a row that is none. */
 function entryAt({marked}, frame) {
   const away = ({frames: [from, last]}) => Math.max(from - frame, frame - last, 0);
-  return marked.length ? marked.reduce((best, one) => (away(one) < away(best) ? one : best)) : null;
+  return marked.toSorted((one, other) => away(one) - away(other))[0] || {};
 }
 
 /** Shows the entry of the row that was pointed at or focused last, with a button that copies it. */
@@ -48,59 +60,51 @@ function buildCopying(parts) {
   let chosen = parts.find(({row}) => row.marked.length), copied = '';
   $('copying').hidden = !chosen;
   if (!chosen) return;
-  const show = frame => {
-    const {json, mark} = entryAt(chosen.row, frame) || {};
+  for (const part of parts) {
+    const choose = () => {
+      chosen = part;
+      repaint();
+    };
+    part.name.addEventListener('focus', choose);
+    for (const one of [part.name, part.track]) one.addEventListener('pointerenter', choose);
+  }
+  $('copy').addEventListener('click', async () => {
+    copied = entryAt(chosen.row, clock.frame).json;
+    await navigator.clipboard?.writeText(copied).catch(() => null);
+    repaint();
+  });
+  onFrame(frame => {
+    const {json, mark} = entryAt(chosen.row, frame);
     $('entry').textContent = json ? `${json === copied ? 'copied' : mark}: ${json}` : `no entry for ${chosen.row.name}`;
     $('copy').disabled = !json;
     for (const {name, row} of parts) name.classList.toggle('chosen', row === chosen.row);
-  };
-  for (const part of parts) {
-    for (const [one, type] of [[part.name, 'focus'], [part.name, 'pointerenter'], [part.canvas, 'pointerenter']]) {
-      one.addEventListener(type, () => {
-        chosen = part;
-        repaint();
-      });
-    }
-  }
-  $('copy').addEventListener('click', async () => {
-    const {json} = entryAt(chosen.row, clock.frame);
-    await navigator.clipboard?.writeText(json).catch(() => null);
-    copied = json;
-    repaint();
   });
-  onFrame(show);
 }
 
 /** Builds the rows of the timeline and returns them with their codes unpacked: 0, or how far off they are. */
 export async function buildTimeline(rows) {
-  const made = await Promise.all(rows.map(async row => ({...row, codes: await unpacked(row.codes, Uint8Array),
-    spots: row.spots && await unpacked(row.spots, Uint16Array)})));
-  $('timeline').hidden = !made.length;
-  const parts = made.map(row => {
-    const canvas = element('canvas', {role: 'img', 'aria-label': `${row.name}: ${row.account}`});
-    const value = element('output', {});
-    const worst = row.codes.reduce((best, code, frame) => (code > row.codes[best] ? frame : best), 0);
-    const title = `${row.name}: ${row.account}; go to the worst frame`;
-    const name = button(row.name, () => goTo(worst), {class: 'name', title});
-    dragFrames(canvas);
-    $('timeline').append(name, element('div', {class: 'track'}, canvas), value);
-    return {row, canvas, name, value};
-  });
+  const parts = await Promise.all(rows.map(async data => {
+    const row = {...data, codes: await unpacked(data.codes, Uint8Array),
+      spots: data.spots && await unpacked(data.spots, Uint16Array)};
+    const worst = row.codes.indexOf(row.codes.reduce((p, q) => Math.max(p, q))), told = `${row.name}: ${row.account}`;
+    const name = button(row.name, () => goTo(worst), {class: 'name', title: `${told}; go to the worst frame`});
+    const track = element('div', {class: 'track', role: 'img', 'aria-label': told}), value = element('output');
+    track.style.background = backgrounds(row);
+    dragFrames(track);
+    return {row, track, name, value};
+  }));
+  $('timeline').hidden = !parts.length;
+  $('timeline').append(...parts.flatMap(({name, track, value}) => [name, track, value]));
   buildCopying(parts);
   const line = $('timeline').appendChild(element('i', {class: 'line'}));
-  const drawAll = () => parts.forEach(({canvas, row}) => drawRow(canvas, row));
-  new ResizeObserver(drawAll).observe($('timeline'));
-  onTheme(drawAll);
   onFrame(frame => {
     for (const {row, value} of parts) {
       const code = row.codes[frame];
       value.textContent = code && row.unit ? `${shown(offAt(row, frame))} ${row.unit}` : '';
       value.className = code ? levelAt(row, frame) : '';
     }
-    if (parts.length) {
-      const {offsetLeft, clientWidth} = parts[0].canvas.parentElement;
-      line.style.left = `${offsetLeft + (frame + 0.5) / clock.count * clientWidth}px`;
-    }
+    const {offsetLeft = 0, clientWidth = 0} = parts[0]?.track || {};
+    line.style.left = `${offsetLeft + (frame + 0.5) / clock.count * clientWidth}px`;
   });
-  return made;
+  return parts.map(({row}) => row);
 }
