@@ -27,7 +27,8 @@ Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 LowestOf = Callable[[Array, Numbers, Array, Array], Array]
 
-AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there]
+AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there], ...
+TRUNK = ("chest", "belly", "pelvis")  # ... and on all skin of these segments
 BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
 DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
 
@@ -131,11 +132,13 @@ class Underside:
         return np.asarray(np.unique(around[around >= 0]))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
-        """The vertices that stand for the skin nearer to a joint than `reach`, those of each segment."""
+        """The vertices that stand for the skin nearer to a joint than `reach`, and for all of the trunk next to it, those
+        of each segment.
+        """
         segments, away = self.segments[_carriers(mesh)], mesh.vertices - self.body.skeleton.rest_positions[joint]
         near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
-        for segment in self._segments_about(joint):
-            own = np.flatnonzero(near & (segments == segment))
+        for segment in self._segments_about(joint).tolist():
+            own = np.flatnonzero((near | (SEGMENTS[segment] in TRUNK)) & (segments == segment))
             chosen.append(own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own)
         return np.concatenate(chosen)
 
