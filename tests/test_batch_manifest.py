@@ -152,6 +152,28 @@ def test_metrics_of_another_version_are_put_aside(manifest, tmp_path):
     assert rows.with_name("metrics.old.csv").read_text().startswith("row,output,beauty")
 
 
+def test_rows_of_metrics_are_sorted_by_output_whichever_was_done_first(tmp_path):
+    tables = []
+    for names in (("b.bvh", "a, 1.bvh", "c.bvh"), ("c.bvh", "b.bvh", "a, 1.bvh")):
+        manifest = Manifest(tmp_path / names[0])
+        for name in names:
+            manifest.add(done(clip(name), **measured()))
+        manifest.sort_metrics()
+        tables.append((tmp_path / names[0] / METRICS).read_bytes())
+    assert tables[0] == tables[1]
+    assert [line.split(b",")[1] for line in tables[0].splitlines()] == [b"output", b'"a', b"b.bvh", b"c.bvh"]
+
+
+def test_a_run_finds_rows_that_another_has_sorted_meanwhile(manifest, tmp_path):
+    one, other = (done(clip(name), **measured()) for name in ("b.bvh", "a.bvh"))
+    manifest.add(one)
+    manifest.add(other)
+    Manifest(tmp_path / "out").sort_metrics()
+    assert all(is_done(manifest, each, text_hash(OUTPUT)) for each in (one, other))
+    manifest.add(done(clip("c.bvh"), **measured()))
+    assert len((tmp_path / "out" / METRICS).read_text().splitlines()) == 4
+
+
 def test_a_clip_takes_few_bytes(manifest):
     """Settings stand once, metrics elsewhere."""
     names = [f"day_12/walk_{number:03}.bvh" for number in range(50)]

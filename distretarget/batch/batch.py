@@ -128,6 +128,7 @@ class Batch:
         try:
             for result in convert_all(workers, self._jobs(workers.count, count)):
                 self._finish(result, count)
+            manifest.sort_metrics()
             records = [*manifest.latest(self.clips)]
             tally.alignments = [*spread_warnings(records)]
             for result in convert_all(workers, self._report_jobs(records)):

@@ -133,6 +133,11 @@ class Manifest:
             name, settings = settings_line(record)
             self._lines.add(*([] if name in self._settings else [settings]), clip_line(record, name, row))
 
+    def sort_metrics(self) -> None:
+        """Order the rows of metrics by output; raise a FileError if that fails."""
+        with self.locked():
+            self._rows.sort()
+
     def confirm(self, output: str, output_hash: str) -> None:
         """Repeat the line of an output that is done, if a later line is about a failure or another result."""
         if self._made[output, output_hash] != self._last[output] and (record := self._record_of(output, output_hash)):

@@ -1,6 +1,7 @@
 """The table `metrics.csv` in a folder of results: a row for each clip that was measured.
 
-A row is found by the hash of what it says, which is its first cell, so that a damaged row is not used.
+A row is found by the hash of what it says, which is its first cell, so that a damaged row is not used. Rows are added
+as clips are done, and sorted by output at the end of a run.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import TypedDict
 
 from distretarget.batch.journal import Journal
 from distretarget.batch.plan import METRICS as NAME
+from distretarget.io.files import write_whole
 from distretarget.measure.metrics import COLUMNS as METRICS
 
 TEXTS = ("verdict", "warnings", "notes", "alignment")
@@ -80,9 +82,13 @@ class MetricRows:
     """The rows in a folder of results."""
 
     def __init__(self, folder: Path, lock: AbstractContextManager[object]) -> None:
+        self._path, self._lock = folder / NAME, lock
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin to read the file again with its first row."""
         self._starts: dict[str, int] = {}  # where each row begins [bytes], by its name
-        self._lock = lock
-        self._journal = Journal(folder / NAME, lock, self._note)
+        self._journal = Journal(self._path, self._lock, self._note)
 
     def add(self, output: str, measured: Measured) -> str:
         """Add the row of an output, unless it is there, and return its name; a FileError if that fails.
@@ -99,20 +105,37 @@ class MetricRows:
     def find(self, name: str) -> Measured | None:
         """Return what the row with this name says; None if there is none."""
         self._journal.catch_up()
-        lines = self._journal.lines_at([self._starts[name]]) if name in self._starts else ()
-        return next(map(parse_row, lines), None)
+        if name in self._starts and self._line(name) is None:  # another run has sorted the rows
+            self._forget()
+            self._journal.catch_up()
+        line = self._line(name)
+        return None if line is None else parse_row(line)
+
+    def _line(self, name: str) -> bytes | None:
+        """The row with this name, if it is where it was."""
+        start = self._starts.get(name)
+        line = b"" if start is None else next(self._journal.lines_at([start]))
+        return line if _name_in(line) == name else None
+
+    def sort(self) -> None:
+        """Order the rows by output, so that the same clips leave the same file whichever was done first."""
+        self._journal.catch_up()
+        if not self._starts:
+            return
+        ordered = sorted(self._journal.lines_at(self._starts.values()), key=lambda row: row.partition(b",")[2])
+        rows = [row.rstrip(b"\n") + b"\n" for row in ordered if row.rstrip(b"\n") != HEADER]
+        write_whole(self._path, [HEADER + b"\n", *rows], overwrite=True)
+        self._forget()
 
     def _has_header(self) -> bool:
         """Whether the file begins as this version writes it; one of another version is put aside."""
-        path = self._journal.path
-        if not path.exists():
+        if not self._path.exists():
             return False
-        with path.open("rb") as file:
+        with self._path.open("rb") as file:
             first = file.readline()
         if first and first.rstrip(b"\n") != HEADER:
-            path.replace(path.with_suffix(".old.csv"))
-            self._starts.clear()
-            self._journal = Journal(path, self._lock, self._note)
+            self._path.replace(self._path.with_suffix(".old.csv"))
+            self._forget()
             return False
         return bool(first)
 
