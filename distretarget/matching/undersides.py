@@ -132,7 +132,7 @@ class Underside:
         return np.asarray(np.unique(around[around >= 0]))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
-        """The vertices that stand for the skin nearer to a joint than `reach`, and for all skin of the trunk next to it."""
+        """The vertices that stand for the skin nearer to a joint than `reach`, and for all of the trunk around it."""
         segments, away = self.segments[_carriers(mesh)], mesh.vertices - self.body.skeleton.rest_positions[joint]
         near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
         for segment in self._segments_about(joint).tolist():
