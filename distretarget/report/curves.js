@@ -37,9 +37,10 @@ export async function showCurve(metric, columns) {
   const known = Float32Array.from(lines.flatMap(({values}) => [...values]).filter(value => !Number.isNaN(value)));
   const most = known.reduce((p, q) => Math.max(p, q), least), top = axisTop(known, most, least);
   const end = top < most ? `${shown(top)}+` : shown(top);
-  const picture = element(svg('svg'), {viewBox: `0 0 ${clock.count} ${HEIGHT}`, preserveAspectRatio: 'none', role: 'img',
-    'aria-label': `${nameOf(metric)} over time, axis to ${end}`},
-  ...lines.map(({name, values}) => element(svg('path'), {class: `of-${name}`, d: pathOf(values, top)})));
+  const box = {viewBox: `0 0 ${clock.count} ${HEIGHT}`, preserveAspectRatio: 'none'};
+  const label = {role: 'img', 'aria-label': `${nameOf(metric)} over time, axis to ${end}`};
+  const paths = lines.map(({name, values}) => element(svg('path'), {class: `of-${name}`, d: pathOf(values, top)}));
+  const picture = element(svg('svg'), {...box, ...label}, ...paths);
   const readout = element('output', {class: 'readout'}), line = element('i', {class: 'line'});
   const none = known.length ? '' : element('span', {class: 'none'}, missing || 'nothing to measure');
   const plot = element('div', {class: 'plot'}, picture, line, none);
