@@ -192,17 +192,51 @@ def test_a_hanging_arm_touches_nothing():
     assert not measured(skin, hanging).touching.any()
 
 
+def arms_in_front(*bends):
+    """Both arms reach forwards, a frame for each angle off the T-pose [degrees]; at 110 the hands are in each other."""
+    rotations = np.tile(PERSON.unturned, (len(bends), 1, 1))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        turns = Rotation.from_euler("Y", -sign * np.array(bends)[:, None], degrees=True)
+        rotations[:, ROLES[f"{side}UpperArm"]] = turns.as_quat()
+    return Motion(PERSON, np.tile(PERSON.rest_positions[0], (len(bends), 1)), rotations, "0.02")
+
+
 def test_two_hands_touch_each_other_once_each():
     _, capsules = round_body()
-    rotations = np.tile(PERSON.unturned, (1, 1, 1))
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        bend = Rotation.from_euler("Y", -sign * 110, degrees=True).as_quat()
-        rotations[0, ROLES[f"{side}UpperArm"]] = bend
-    clap = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.02")
+    clap = arms_in_front(110)
     found = measured(find_skin(BODY, capsules), clap)
     np.testing.assert_array_equal(found.touching, [[1, 1, 0, 0]])
     apart = np.linalg.norm(clap.positions[0, HANDS[0]] - clap.positions[0, HANDS[1]])
     np.testing.assert_allclose(found.deepest, 100 / BODY.height * np.array([[2 * HAND - apart] * 2 + [0, 0]]), atol=0.3)
+
+
+def with_forearms(share):
+    """The body of balls with one more on each forearm, at a share of the way from the elbow to the wrist."""
+    _, capsules = round_body()
+    elbows, wrists = [ROLES["leftLowerArm"], ROLES["rightLowerArm"]], PERSON.offsets[HANDS]
+    return Capsules(
+        np.append(capsules.joints, elbows),
+        np.concatenate([capsules.ends, np.repeat(share * wrists[:, None], 2, axis=1)]),
+        np.concatenate([capsules.radii, np.full((2, 2), HAND)]),
+        np.append(capsules.segments, [SEGMENTS.index("left forearm"), SEGMENTS.index("right forearm")]),
+    )
+
+
+def test_hands_that_are_apart_are_off_by_their_gap_whatever_else_the_arms_have():
+    clap, apart = arms_in_front(110), arms_in_front(100)
+    found = measured(find_skin(BODY, with_forearms(0.2)), apart, source=clap)
+    np.testing.assert_array_equal(found.touching, [[1, 1, 0, 0]])
+    gap = np.linalg.norm(apart.positions[0, HANDS[0]] - apart.positions[0, HANDS[1]]) - 2 * HAND
+    assert gap > 0.1
+    np.testing.assert_allclose(found.gap_error[0, :2], 100 / BODY.height * gap, rtol=0.05)
+
+
+def test_forearms_that_touch_in_the_source_may_touch_by_their_hands():
+    clap = arms_in_front(110)
+    source_skin, skin = find_skin(BODY, with_forearms(1.0)), find_skin(BODY, with_forearms(0.2))
+    found = measured(skin, clap, source_skin, clap)
+    np.testing.assert_array_equal(found.touching, [[1, 1, 1, 1]])
+    np.testing.assert_allclose(found.gap_error, 0, atol=0.3)
 
 
 # ---- in a run

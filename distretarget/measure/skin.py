@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,9 @@ def _are(limb: str, parts: tuple[str, ...]) -> list[bool]:
 # (limbs, segments), the parts of the body that a limb can touch, all but its own arm; and those beside its arm.
 TOUCHABLE = ~np.array([_are(limb, OWN_ARM) for limb in LIMBS])
 BESIDE = np.array([_are(limb, BESIDE_ARM) for limb in LIMBS])
+# (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
+# at the wrist, which is not at the same place of every mesh.
+HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +111,7 @@ class SkinMeasured:
         deepest: (frames, limbs), how deep each is inside other parts of the body [% of height].
         inside: (frames,), how much of them is [% of the vertices].
         gap_error: (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the
-            heights; what overlaps there may just touch [% of height].
+            heights; what overlaps there may just touch; a forearm's gap is that of the arm from the elbow [% of height].
         touching: (frames, limbs), the number of parts of the body that it touches there.
     """
 
@@ -152,11 +156,14 @@ class SourceSkin:
             frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
             reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (block.stop - block.start, 1, 1))
             there = PLACE[:-1] == PLACE[segment][:, None]
-            for part in range(len(SEGMENTS)):
-                reach[frame[there[:, part]], limb[there[:, part]], part] = np.inf
+            for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
+                reach[frame[there[:, part]], either[there[:, part]], part] = np.inf
+            between = reach[:, :, : len(LIMBS)]
+            between[:] = np.maximum(between, between.transpose(0, 2, 1))
             depths, vertices[block] = _depths(skin, result, block, reach)
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            gaps[rows] = -np.where(there, depths[frame, limb], -np.inf).max(axis=1, initial=-np.inf)
+            of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
+            gaps[rows] = -np.where(there, of_arm, -np.inf).max(axis=1, initial=-np.inf)
 
         if frames:
             over_blocks(measure, *result.positions.shape[:2])
@@ -190,7 +197,9 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
                 touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
             rows = np.nonzero(touching)
             found[0].append(np.stack([rows[0] + block.start, *rows[1:]]))
-            found[1].append(-100.0 / skin.height * depths[rows])
+            frame, limb, segment = rows
+            of_arm = np.maximum(depths[rows], depths[frame, HAND[limb], segment])
+            found[1].append(-100.0 / skin.height * of_arm)
     return SourceSkin(target=target, touches=np.concatenate(found[0], axis=1), gaps=np.concatenate(found[1]))
 
 
