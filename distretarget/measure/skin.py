@@ -111,7 +111,7 @@ class SkinMeasured:
         deepest: (frames, limbs), how deep each is inside other parts of the body [% of height].
         inside: (frames,), how much of them is [% of the vertices].
         gap_error: (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the
-            heights; what overlaps there may just touch; a forearm's gap is that of the arm from the elbow [% of height].
+            heights; what overlaps there may just touch; a forearm's gap is the least of forearm and hand [% of height].
         touching: (frames, limbs), the number of parts of the body that it touches there.
     """
 
