@@ -60,6 +60,13 @@ def nasty(name=NASTY):
     return compared(swaying(PERSON, 8, seed=1), replace(motion, skeleton=replace(body, names=names)), name)
 
 
+def from_t_pose(frames=60):
+    """A person who stands, after a first frame in T-pose."""
+    down = np.r_[0.0, np.ones(frames - 1)][:, None] * [0.0, 0.0, 1.4]
+    turns = {"LeftShoulder": -down, "RightShoulder": down}
+    return posed(PERSON, turns, np.tile([0.0, 0.9, 0.0], (frames, 1)))
+
+
 def asked_run():
     """A clap that is dropped in some frames, and a contact that is made."""
     contacts = (
@@ -74,6 +81,7 @@ MADE = {
     "asked": lambda: run_page(asked_run(), About(a="a", b="b")),
     "one frame": lambda: compared(still(1), still(1)),
     "no contacts": lambda: compared(still(5), still(5)),
+    "T-pose": lambda: compared(from_t_pose(), from_t_pose()),
     "nasty": nasty,
     "long name": lambda: nasty(10_000 * "x"),
     "Z up": lambda: compared(*[moved(swaying(PERSON, 40), Z_UP)] * 2),
@@ -332,6 +340,41 @@ def test_on_a_phone_a_finger_turns_the_view_and_nothing_is_cut(opened):
             settle(tab)
             assert tab.evaluate("document.scrollingElement.scrollWidth") <= width
             assert not tab.evaluate(CUT, width)
+
+
+@pytest.mark.parametrize("width", [390, 1360])
+def test_a_pose_before_the_motion_is_in_view(opened, width):
+    tab = opened("T-pose", width=width, height=844)
+    off = tab.evaluate("""() => Math.max(...app.stage.actors.flatMap(({mesh}) => {
+        const x = new THREE.Vector3(), at = k => mesh.localToWorld(mesh.getVertexPosition(k, x));
+        return [...mesh.geometry.attributes.position.array.keys()].filter(k => k % 3 === 0)
+            .map(k => Math.abs(at(k / 3).project(app.stage.camera).x));
+    }))""")
+    assert 0.2 < off < 1
+
+
+def test_curves_that_are_out_of_view_wait_until_the_clip_stops(opened):
+    tab = opened(width=1360, height=768)
+    moved_on = """() => new Promise(done => {
+        const first = app.clock.frame;
+        app.setPlaying(true);
+        onFrame(frame => { if (frame > first + 10) done(); });
+    })"""
+
+    def line():
+        return tab.locator(".curve .line").last.get_attribute("style")
+
+    before = line()
+    tab.evaluate(moved_on)
+    assert line() == before
+    tab.evaluate("app.setPlaying(false)")
+    settle(tab)
+    stopped = line()
+    assert stopped != before
+    tab.locator(".curve").last.scroll_into_view_if_needed()
+    settle(tab)
+    tab.evaluate(moved_on)
+    assert line() != stopped
 
 
 def test_the_player_and_its_controls_are_on_the_first_screen(opened):

@@ -24,9 +24,13 @@ def page(name):
     return scene_page(setup.retargeted(), setup.names)
 
 
+def data_in(text, part):
+    (found,) = re.findall(rf'<script type="application/json" id="{part}">(.*?)</script>', text, re.DOTALL)
+    return json.loads(found)
+
+
 def data(name, part="stage"):
-    (text,) = re.findall(rf'<script type="application/json" id="{part}">(.*?)</script>', page(name), re.DOTALL)
-    return json.loads(text)
+    return data_in(page(name), part)
 
 
 def test_everybody_and_everything_is_in_it():
@@ -59,10 +63,9 @@ def test_rows_of_performers_with_skins_are_of_gaps_between_these():
     setup = load_scene(SAMPLES / "scenes" / "high_five" / "scene.json")
     motions = setup.read()[0]
     result = retarget_scene(motions, [motion.rigid_skeleton for motion in motions], skin="average")
-    (text,) = re.findall(
-        r'<script type="application/json" id="stage">(.*?)</script>', scene_page(result, setup.names), re.DOTALL
-    )
-    rows = {row["name"]: row for row in json.loads(text)["rows"]}
+    stage, numbers = (data_in(scene_page(result, setup.names), part) for part in ("stage", "numbers"))
+    assert numbers[0]["rows"][0][3] == result.skin_gaps[0, 1].worst.frame
+    rows = {row["name"]: row for row in stage["rows"]}
     one, other = setup.names
     row = rows[f"{one}'s right hand - {other}'s right hand"]
     assert row["unit"] == BY_KEY["skin_gap"].symbol

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton, load_target
 from distretarget.body.body import Body
-from distretarget.body.build import Build
+from distretarget.body.build import BUILDS, Build, average_build
 from distretarget.body.segments import find_segments
 from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.errors import SkeletonFileError
@@ -153,6 +153,16 @@ def test_an_average_hand_is_about_as_long_as_hands_are():
     on = capsules.segments == SEGMENTS.index("left hand")
     reach = (np.linalg.norm(ends[on], axis=2) + capsules.radii[on]).max()
     assert 0.095 < reach / HEIGHT < 0.14
+
+
+@pytest.mark.parametrize("name", BUILDS)
+def test_average_toes_are_side_by_side_without_gaps_and_begin_at_the_foot(name):
+    parts = average_build(name).parts
+    toes, foot = parts["left toes"], parts["left foot"]
+    order = toes[:, 0, 1].argsort()
+    starts = toes[order, 0]
+    assert (np.diff(starts[:, 1]) < starts[1:, 3] + starts[:-1, 3]).all()
+    assert (starts[:, 0] - starts[:, 3]).max() < (foot[:, 1, 0] + foot[:, 1, 3]).max()
 
 
 def test_an_average_body_scales_and_is_symmetric():

@@ -75,7 +75,9 @@ def _parts(body: Body) -> Iterator[Part]:
         elif limb == "foot":
             is_toes = names.get(carrier, "").endswith("Toes")
             axis = _foot_axis(body, side)
-            yield Part(carrier, joints, segment, axis=axis, level=up, closed=(not is_toes, True), most=2)
+            yield Part(
+                carrier, joints, segment, axis=axis, level=up, closed=(not is_toes, True), most=4 if is_toes else 2
+            )
         elif limb == "hand":
             is_palm = carrier == roles.get(f"{side}Hand")
             is_thumb = "Thumb" in names.get(carrier, "")

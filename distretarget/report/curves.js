@@ -53,5 +53,5 @@ export async function showCurve(metric, columns) {
     readout.replaceChildren(...lines.flatMap(({values, name}) => [
       lines.length > 1 ? element('small', {class: `of-${name}`}, name.toUpperCase()) : '',
       element('b', {}, shown(scaled(values[frame], 1)))]));
-  });
+  }, plot);
 }

@@ -6,9 +6,15 @@ export const clock = {frame: 0, count: 1, frameTime: 1 / 30, playing: false, spe
 export const watchers = [];
 let seconds = 0, before = 0, waiting = false;
 
-/** Calls `watch` with the frame for each picture, and in an order such that those watching first are called first. */
-export function onFrame(watch) {
-  watchers.push(watch);
+/** Calls `watch` with the frame for each picture, those watching first at first; during playback only while `place`, an
+ * element, is in view.
+ */
+export function onFrame(watch, place = null) {
+  let seen = true;
+  watchers.push(frame => {
+    if (seen || !clock.playing) watch(frame);
+  });
+  if (place) new IntersectionObserver(([{isIntersecting}]) => { seen = isIntersecting; }).observe(place);
   repaint();
 }
 

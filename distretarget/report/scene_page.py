@@ -97,7 +97,9 @@ def _skin_gaps_of_result(result: SceneResult, names: Sequence[str]) -> Iterator[
     """The table of gaps between skins; none where fewer than two performers have skins."""
     rows: list[list[str | int]] = []
     for (i, j), gap in result.skin_gaps.items():
-        told = [f"{gap.error:.1f}", str(gap.worst.frame), " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
+        told: list[str | int] = (
+            [f"{gap.error:.1f}", gap.worst.frame, " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
+        )
         rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told])
     if rows:
         title = "Gaps between skins where they touch in the source: how far off the source\u2019s, in % of the height"

@@ -80,23 +80,20 @@ export class Stage {
 
   /** How wide and high the view of a side has to be [body units], and its middle over the clip, [x, z]. */
   measured(side) {
-    const wide = [], high = [], middle = [0, 0];
+    const middle = [0, 0];
+    let wide = 0, high = 0;
     for (let k = 0; k < SAMPLES; k++) {
       const frame = Math.round(k * (this.frames - 1) / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
-      let across = 0, top = 0;
       for (const {motion: {positions: p}, crown} of side.actors) {
         for (let at = 0; at < p.length; at += 3) {
-          across = Math.max(across, Math.hypot(p[at] - x, p[at + 2] - z));
-          top = Math.max(top, p[at + 1] + crown);
+          wide = Math.max(wide, Math.hypot(p[at] - x, p[at + 2] - z));
+          high = Math.max(high, p[at + 1] + crown);
         }
       }
-      wide.push(across);
-      high.push(top);
       middle[0] += x / SAMPLES;
       middle[1] += z / SAMPLES;
     }
-    const most = values => values.sort((p, q) => q - p)[2]; // what a pose before the motion does is left out
-    return {across: clamp(2 * most(wide) + 0.15, 0.7, 20), high: clamp(most(high) + 0.06, 0.5, 20), middle};
+    return {across: clamp(2 * wide + 0.15, 0.7, 20), high: clamp(high + 0.06, 0.5, 20), middle};
   }
 
   /** The largest room of the sides that are shown. */

@@ -94,17 +94,16 @@ export async function buildTimeline(rows) {
     return {row, track, name, value};
   }));
   $('timeline').hidden = !parts.length;
-  $('timeline').append(...parts.flatMap(({name, track, value}) => [name, track, value]));
+  const line = element('i', {class: 'line'}), over = element('div', {class: 'over'}, line);
+  $('timeline').append(...parts.flatMap(({name, track, value}) => [name, track, value]), over);
   buildCopying(parts);
-  const line = $('timeline').appendChild(element('i', {class: 'line'}));
   onFrame(frame => {
+    line.style.left = `${(frame + 0.5) / clock.count * 100}%`;
     for (const {row, value} of parts) {
-      const code = row.codes[frame];
-      value.textContent = code && row.unit ? `${shown(offAt(row, frame))} ${row.unit}` : '';
+      const code = row.codes[frame], text = code && row.unit ? `${shown(offAt(row, frame))} ${row.unit}` : '';
+      if (value.textContent !== text) value.textContent = text;
       value.className = code ? levelAt(row, frame) : '';
     }
-    const {offsetLeft = 0, clientWidth = 0} = parts[0]?.track || {};
-    line.style.left = `${offsetLeft + (frame + 0.5) / clock.count * clientWidth}px`;
   });
   return parts.map(({row}) => row);
 }
