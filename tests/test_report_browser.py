@@ -454,6 +454,21 @@ def test_every_control_has_a_name(opened):
     assert not re.search(r"- (button|slider|combobox|link)\s*$", snapshot, re.MULTILINE)
     assert 'combobox "Speed"' in snapshot
     assert "frame 0" in tab.get_attribute("#player", "aria-label")
+    assert "pinch zooms" in tab.evaluate("$($('player').getAttribute('aria-describedby')).textContent")
+
+
+def test_screen_readers_are_not_told_of_every_frame(opened):
+    tab = opened("asked")
+    changed = tab.evaluate("""() => new Promise(done => {
+        const told = new Set();
+        new MutationObserver(changes => changes.forEach(({target}) => {
+            const one = (target.nodeType === Node.ELEMENT_NODE ? target : target.parentElement).closest('output, [role=status]');
+            if (one && one.ariaLive !== 'off') told.add(one.id);
+        })).observe(document.body, {subtree: true, childList: true, characterData: true});
+        onFrame(frame => { if (frame > 30) done([...told]); });
+        app.setPlaying(true);
+    })""")
+    assert set(changed) <= {"entry"}  # what can be copied changes from contact to contact
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

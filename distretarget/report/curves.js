@@ -41,7 +41,7 @@ export async function showCurve(metric, columns) {
   const label = {role: 'img', 'aria-label': `${nameOf(metric)} over time, axis to ${end}`};
   const paths = lines.map(({name, values}) => element(svg('path'), {class: `of-${name}`, d: pathOf(values, top)}));
   const picture = element(svg('svg'), {...box, ...label}, ...paths);
-  const readout = element('output', {class: 'readout'}), line = element('i', {class: 'line'});
+  const readout = element('span', {class: 'readout'}), line = element('i', {class: 'line'});
   const none = known.length ? '' : element('span', {class: 'none'}, missing || 'nothing to measure');
   const plot = element('div', {class: 'plot'}, picture, line, none);
   $('curves').append(element('figure', {class: 'curve'}, element('figcaption', {}, named(metric), readout), plot,

@@ -88,7 +88,7 @@ export async function buildTimeline(rows) {
       spots: data.spots && await unpacked(data.spots, Uint16Array)};
     const worst = row.codes.indexOf(row.codes.reduce((p, q) => Math.max(p, q))), told = `${row.name}: ${row.account}`;
     const name = button(row.name, () => goTo(worst), {class: 'name', title: `${told}; go to the worst frame`});
-    const track = element('div', {class: 'track', role: 'img', 'aria-label': told}), value = element('output');
+    const track = element('div', {class: 'track', role: 'img', 'aria-label': told}), value = element('span');
     track.style.background = backgrounds(row);
     dragFrames(track);
     return {row, track, name, value};
@@ -102,7 +102,7 @@ export async function buildTimeline(rows) {
     for (const {row, value} of parts) {
       const code = row.codes[frame], text = code && row.unit ? `${shown(offAt(row, frame))} ${row.unit}` : '';
       if (value.textContent !== text) value.textContent = text;
-      value.className = code ? levelAt(row, frame) : '';
+      value.className = `value ${code ? levelAt(row, frame) : ''}`;
     }
   });
   return parts.map(({row}) => row);
