@@ -377,6 +377,37 @@ def test_curves_that_are_out_of_view_wait_until_the_clip_stops(opened):
     assert line() != stopped
 
 
+def test_two_fingers_that_part_zoom_in(opened):
+    tab = opened(width=390, height=844, has_touch=True, is_mobile=True)
+    box, session = tab.locator("#player").bounding_box(), tab.context.new_cdp_session(tab)
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    distance = "app.stage.camera.position.distanceTo(app.stage.controls.target)"
+    before = tab.evaluate(distance)
+    for kind, apart in (("touchStart", 40), ("touchMove", 60), ("touchMove", 80), ("touchEnd", 0)):
+        fingers = [{"x": x + sign * apart, "y": y} for sign in (-1, 1)] if apart else []
+        session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": fingers})
+    settle(tab)
+    assert tab.evaluate(distance) == pytest.approx(before / 2, rel=0.1)
+    assert tab.evaluate("visualViewport.scale") == 1
+
+
+def test_the_player_fills_the_screen_and_leaves_it(opened):
+    tab = opened(width=1360, height=768)
+    shown = "document.fullscreenElement?.id ?? null"
+    for expected in ("stage-box", None):
+        tab.keyboard.press("x")
+        tab.wait_for_function(f"({shown}) === {json.dumps(expected)}")
+        settle(tab)
+        assert tab.evaluate("$('stage-box').scrollHeight") <= 768
+
+
+def test_nothing_moves_by_itself_for_those_who_prefer_no_motion(opened):
+    tab = opened(reduced_motion="reduce")
+    moving = "[...document.querySelectorAll('*')].some(one => parseFloat(getComputedStyle(one).transitionDuration) > 0)"
+    assert not tab.evaluate(moving)
+    assert not tab.evaluate("app.clock.playing")
+
+
 def test_the_player_and_its_controls_are_on_the_first_screen(opened):
     tab = opened(width=1360, height=768)
     box = tab.locator(".transport").bounding_box()
@@ -462,7 +493,8 @@ def test_screen_readers_are_not_told_of_every_frame(opened):
     changed = tab.evaluate("""() => new Promise(done => {
         const told = new Set();
         new MutationObserver(changes => changes.forEach(({target}) => {
-            const one = (target.nodeType === Node.ELEMENT_NODE ? target : target.parentElement).closest('output, [role=status]');
+            const around = target.nodeType === Node.ELEMENT_NODE ? target : target.parentElement;
+            const one = around.closest('output, [role=status]');
             if (one && one.ariaLive !== 'off') told.add(one.id);
         })).observe(document.body, {subtree: true, childList: true, characterData: true});
         onFrame(frame => { if (frame > 30) done([...told]); });

@@ -72,7 +72,7 @@ def pictures(page: Page, frames: range) -> Iterator[Image.Image]:
 def write_film(path: Path, film: Film, page: Page) -> None:
     """Write a film as a GIF that repeats for ever, and its still as a PNG."""
     images = [*pictures(page, film.frames)]
-    palette = images[0].quantize(COLOURS, dither=Image.Dither.NONE)
+    palette = images[0].quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)  # keeps faces
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     path.parent.mkdir(parents=True, exist_ok=True)
     seconds = film.frames.step / film.rate
