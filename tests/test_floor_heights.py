@@ -1,5 +1,6 @@
 """How low joints may be: the floor where the source's lowest joint is, and where it was just before."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,13 @@ from bodies import SAMPLES
 from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.objectives.floor import STIFFNESS, find_floor
+from distretarget.objectives.floor import STIFFNESS, find_floor, rise_by_skin
 from distretarget.pipeline.performer import match_performer
+from distretarget.skin.capsules import SEGMENTS
 
 CRAWL = read_bvh(SAMPLES / "supports" / "crawl.bvh")
 UP = 30.0  # [cm]
+UPWARDS = np.array([0.0, 1.0, 0.0])
 
 
 def floor_of(source, target):
@@ -76,3 +79,41 @@ def test_the_fingers_of_a_push_up_sink_by_less_than_a_four_hundredth_of_a_leg(ri
     heights = result.motion.positions[:, floor.joints] @ body.up_vector
     depths = np.where(floor.stiffness > 0, floor.heights * body.unit - heights, 0.0)
     assert depths.max() < 0.0025 * body.leg_length
+
+
+def lowest_head(radius, tmp_path):
+    """The least height of a child's head, with this radius, over the floor of a cartwheel, in the rotation copy and in
+    the result [cm].
+    """
+    child = json.loads((SAMPLES / "child.json").read_text())
+    for joint in child["joints"]:
+        if not joint.get("end"):
+            joint["radius"] = radius if joint["name"] == "Head" else 3.0
+    path = tmp_path / "child.json"
+    path.write_text(json.dumps(child))
+    result = retarget(read_bvh(SAMPLES / "supports" / "cartwheel.bvh"), load_target(path))
+    capsules = result.skins.target.capsules
+    head = capsules.segments == SEGMENTS.index("head")
+    lowest = [capsules.posed(motion)[..., 1] - capsules.radii for motion in (result.rotation_copy, result.motion)]
+    return [heights[:, head].min() - heights[:20].min() for heights in lowest]
+
+
+def test_a_large_head_stays_above_the_floor_of_a_cartwheel(tmp_path):
+    copy, result = lowest_head(22.0, tmp_path)
+    assert copy < -10
+    assert result > -3
+
+
+def test_the_root_rises_only_for_skin_that_would_be_below_the_floor():
+    match = match_performer(CRAWL, load_target(SAMPLES.parent / "sample_characters" / "hero.glb"))
+    own, leg = match.matching.leg_lengths
+    clip = match.performer(RootScale.even(leg / own)).clip
+    high = clip.raised(np.outer(np.full(len(clip), clip.leg_lengths[1]), UPWARDS))
+    rests = np.ones((len(clip), 1))
+    assert not rise_by_skin(high, rests, match.undersides).any()
+    low = clip.raised(np.outer(np.full(len(clip), -0.5 * clip.leg_lengths[1]), UPWARDS))
+    rise = rise_by_skin(low, rests, match.undersides)
+    assert (rise > 0).all()
+    np.testing.assert_allclose(rise_by_skin(low.raised(np.outer(rise, UPWARDS)), rests, match.undersides), 0, atol=1e-9)
+    assert not rise_by_skin(low, 0 * rests, match.undersides).any()
+    assert not rise_by_skin(low, rests, None).any()

@@ -20,7 +20,7 @@ def sample(name, frames=slice(None)):
 def test_hands_and_forearms_stay_outside(name):
     run = retarget(sample(name), load_target(HERO))
     assert run.metrics["rotation_copy"]["skin_depth"] > 0.5
-    assert run.metrics["result"]["skin_depth"] < 1
+    assert run.metrics["result"]["skin_depth"] < 1.5
     assert run.metrics["result"]["foot_skate"] < 0.05
 
 

@@ -248,10 +248,10 @@ def test_a_run_onto_a_character_has_the_metrics_of_skin():
     copied, result = run.metrics["rotation_copy"], run.metrics["result"]
     assert copied["skin_depth"] > 1
     assert copied["skin_frames"] > 50
-    assert result["skin_depth"] < 1
+    assert result["skin_depth"] < 1.5
     assert result["skin_gap"] < 2
     assert "stays outside" in run.verdict or "sinks up to" in run.verdict
-    assert replace(run, mesh=None).metrics["result"]["skin_depth"] < 1  # by the capsules
+    assert replace(run, mesh=None).metrics["result"]["skin_depth"] < 1.5  # by the capsules
     assert replace(run, skins=None).metrics["result"]["skin_depth"] is None
 
 

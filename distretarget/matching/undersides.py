@@ -28,7 +28,7 @@ Numbers = NDArray[np.intp]
 LowestOf = Callable[[Array, Numbers, Array, Array], Array]
 
 AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there], ...
-TRUNK = ("chest", "belly", "pelvis")  # ... and on all skin of these segments
+WHOLE = ("head", "chest", "belly", "pelvis")  # ... and on all skin of these segments
 BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
 DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
 
@@ -58,6 +58,12 @@ class Underside:
             if lowest is not None:
                 result[:, column] = heights[:, column] - lowest
         return result
+
+    def reach(self, joint: int) -> float:
+        """Return how far below a joint its skin can be, however it is turned [file units]; 0 without skin."""
+        on = np.isin(self.capsules.segments, self._segments_about(joint))
+        away = lengths(self._rest_ends[on] - self.body.skeleton.rest_positions[joint]) + self.capsules.radii[on]
+        return float(away.max(initial=0.0))
 
     def foot(self, ankle: int) -> Numbers:
         """Return the vertices of a foot that can be its lowest; none without a mesh."""
@@ -101,10 +107,12 @@ class Underside:
                 mesh = self.mesh
                 none = np.zeros(len(vertices))
                 return lowest_of(mesh.vertices[vertices], mesh.joints[vertices], mesh.weights[vertices], none)
-        ends = self._rest_ends[near]
-        centres = (1.0 - t)[:, None] * ends[:, 0] + t[:, None] * ends[:, 1]
-        on = self.capsules.joints[near][:, None]
-        return lowest_of(centres, on, np.ones(on.shape), radii)
+        of_whole = [k for k in self._segments_about(joint).tolist() if SEGMENTS[k] in WHOLE]
+        whole = np.flatnonzero(np.isin(self.capsules.segments, of_whole))
+        on, t = np.concatenate([near, whole, whole]), np.concatenate([t, np.zeros(len(whole)), np.ones(len(whole))])
+        ends, radii, shares = self._rest_ends[on], self.capsules.radii[on], np.stack([1.0 - t, t], axis=1)
+        centres, carriers = (shares[..., None] * ends).sum(axis=1), self.capsules.joints[on][:, None]
+        return lowest_of(centres, carriers, np.ones(carriers.shape), (shares * radii).sum(axis=1))
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
         """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
@@ -132,11 +140,11 @@ class Underside:
         return np.asarray(np.unique(around[around >= 0]))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
-        """The vertices that stand for the skin nearer to a joint than `reach`, and for all of the trunk around it."""
+        """The vertices that stand for the skin nearer to a joint than `reach`, and for all of a trunk or head there."""
         segments, away = self.segments[_carriers(mesh)], mesh.vertices - self.body.skeleton.rest_positions[joint]
         near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
         for segment in self._segments_about(joint).tolist():
-            own = np.flatnonzero((near | (SEGMENTS[segment] in TRUNK)) & (segments == segment))
+            own = np.flatnonzero((near | (SEGMENTS[segment] in WHOLE)) & (segments == segment))
             chosen.append(own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own)
         return np.concatenate(chosen)
 

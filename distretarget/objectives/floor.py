@@ -7,24 +7,27 @@ The functions that write springs are compiled.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.anatomy import WITHOUT_SIDE
 from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.articulation import Scratch
 from distretarget.ik.springs import NEGLIGIBLE, Springs
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.joint_paths import heights_of
-from distretarget.numerics.time_series import largest
+from distretarget.numerics.time_series import by_shot, largest, widened
 from distretarget.objectives.clip import Clip
 
 Array = NDArray[np.float64]
 
 STIFFNESS = 500.0  # k, shared by the joints of a region
 NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
+ROOT_BLEND = 0.2  # the root rises over about twice this time, and sinks back over as long [s]
 STEADY = 0.16  # the floor of a frame is the lowest within this time before and after it [s]
 
 
@@ -61,13 +64,14 @@ def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None)
     if not clip.legs:
         return no_floor(len(clip))
     up, leg, scale = clip.up, clip.leg_lengths[1], clip.scale.height
-    # The lowest height around a frame: neither feet that leave the floor nor a faulty frame raise it.
-    floor = -scale * largest(-clip.source_floor[:, None], round(STEADY / clip.frame_time))
-    weight = weights.max(axis=1, initial=0.0)
+    floor, weight = _height_of_floor(clip), weights.max(axis=1, initial=0.0)
     joints = np.concatenate([clip.limb_joints, clip.undriven_joints])
     lowest = np.repeat(floor, len(joints), axis=1)
     high = scale * heights_of(clip.source.positions, clip.drivers[clip.limb_joints], up)
     lowest[:, : len(clip.limb_joints)] += np.minimum(high - floor, REST_HEIGHT * leg)
+    by_skin, lowest_by_skin = _lowest_by_skin(clip, weights, undersides)
+    columns = np.searchsorted(clip.limb_joints, by_skin)
+    lowest[:, columns] = np.maximum(lowest[:, columns], lowest_by_skin)
     rise = (clip.root - clip.copy.positions[:, 0]) @ up
     over = heights_of(clip.copy.positions, joints, up) + rise[:, None] - lowest
     near = ((over < NEAR_FLOOR * leg) & (weight[:, None] > 0.0)).any(axis=0)
@@ -78,6 +82,39 @@ def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None)
     _, region, count = np.unique(clip.regions.of_joint[joints], return_inverse=True, return_counts=True)
     stiffness = STIFFNESS * weight[:, None] / count[region]
     return Floor(joints, np.ascontiguousarray(lowest / clip.unit), stiffness, up)
+
+
+def rise_by_skin(clip: Clip, weights: Array, undersides: Undersides | None) -> Array:
+    """Return how much the root rises, (frames,), so that the skin of trunk and head is no lower than the soles while
+    something rests [target file units]: a large head in a cartwheel, a belly in a push-up. `weights` and `undersides`
+    are those of `find_floor`.
+    """
+    joints, lowest = _lowest_by_skin(clip, weights, undersides)
+    low = lowest - clip.copy_on_path(joints) @ clip.up
+    rise = weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
+    blended = partial(widened, frames=ROOT_BLEND / clip.frame_time)
+    return by_shot(blended, clip.shots, rise[:, None])[:, 0]
+
+
+def _lowest_by_skin(clip: Clip, weights: Array, undersides: Undersides | None) -> tuple[NDArray[np.intp], Array]:
+    """The joints of trunk and head whose skin may be near the floor while something rests, and how low each may be,
+    (frames, joints) [target file units].
+    """
+    if undersides is None:
+        return np.zeros(0, np.intp), np.zeros((len(clip), 0))
+    names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
+    joints = clip.limb_joints[np.isin(names, WITHOUT_SIDE)]
+    floor, rests = _height_of_floor(clip) - undersides.soles[1], weights.max(axis=1, initial=0.0) > 0.0
+    over = (clip.copy_on_path(joints) @ clip.up - floor)[rests].min(axis=0, initial=np.inf)
+    joints = joints[over < [undersides.target.reach(joint) for joint in joints.tolist()]]
+    return joints, floor + undersides.target.below(clip.copy, joints, clip.up)
+
+
+def _height_of_floor(clip: Clip) -> Array:
+    """(frames, 1), the height of the source's lowest joint around each frame, scaled [target file units]: neither feet
+    that leave the floor nor a faulty frame raise it.
+    """
+    return -clip.scale.height * largest(-clip.source_floor[:, None], round(STEADY / clip.frame_time))
 
 
 @inlined(fastmath=True)

@@ -7,7 +7,7 @@ in time: a limb that is about to sink in begins to leave its way before it arriv
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -25,7 +25,7 @@ from distretarget.objectives.contact import Contacts
 from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
-from distretarget.skin.balls import Balls
+from distretarget.skin.balls import Balls, mean_radii
 from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS
 from distretarget.skin.displacement import REACH, displacements
 from distretarget.skin.limbs import bent
@@ -41,8 +41,12 @@ LEAD = 0.12  # a limb leaves its way over twice this time before it would sink i
 SETTLE = (0.2, 0.1, 0.07)  # brought out again, displacements are averaged over these times before and after [s]
 RATE = 20.0  # displacements are found about as often, and interpolated [1/s]
 
-# How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
-SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
+# How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
+# armpit.
+FLESH = {"upper arm": 1.0, "thigh": 0.2, "pelvis": 0.16, "belly": 0.16}
+# How far the capsules of parts that are not round stand off from the skin: the median of its depth in them, over the
+# bodies of `benchmarks/scoreboard.py` [their mean radius].
+STANDS_OFF = dict.fromkeys(("thigh", "pelvis", "belly", "chest"), 0.06)
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
@@ -70,7 +74,7 @@ def _displaced(
     ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
     in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source))[at], APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
-    soft = softness(balls.pairs, in_source)
+    soft = softness(balls, balls.pairs, in_source)
     firmness, aim = _firmness(clip, body, in_source, supports, settings, at), np.maximum(in_source, 0.0)
     given = ends, limb_places(body, posed), how_free(clip, body, supports, settings)
     return led(balls, body.displaced, given, (soft, aim, firmness), keys)
@@ -168,14 +172,22 @@ def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
     return 1.0 - smoothstep((gaps - nearest) / MARGIN)
 
 
-def softness(pairs: Numbers, in_source: Array) -> Array:
+def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
     """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
-    source's do; but hands and forearms do not.
+    source's do; hands and forearms only as far as capsules stand off from the skin.
+
+    `parts`, (pairs, 2), are the parts of the body that the segments of a pair are.
     """
-    flesh = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
-    limbs, parts = pairs.T
-    hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
-    return np.where(hard, 0.0, np.maximum(flesh[limbs] + flesh[parts], -in_source))
+    radii = mean_radii(balls)[balls.pairs]
+    flesh = _of_segments(FLESH)[parts] * radii
+    hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in parts[:, 0]], bool)
+    off = _of_segments(STANDS_OFF)[parts[:, 1]] * radii[:, 1]
+    return np.where(hard, off, np.maximum(flesh.sum(axis=1), -in_source))
+
+
+def _of_segments(by_part: Mapping[str, float]) -> Array:
+    """(segments,), the value of each, given for parts of the body; 0 for others."""
+    return np.array([next((value for part, value in by_part.items() if part in name), 0.0) for name in SEGMENTS])
 
 
 def of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:

@@ -143,7 +143,7 @@ def _apart(
     in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
     least = np.where(bodies.encloses, np.minimum(in_source, 0.0), 0.0)
-    soft, own = np.maximum(softness(bodies.parts, in_source), -least), np.equal(*(balls.pairs // COUNT).T)
+    soft, own = np.maximum(softness(balls, bodies.parts, in_source), -least), np.equal(*(balls.pairs // COUNT).T)
     of_each = zip(performers, bodies.skins, strict=True)
     free = np.concatenate([how_free(one.clip, body, one.supports, one.settings) for one, body in of_each], axis=1)
     shots, time = np.sum([clip.shots for clip in clips], axis=0), clips[0].frame_time  # a new shot at any one's cuts

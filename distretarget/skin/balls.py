@@ -63,6 +63,14 @@ class Balls(NamedTuple):
     spare: Array
 
 
+def mean_radii(balls: Balls) -> Array:
+    """Return the mean radius of the capsules of each segment, (segments,); 0 for segments without any."""
+    first = balls.of_capsule
+    of_segment = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    sums = np.bincount(of_segment, balls.cap_radii[: first[-1]].mean(axis=1), len(first) - 1)
+    return np.asarray(sums / np.maximum(np.diff(first), 1))
+
+
 def ordered(capsules: Capsules) -> Capsules:
     """Return the capsules ordered by segment."""
     order = np.argsort(capsules.segments, kind="stable")

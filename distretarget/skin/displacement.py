@@ -4,8 +4,9 @@ A ball on the upper arm moves by a share of the elbow's displacement, one on the
 the wrist's, and the hand by the wrist's; legs are alike. The displacements of a frame are the least that keep all gaps,
 and the bones of limbs their lengths, as their tangents say; these are found at the displacements of the frame before,
 so that a limb leaves a body on the side on which it entered, and again at those that they lead to. So a limb whose way
-leads through a body slides round it. The least displacements are found by projected Gauss-Seidel: each tangent in turn
-pushes by as much as it lacks (K. Erleben, "Velocity-based shock propagation for multibody dynamics animation", ACM
+leads through a body slides round it; where it has slid away from a much shorter way out on the same side, it takes
+that. The least displacements are found by projected Gauss-Seidel: each tangent in turn pushes by as much as it lacks
+(K. Erleben, "Velocity-based shock propagation for multibody dynamics animation", ACM
 Transactions on Graphics 26 (2007), doi:10.1145/1243980.1243986).
 """
 
@@ -24,7 +25,8 @@ from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place
 Array = NDArray[np.float64]
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
-AT_FIRST = 6  # the first frame, which has none before it, begins so many times more with its own
+AFRESH = 8  # without those of the frame before, tangents are found up to so many times
+MUCH_SHORTER = 0.8  # the share of a way out from which a shorter one is taken
 SWEEPS = 12  # over all tangents
 SETTLED = 1e-3  # it ends where limbs move by less than this in sum [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not touch [body units]
@@ -68,7 +70,7 @@ def displacements(
 
     def write(frames: slice) -> None:
         some = tuple(each[frames] for each in constraints)
-        room = room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *np.zeros((2, count + 1, 2, 3))
+        room = room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *np.zeros((3, count + 1, 2, 3))
         _write_displacements(balls, moved, posed[frames], some, given, reach, room, result[frames])
 
     if given:
@@ -81,30 +83,63 @@ def displacements(
 @compiled(fastmath=True)
 def _write_displacements(balls, displaced, posed, constraints, given, reach, room, result):  # type: ignore[no-untyped-def]
     limbs, free, soft, aims, firmness = constraints
-    placed, rows, ends, least, before = room
-    for step in range(0 if given else -AT_FIRST, len(posed)):
-        frame = max(step, 0)
+    placed, rows, ends, least, before, afresh = room
+    for frame in range(len(posed)):
         d = result[frame]
+        asked = soft[frame], aims[frame], firmness[frame]
         if given:
             copy_to(least, d)
-        else:
-            copy_to(d, result[max(frame - 1, 0)])
+        elif frame > 0:
+            copy_to(d, result[frame - 1])
         if _size_of(d) < NOTHING:
             clear(d)
             if given:
                 continue
-        asked = soft[frame], aims[frame], firmness[frame]
-        for turn in range(TURNS):
-            copy_to(before, d)
-            place_displaced(balls, displaced, posed[frame], d, ends, placed)
-            count = find_gaps(balls, displaced, placed, free[frame], d, asked, reach, rows)
-            if count > 0:
-                count = find_lengths(limbs[frame], free[frame], d, rows, count)
-            if turn == 0:
-                copy_to(d, least)
-            _push_all(rows, count, d)
-            if _way_between(before, d) < SETTLED:
+        # From those of the frame before; then from none; then from the shorter of the two for each limb.
+        for attempt in range(1 if given else 3):
+            if attempt == 1:
+                if frame == 0 or _size_of(d) < NOTHING:
+                    break
+                copy_to(afresh, d)
+                clear(d)
+            elif attempt == 2 and not _take_shorter(d, afresh):
                 break
+            for turn in range(AFRESH if attempt == 1 or (frame == 0 and not given) else TURNS):
+                copy_to(before, d)
+                place_displaced(balls, displaced, posed[frame], d, ends, placed)
+                count = find_gaps(balls, displaced, placed, free[frame], d, asked, reach, rows)
+                if count > 0:
+                    count = find_lengths(limbs[frame], free[frame], d, rows, count)
+                if turn % TURNS == 0:
+                    copy_to(d, least)
+                _push_all(rows, count, d)
+                if _way_between(before, d) < SETTLED:
+                    break
+
+
+@inlined(fastmath=True)
+def _take_shorter(d: Array, other: Array) -> bool:
+    """Write the other displacements of each limb over d unless those are much shorter, and less than a right angle
+    away, so that no limb changes sides through a body; return whether any are.
+    """
+    any_shorter = False
+    for limb in range(len(d)):
+        one, two = d[limb], other[limb]
+        if _dot(one, one) < MUCH_SHORTER**2 * _dot(two, two) and _dot(one, two) > 0.0:
+            any_shorter = True
+        else:
+            copy_to(one, two)
+    return any_shorter
+
+
+@inlined(fastmath=True)
+def _dot(a: Array, b: Array) -> float:
+    """The sum of the products of two limbs' displacements, (2, 3)."""
+    total = 0.0
+    for joint in range(2):
+        for i in range(3):
+            total += a[joint, i] * b[joint, i]
+    return total
 
 
 @inlined(fastmath=True)
