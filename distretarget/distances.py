@@ -15,6 +15,7 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
+MOST_POINTS = 400  # of a body with more, those on its longest branches count: time and memory grow with their pairs
 NEAREST = 1e-300  # least squared distance, so that coincident points exert no force [body sizes squared]
 LANES = 8  # most numbers in a SIMD register
 
@@ -70,7 +71,7 @@ class DistanceProblem:
         minimise sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2,   delta = tau2 D    Eq. (2)
 
     A point is a joint or End Site with a driver; joints that coincide on both skeletons are one point. Solvers use body
-    sizes as the unit of length.
+    sizes as the unit of length. Of more than `MOST_POINTS` points, those on the target's longest branches count.
     """
 
     sources: NDArray[np.intp]  # (points,), the source joint at each point
@@ -102,16 +103,15 @@ class DistanceProblem:
 def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> DistanceProblem:
     """Return the problem of two skeletons; `drivers`, (target joints,), are the source joints, -1 for none."""
     points = point_of_joint(source, target, drivers)
-    targets = np.unique(points[points >= 0])
+    targets = target.on_longest_branches(np.unique(points[points >= 0]), MOST_POINTS)
     sources = drivers[targets]
-    source_pairs, target_pairs = np.ix_(sources, sources), np.ix_(targets, targets)
     return DistanceProblem(
         sources=sources,
         targets=targets,
-        tau1=source.path_lengths[source_pairs],
-        tau2=target.path_lengths[target_pairs],
-        sizes=np.maximum(_path_sizes(source, sources)[source_pairs], _path_sizes(target, targets)[target_pairs]),
-        body_size=float(target.path_lengths.max()),
+        tau1=source.paths_among(sources),
+        tau2=target.paths_among(targets),
+        sizes=np.maximum(source.path_sizes(sources, sources), target.path_sizes(targets, targets)),
+        body_size=target.longest_path,
     )
 
 
@@ -126,11 +126,6 @@ def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
         if parent >= 0 and points[parent] >= 0 and source.parents[drivers[joint]] == drivers[parent]:
             points[joint] = points[parent]
     return points
-
-
-def _path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[np.intp]:
-    """|P|, (joints, joints), counting only the joints among the points."""
-    return skeleton.path_counts(np.isin(np.arange(len(skeleton)), points)) + 1
 
 
 def posture_stress(problem: DistanceProblem, source: Array, result: Array) -> Array:

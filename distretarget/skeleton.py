@@ -208,13 +208,8 @@ class Skeleton:
         """(joints,), the length of the bone from the parent to each joint; 0 for the root [file units]."""
         return np.asarray(np.linalg.norm(self.offsets, axis=1) * (self.parents >= 0))
 
-    @cached_property
-    def path_lengths(self) -> NDArray[np.float64]:
-        """tau: (joints, joints), the length of the tree path between two joints [file units]."""
-        return trees.all_paths(self.parents, self.depth_first, self.lengths)
-
     def paths_from(self, joint: int) -> NDArray[np.float64]:
-        """Return the row of `path_lengths` of a joint, (joints,), without computing the others."""
+        """Return the lengths of the tree paths from a joint to all joints, (joints,) [file units]."""
         if joint not in self._paths_from:
             self._paths_from[joint] = trees.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
         return self._paths_from[joint]
@@ -223,10 +218,26 @@ class Skeleton:
     def _paths_from(self) -> dict[int, NDArray[np.float64]]:
         return {}
 
+    def paths_among(self, joints: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return tau, the lengths of the tree paths between some joints, (some, some) [file units]."""
+        return trees.paths_among(joints, self.parents, self.lengths)
+
+    def path_sizes(self, joints: NDArray[np.intp], counted: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
+        """Return |P|, (some, some), how many joints are on the paths between some joints, ends included; only those
+        among `counted` if they are given.
+        """
+        bones = np.ones(len(self)) if counted is None else np.isin(np.arange(len(self)), counted).astype(np.float64)
+        return trees.paths_among(joints, self.parents, bones).astype(np.intp) + 1
+
     @cached_property
     def longest_path(self) -> float:
         """The length of the longest path [file units]."""
-        return float(self.paths_from(int(self.paths_from(0).argmax())).max())
+        return self.longest_path_among(np.arange(len(self)))
+
+    def longest_path_among(self, joints: NDArray[np.intp]) -> float:
+        """Return the length of the longest path between two of some joints [file units]."""
+        end = joints[self.paths_from(int(joints[0]))[joints].argmax()]
+        return float(self.paths_from(int(end))[joints].max())
 
     @cached_property
     def _reaches(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -243,31 +254,30 @@ class Skeleton:
         return self._reaches[1]
 
     @cached_property
-    def path_sizes(self) -> NDArray[np.intp]:
-        """|P|: (joints, joints), the number of joints on the path between two joints, ends included."""
-        return self.path_counts(np.ones(len(self), bool)) + 1
-
-    def path_counts(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return how many bones of each path are counted, (joints, joints); `counted`, (joints,), is by lower joint."""
-        above = self._bones_above(counted)
-        return np.asarray(above[:, None] + above - 2 * above[self.meets])
-
-    @cached_property
     def depths(self) -> NDArray[np.intp]:
         """(joints,), the number of joints above each joint."""
-        return self._bones_above(np.arange(len(self)) > 0)
-
-    def _bones_above(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """(joints,), how many bones from each joint up to the root are counted."""
-        above = counted.astype(np.intp).tolist()
+        above = [0] * len(self)
         for joint, parent in enumerate(self.parents.tolist()):
-            above[joint] += above[parent] if parent >= 0 else 0
+            above[joint] = above[parent] + 1 if parent >= 0 else 0
         return np.array(above)
 
     @cached_property
-    def meets(self) -> NDArray[np.intp]:
-        """(joints, joints), the lowest common ancestor of two joints."""
-        return trees.all_meets(self.parents, self.depth_first)
+    def places(self) -> NDArray[np.intp]:
+        """(joints,), the topmost joint at the place of each joint: itself, or that of its parent if its bone has no
+        length.
+        """
+        places = list(range(len(self)))
+        for joint in np.flatnonzero(self.lengths[1:] == 0.0) + 1:
+            places[joint] = places[self.parents[joint]]
+        return np.array(places)
+
+    def on_longest_branches(self, joints: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+        """Return up to `most` of some joints, in ascending order: those on the longest branches. A branch is a chain of
+        bones to a leaf; where chains fork, the longest goes on, and the others begin.
+        """
+        branches = np.zeros(len(self))
+        np.maximum.at(branches, self.farthest, self.lengths + self.reach)
+        return np.sort(joints[np.argsort(-branches[self.farthest[joints]], kind="stable")[:most]])
 
     def meet(self, joints: Iterable[int]) -> int:
         """Return the lowest common ancestor of some joints."""

@@ -44,7 +44,7 @@ def swaying(skeleton: Skeleton, frames: int = 20, angle: float = 0.6, seed: int 
     phases = np.linspace(0, 2, frames)[:, None, None] + draw.uniform(0, 6, (len(skeleton), 3))
     vectors = angle * np.sin(phases) * draw.uniform(-1, 1, (len(skeleton), 3))
     vectors[:, skeleton.end_sites] = 0.0
-    size = skeleton.path_lengths.max()
+    size = skeleton.longest_path
     path = size * np.array([0.0, 0.5, 0.0]) + size * 0.2 * np.sin(phases[:, 0])
     return Motion(skeleton, path, Rotation.from_rotvec(vectors).as_quat(), "0.0333333")
 
@@ -52,6 +52,11 @@ def swaying(skeleton: Skeleton, frames: int = 20, angle: float = 0.6, seed: int 
 def turned(skeleton: Skeleton, turn: Rotation) -> Skeleton:
     """The rest pose turned in the world."""
     return skeleton.with_offsets(turn.apply(np.array(skeleton.offsets)))
+
+
+def paths_of(skeleton):
+    """(joints, joints), the path lengths between all joints."""
+    return skeleton.paths_among(np.arange(len(skeleton)))
 
 
 def other_lengths(skeleton: Skeleton, seed: int = 1) -> Skeleton:

@@ -143,7 +143,7 @@ def test_hanging_arms_are_as_long_as_the_arms_and_below_the_shoulders():
     assert len(body.arms) == 2
     for arm in body.arms:
         hand = body.hanging[arm.wrist] - body.hanging[arm.shoulder]
-        reach = body.skeleton.path_lengths[arm.shoulder, arm.wrist]
+        reach = body.skeleton.paths_from(arm.shoulder)[arm.wrist]
         np.testing.assert_allclose(hand, -reach * body.reference.axes[:, 1], atol=1e-9)
     others = np.setdiff1d(
         np.arange(len(body.skeleton)), [j for arm in body.arms for j in body.skeleton.subtree(arm.shoulder)]

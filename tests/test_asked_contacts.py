@@ -188,7 +188,7 @@ def test_what_cannot_be_reached_is_met_in_part_and_told(walk, child, walked):
     assert held.motion.positions[115, wrist, 1] > walked.motion.positions[115, wrist, 1] + 10.0
     assert any("LeftWrist" in warning for warning in held.warnings)
     skeleton = walked.motion.skeleton
-    longest = skeleton.path_lengths[skeleton.index("LeftKnee"), skeleton.index("RightKnee")]
+    longest = skeleton.paths_from(skeleton.index("LeftKnee"))[skeleton.index("RightKnee")]
     far = asked(walk, child, Distance(distance=("LeftKnee", "RightKnee"), value=float(longest), frames=FRAMES))
     assert any("LeftKnee - RightKnee is up to" in warning for warning in far.warnings)
     assert "What is asked is met in part: LeftKnee - RightKnee is up to" in far.verdict

@@ -442,7 +442,7 @@ def test_corpus_refusals(path):
 @corpus(SOUND)
 def test_corpus_round_trip(path, tmp_path):
     motion = read_bvh(cut(path, tmp_path))
-    size = np.max(motion.skeleton.path_lengths)
+    size = motion.skeleton.longest_path
     assert_same(read(format_bvh(motion)), motion, 1e-6 * size)
 
 
@@ -459,7 +459,7 @@ def test_corpus_positions_agree_with_pybvh(path, tmp_path):
     joints = np.flatnonzero(~motion.skeleton.end_sites)
     rows = [reading.joint_index[motion.skeleton.names[joint]] for joint in joints]
     expected = reading.joint_positions()[:, rows]
-    size = np.max(motion.skeleton.path_lengths)
+    size = motion.skeleton.longest_path
     np.testing.assert_allclose(motion.positions[:, joints], expected, rtol=0, atol=1e-6 * size)
     tips = motion.positions[:, motion.skeleton.end_sites]
     nodes = [row for name, row in reading.node_index.items() if name not in reading.joint_index]

@@ -90,7 +90,7 @@ def test_positions_are_written_to_1e_8_of_the_body_in_any_unit(scale):
     motion = read(TEXT)
     small = Motion.of_translations(motion.skeleton.with_offsets(scale * motion.skeleton.offsets),
                    scale * motion.translations, motion.rotations, "1")  # fmt: skip
-    size = np.max(small.skeleton.path_lengths)
+    size = small.skeleton.longest_path
     again = read(format_bvh(small))
     np.testing.assert_allclose(again.root_positions, small.root_positions, rtol=0, atol=max(0.5e-8 * size, 1e-15))
 

@@ -38,7 +38,7 @@ def gap(motion):
     """(frames,), D of the wrists."""
     left, right = WRISTS
     distances = np.linalg.norm(motion.positions[:, left] - motion.positions[:, right], axis=1)
-    return distances / motion.skeleton.path_lengths[left, right]
+    return distances / motion.skeleton.paths_from(left)[right]
 
 
 def apart(result, expected, skeleton):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import clapping, matched, other_lengths, person
+from bodies import clapping, matched, other_lengths, paths_of, person
 
 from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
@@ -30,6 +30,7 @@ UNIT = 1.7
 SETTINGS = ContactSettings()
 BODY = MATCHING.target
 PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, None)
+SIZES = PERSON.path_sizes(np.arange(len(PERSON)))
 REACH = SETTINGS.reach
 
 
@@ -78,8 +79,7 @@ def test_all_pairs_of_regions_apart_and_far_along_the_tree_are_looked_at_and_no_
         (u, v)
         for u in range(len(PERSON))
         for v in range(u + 1, len(PERSON))
-        if PERSON.path_sizes[u, v] >= LEAST_PATH
-        and not BODY.regions.neighbours[BODY.regions.of_joint[u], BODY.regions.of_joint[v]]
+        if SIZES[u, v] >= LEAST_PATH and not BODY.regions.neighbours[BODY.regions.of_joint[u], BODY.regions.of_joint[v]]
     }
     found = set(zip(PROBLEM.targets[PAIRS.u].tolist(), PROBLEM.targets[PAIRS.v].tolist(), strict=True))
     assert found == expected
@@ -90,8 +90,8 @@ def test_all_pairs_of_regions_apart_and_far_along_the_tree_are_looked_at_and_no_
 
 def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units():
     u, v = PROBLEM.targets[PAIRS.u], PROBLEM.targets[PAIRS.v]
-    np.testing.assert_allclose(PAIRS.tau1, PERSON.path_lengths[u, v])
-    np.testing.assert_allclose(PAIRS.ratio, TARGET.path_lengths[u, v] / UNIT / PERSON.path_lengths[u, v])
+    np.testing.assert_allclose(PAIRS.tau1, paths_of(PERSON)[u, v])
+    np.testing.assert_allclose(PAIRS.ratio, paths_of(TARGET)[u, v] / UNIT / paths_of(PERSON)[u, v])
 
 
 def test_joints_that_coincide_by_their_bones_are_no_pair():
@@ -139,9 +139,9 @@ def test_a_kept_pair_belongs_at_its_scaled_distance_in_the_direction_of_the_sour
     left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
     rest, A = by_pair(springs)[right, left]
     d = source.positions[:, right] - source.positions[:, left]
-    D = np.linalg.norm(d, axis=1) / PERSON.path_lengths[left, right]
+    D = np.linalg.norm(d, axis=1) / PERSON.paths_from(left)[right]
     assert D.max() < REACH
-    np.testing.assert_allclose(np.linalg.norm(rest, axis=1), D * TARGET.path_lengths[left, right] / UNIT)
+    np.testing.assert_allclose(np.linalg.norm(rest, axis=1), D * TARGET.paths_from(left)[right] / UNIT)
     np.testing.assert_allclose(rest / np.linalg.norm(rest, axis=1)[:, None], d / np.linalg.norm(d, axis=1)[:, None])
     stiffness, directions = np.linalg.eigh(A)
     along = np.abs(np.einsum("fi,fi->f", directions[..., -1], d)) / np.linalg.norm(d, axis=1)

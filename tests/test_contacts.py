@@ -64,18 +64,24 @@ def test_joints_near_along_the_tree_are_no_contact():
 
 
 def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames():
-    none = np.zeros(0, np.intp)
+    none, ends = np.zeros(0, np.intp), {"u": np.array([1, 2, 3]), "v": np.array([4, 5, 6])}
     regions = {"region_names": ("hand", "head", "hips"), "pairs": np.array([[0, 1], [0, 2]])}
     candidates = Candidates(
-        points=none, **regions, passing=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
+        points=none,
+        **regions,
+        passing=np.zeros(2, bool),
+        first=none,
+        **ends,
+        tau=np.ones(3),
+        tau_source=np.ones(3),
+        limits=none,
     )
     contacts = Contacts(
         candidates=candidates,
         strides=np.zeros(3, bool),
         frame=np.array([0, 0, 2]),
         regions=np.array([0, 1, 1]),
-        u=np.array([1, 2, 3]),
-        v=np.array([4, 5, 6]),
+        nearest=np.arange(3),
         distance_source=np.zeros(3),
         distance_result=np.array([0.1, 0.3, 0.6]),
     )
@@ -99,7 +105,7 @@ def test_a_clap_is_a_contact_of_the_hands_and_comes_first():
     np.testing.assert_array_equal(hands.frames, [1, 2])
     wrists = [PERSON.index(f"{side}Wrist") for side in ("Left", "Right")]
     assert {hands.u, hands.v} <= {joint for wrist in wrists for joint in PERSON.subtree(wrist)}
-    tau = result.skeleton.path_lengths[hands.u, hands.v]
+    tau = result.skeleton.paths_from(hands.u)[hands.v]
     gap = np.linalg.norm(result.positions[hands.worst_frame, hands.u] - result.positions[hands.worst_frame, hands.v])
     assert hands.distance_result == pytest.approx(gap / tau)
 
@@ -139,8 +145,8 @@ def test_regions_of_a_hand_make_no_contact_with_each_other():
     curl = dict.fromkeys((name for name, *_ in joints[:3]), np.array([0, 0, np.pi / 2]))
     fist = posed(body, apart | curl, np.zeros((2, 3)) + UP)
     wrist, tip = body.index("LeftWrist"), body.index("LeftFinger4")
-    assert body.path_sizes[wrist, tip] == 5
-    assert np.linalg.norm(fist.positions[0, wrist] - fist.positions[0, tip]) < 0.15 * body.path_lengths[wrist, tip]
+    assert body.path_sizes(np.array([wrist, tip]))[0, 1] == 5
+    assert np.linalg.norm(fist.positions[0, wrist] - fist.positions[0, tip]) < 0.15 * body.paths_from(wrist)[tip]
     assert names_of(contacts_of(fist, fist)) == []
 
 

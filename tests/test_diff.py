@@ -78,7 +78,7 @@ def test_hands_that_part_by_4_cm():
     hands = result.comparison.contacts.touches[0]
     assert hands.name == "left hand - right hand"
     assert len(hands.frames) == 12
-    path = PERSON.path_lengths[hands.u, hands.v]
+    path = PERSON.paths_from(hands.u)[hands.v]
     found = [hands.distance_source, hands.distance_result, hands.error]
     np.testing.assert_allclose(found, np.array([0.02, 0.06, 0.04]) / path)
 

@@ -19,7 +19,7 @@ from distretarget.objectives.paper import aligned, off_plane, solve_postures
 def solve(motion, target):
     matching = matched(motion, target)
     problem = distance_problem(motion.skeleton, target, matching.drivers)
-    scale = target.path_lengths.max() / motion.skeleton.path_lengths.max()
+    scale = target.longest_path / motion.skeleton.longest_path
     copy = rotation_copy(matching, RootScale.even(scale))
     return problem, copy, solve_postures(problem, motion.positions, copy.positions)
 
@@ -119,7 +119,7 @@ def test_a_planar_start_leaves_its_plane():
     _, copy, postures = solve(motion, target)
     assert np.ptp(copy.positions[0, :, 2]) == 0.0
     depth = np.linalg.svd(postures.positions[0] - postures.positions[0].mean(axis=0), compute_uv=False)[2]
-    assert depth > 1e-2 * flat.path_lengths.max()
+    assert depth > 1e-2 * flat.longest_path
 
 
 def test_off_plane_moves_flat_postures_only():

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, matched, other_lengths, person, swaying
+from bodies import SAMPLES, matched, other_lengths, paths_of, person, swaying
 from scipy.optimize import minimize
 
 from distretarget import Options, load_target, read_bvh, retarget
@@ -99,7 +99,8 @@ def test_stress_of_the_written_motion_is_what_its_positions_say():
     source, result = paper_of("clap", "long_arms")
     frame, target = 20, result.motion.skeleton
     x, y = source.positions[frame], result.motion.positions[frame]
-    tau1, tau2, sizes = source.skeleton.path_lengths, target.path_lengths, target.path_sizes
+    joints = np.arange(len(target))
+    tau1, tau2, sizes = paths_of(source.skeleton), paths_of(target), target.path_sizes(joints)
     sigma = sum(
         (sizes.max() - sizes[u, v] + 2)
         / sizes.max()

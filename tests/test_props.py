@@ -189,7 +189,7 @@ def test_a_scene_with_a_prop_that_is_turned_has_the_same_result():
     )
     for one, other in ((done.results[0], elsewhere.results[0]), (done.props[0], elsewhere.props[0])):
         expected = turn.apply(one.motion.positions.reshape(-1, 3)) + done.world_scale * np.array(shift)
-        assert np.abs(expected - other.motion.positions.reshape(-1, 3)).max() < 1e-4 * child().path_lengths.max()
+        assert np.abs(expected - other.motion.positions.reshape(-1, 3)).max() < 1e-4 * child().longest_path
 
 
 def test_props_that_cannot_be_are_refused():

@@ -14,7 +14,7 @@ BODY = person()
 
 
 def size(skeleton):
-    return skeleton.path_lengths.max()
+    return skeleton.longest_path
 
 
 def test_the_same_skeleton_gives_the_same_motion():

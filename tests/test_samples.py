@@ -82,7 +82,7 @@ def test_no_foot_is_below_the_floor(path):
 def test_a_clap_brings_the_wrists_together():
     motion = read_bvh(SAMPLES / "clap.bvh")
     shoulder, wrist = map(motion.skeleton.index, ("LeftShoulder", "LeftWrist"))
-    arm = motion.skeleton.path_lengths[shoulder, wrist]
+    arm = motion.skeleton.paths_from(shoulder)[wrist]
     gap = np.linalg.norm(joint(motion, "LeftWrist") - joint(motion, "RightWrist"), axis=1)
     assert gap.min() / arm == pytest.approx(0.04, abs=0.002)
 
@@ -97,5 +97,5 @@ def test_the_turn_goes_once_round_on_both_bodies():
 def test_the_long_spine_is_60_percent_longer():
     body = read_bvh(SAMPLES / "walk.bvh").skeleton
     longer = load_target(SAMPLES / "long_spine.json").for_source(body).skeleton
-    spine = body.path_lengths[0, body.index("Neck")]
-    assert longer.path_lengths[0, longer.index("Neck")] == pytest.approx(1.6 * spine)
+    spine = body.paths_from(0)[body.index("Neck")]
+    assert longer.paths_from(0)[longer.index("Neck")] == pytest.approx(1.6 * spine)

@@ -114,7 +114,7 @@ def test_contacts_leave_the_hips_where_they_are_alone():
 def test_limbs_go_as_far_as_they_are_long_and_standing_feet_as_little_as_the_trunk():
     one = performers()[0]
     gives, skeleton, least = how_far_joints_give(one), one.clip.skeleton, TRUNK_GIVE * one.clip.unit
-    arm = skeleton.path_lengths[skeleton.index("RightShoulder"), skeleton.index(HAND)]
+    arm = skeleton.paths_from(skeleton.index("RightShoulder"))[skeleton.index(HAND)]
     alone = replace(one, supports=no_supports(len(one.clip)))
     np.testing.assert_allclose(how_far_joints_give(alone)[:, skeleton.index(HAND)], least + arm)
     np.testing.assert_allclose(gives[:, skeleton.index("Chest")], least)

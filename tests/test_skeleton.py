@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from bodies import paths_of
 from hypothesis import given
 from hypothesis import strategies as st
 from table_one import table_one
@@ -48,19 +49,20 @@ def path_naive(skeleton, u, v):
 
 @given(trees())
 def test_paths_match_a_naive_walk(skeleton):
-    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    lengths, joints = np.linalg.norm(skeleton.offsets, axis=1), np.arange(len(skeleton))
+    sizes, paths = skeleton.path_sizes(joints), skeleton.paths_among(joints)
     for u in range(len(skeleton)):
         for v in range(len(skeleton)):
             path = path_naive(skeleton, u, v)
             top = min(path)
             tau = sum(lengths[joint] for joint in path if joint != top)
-            assert skeleton.path_sizes[u, v] == len(path)
-            np.testing.assert_allclose(skeleton.path_lengths[u, v], tau, rtol=1e-12, atol=1e-12)
+            assert sizes[u, v] == len(path)
+            np.testing.assert_allclose(paths[u, v], tau, rtol=1e-12, atol=1e-12)
 
 
 @given(trees())
 def test_tau_is_a_metric_along_the_tree(skeleton):
-    tau = skeleton.path_lengths
+    tau = paths_of(skeleton)
     np.testing.assert_array_equal(np.diag(tau), 0)
     np.testing.assert_allclose(tau, tau.T, rtol=1e-12)
     distances = np.linalg.norm(skeleton.rest_positions[:, None] - skeleton.rest_positions, axis=2)
@@ -101,15 +103,9 @@ def test_rest_positions_start_at_the_origin():
     np.testing.assert_array_equal(skeleton.rest_positions, [(0, 0, 0), (0, 1, 0), (2, 1, 0), (0, 0, 3)])
 
 
-def test_path_counts_take_each_bone_once():
-    skeleton = tree([-1, 0, 1, 0, 3])
-    np.testing.assert_array_equal(skeleton.path_counts(np.array([1, 1, 0, 1, 1], bool))[2], [1, 0, 0, 2, 3])
-
-
-def test_lines_to_the_root_meet_at_the_lowest_joint_of_both():
-    skeleton = tree([-1, 0, 1, 1, 2, 0])
-    for u, v in np.ndindex(6, 6):
-        assert skeleton.meets[u, v] == max({*skeleton.line(u)} & {*skeleton.line(v)})
+def test_path_sizes_count_bones_by_their_lower_joint():
+    skeleton, counted = tree([-1, 0, 1, 0, 3]), np.array([0, 1, 3, 4])
+    np.testing.assert_array_equal(skeleton.path_sizes(np.array([2, 0, 4]), counted)[0], [1, 2, 4])
 
 
 def test_the_lines_of_several_joints_have_each_joint_once():
@@ -181,7 +177,8 @@ def test_repr_counts_joints():
 def test_table_one_has_the_papers_paths():
     skeleton = table_one()
     pairs = list(combinations(range(len(skeleton)), 2))
-    sizes = Counter(int(skeleton.path_sizes[pair]) for pair in pairs)
+    found = skeleton.path_sizes(np.arange(len(skeleton)))
+    sizes = Counter(int(found[pair]) for pair in pairs)
     assert (len(skeleton), len(pairs)) == (22, 231)
     assert sizes == {2: 21, 3: 24, 4: 27, 5: 28, 6: 31, 7: 28, 8: 24, 9: 22, 10: 14, 11: 8, 12: 4}
 
@@ -197,9 +194,9 @@ def test_table_one_has_the_papers_paths():
 )
 def test_table_one_paths(u, v, size, length):
     skeleton = table_one()
-    pair = skeleton.index(u), skeleton.index(v)
-    assert skeleton.path_sizes[pair] == size
-    np.testing.assert_allclose(skeleton.path_lengths[pair], length, rtol=1e-12)
+    pair = np.array([skeleton.index(u), skeleton.index(v)])
+    assert skeleton.path_sizes(pair)[0, 1] == size
+    np.testing.assert_allclose(skeleton.paths_among(pair)[0, 1], length, rtol=1e-12)
 
 
 def test_table_one_is_a_symmetric_t_pose():

@@ -11,7 +11,7 @@ from distretarget.ik.springs import Springs, joined, spring_energy
 def scratch_of(joints):
     """Scratch arrays for a body of so many joints."""
     root = np.array([-1] + [0] * (joints - 1))
-    return Scratch.of(Articulation(root, np.zeros(joints, np.intp), np.ones(2), np.zeros((joints, joints), np.intp)))
+    return Scratch.of(Articulation(root, np.zeros(joints, np.intp), np.ones(2)))
 
 
 @pytest.mark.parametrize("seed", range(3))

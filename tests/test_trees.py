@@ -1,13 +1,15 @@
 """Trees of joints: orders, paths and reaches against plain searches; bodies are known without arrays of all pairs."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from distretarget import Skeleton
+from distretarget import Motion, Skeleton, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
+from distretarget.distances import MOST_POINTS
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
 
 KINDS = {
@@ -46,20 +48,23 @@ def paths_by_search(skeleton, start):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("count", [1, 2, 23])
-def test_paths_meets_and_reaches_are_those_of_plain_searches(kind, count):
+def test_paths_places_and_reaches_are_those_of_plain_searches(kind, count):
     skeleton = tree(kind, count)
+    some = np.random.default_rng(count).permutation(count)[: max(count // 2, 1)]
     lines = [skeleton.line(joint) for joint in range(count)]
     for joint in range(count):
         paths, below = paths_by_search(skeleton, joint), skeleton.subtree(joint)
         np.testing.assert_array_equal(skeleton.paths_from(joint), paths)
-        np.testing.assert_array_equal(skeleton.path_lengths[joint], paths)
         assert skeleton.reach[joint] == pytest.approx(paths[below].max())
         assert paths[skeleton.farthest[joint]] == pytest.approx(paths[below].max())
         assert skeleton.depths[joint] == len(lines[joint]) - 1
         for other in range(count):
             common = max({*lines[joint]} & {*lines[other]})
-            assert skeleton.meets[joint, other] == skeleton.meet([joint, other]) == common
-    assert skeleton.longest_path == pytest.approx(skeleton.path_lengths.max())
+            assert skeleton.meet([joint, other]) == common
+            assert (skeleton.places[joint] == skeleton.places[other]) == (paths[other] == 0.0)
+    paths = skeleton.paths_among(some)
+    np.testing.assert_array_equal(paths, [paths_by_search(skeleton, joint)[some] for joint in some])
+    assert skeleton.longest_path_among(some) == pytest.approx(paths.max())
     assert skeleton.depth_first == tuple(sorted(range(count), key=lambda joint: lines[joint][::-1]))
 
 
@@ -67,6 +72,13 @@ def test_of_joints_equally_far_the_nearest_along_the_tree_is_the_farthest():
     flat = tree("chain with twigs", 9)
     flat = flat.with_offsets(0.0 * flat.offsets)
     np.testing.assert_array_equal(flat.farthest, np.arange(9))
+
+
+def test_the_longest_branches_are_chosen_whole():
+    parents, lengths = [-1, 0, 1, 0, 3, 0, 5], [0.0, 1.0, 2.0, 4.0, 1.0, 0.5, 0.5]
+    skeleton = replace(tree("chain", 7), parents=np.array(parents), offsets=np.outer(lengths, [0.0, 1.0, 0.0]))
+    for most, chosen in ((3, [0, 3, 4]), (5, [0, 1, 2, 3, 4]), (9, range(7))):
+        np.testing.assert_array_equal(skeleton.on_longest_branches(np.arange(7), most), chosen)
 
 
 @pytest.mark.parametrize("kind", ["root with children", "chain", "chain with twigs"])
@@ -78,3 +90,12 @@ def test_what_is_known_of_a_body_takes_room_for_a_few_numbers_a_joint(kind):
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 3000 * 12_000  # bytes; an array of all pairs of joints has 24,000 a joint
+
+
+@pytest.mark.parametrize("kind", ["root with children", "chain with twigs"])
+def test_of_very_many_joints_distances_of_some_are_kept_and_measured(kind):
+    body = tree(kind, 3000)
+    motion = Motion(body, np.zeros((2, 3)), np.tile(body.unturned, (2, 1, 1)), "0.01")
+    result = retarget(motion, body.with_lengths(1.1 * body.lengths))
+    assert len(result.distances) == len(result.comparison.contacts.candidates.points) == MOST_POINTS
+    assert result.metrics["result"]["distance_error"] == pytest.approx(0.0, abs=1e-12)

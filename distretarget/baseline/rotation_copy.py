@@ -49,9 +49,8 @@ def find_root_scale(matching: Matching) -> float:
         from_length, to_length = matching.leg_lengths
     else:
         shared = np.flatnonzero(matching.drivers >= 0)
-        drivers = matching.drivers[shared]
-        from_length = matching.source.skeleton.path_lengths[np.ix_(drivers, drivers)].max()
-        to_length = matching.target.skeleton.path_lengths[np.ix_(shared, shared)].max()
+        from_length = matching.source.skeleton.longest_path_among(matching.drivers[shared])
+        to_length = matching.target.skeleton.longest_path_among(shared)
     return float(to_length / from_length) if from_length > 0 else 1.0
 
 

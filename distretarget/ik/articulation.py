@@ -26,12 +26,11 @@ class Articulation(NamedTuple):
     parents: NDArray[np.intp]  # (joints,), -1 for the root
     parts: NDArray[np.intp]  # (joints,), the part that carries the bones below each joint
     stiffness: Array  # (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path
-    meets: NDArray[np.intp]  # (joints, joints), the lowest common ancestor of two joints
 
     @classmethod
     def of(cls, skeleton: Skeleton, parts: NDArray[np.intp], stiffness: Array) -> Articulation:
         """The articulation of a skeleton."""
-        return cls(read_only(skeleton.parents), parts, stiffness, skeleton.meets)
+        return cls(read_only(skeleton.parents), parts, stiffness)
 
 
 class Scratch(NamedTuple):

@@ -127,7 +127,12 @@ def write_way(springs: Springs, count: int, body: Articulation, below: Below) ->
         if b >= 0:
             ends[b] += 1
             is_end[b] = True
-            ends[body.meets[a, b]] -= 2
+            while a != b:  # up to where their lines to the root meet
+                if a > b:
+                    a = body.parents[a]
+                else:
+                    b = body.parents[b]
+            ends[a] -= 2
     bones = 0
     for joint in range(len(ends) - 1, -1, -1):  # all below the joint has been added to `ends[joint]`
         if joint > 0:

@@ -165,8 +165,7 @@ class Reference:
         """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""
         points = self._contacts.candidates.points
         drivers = self.matching.drivers[points]
-        tau = result.rigid_skeleton.path_lengths[np.ix_(points, points)]
-        tau_source = self.source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
+        tau, tau_source = result.rigid_skeleton.paths_among(points), self.source.rigid_skeleton.paths_among(drivers)
         share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
         share /= max(np.triu(share, 1).sum(), 1.0)
         of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
@@ -178,15 +177,11 @@ def _contact_gap(contacts: Contacts, matching: Matching) -> Array:
     """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame; 0
     where none are farther [% of leg length].
     """
-    gaps = []
-    for body, joint_of, D in (
-        (matching.source, matching.drivers, contacts.distance_source),
-        (matching.target, np.arange(len(matching.drivers)), contacts.distance_result),
-    ):
-        tau = body.skeleton.path_lengths[joint_of[contacts.u], joint_of[contacts.v]]
-        gaps.append(D * tau / (0.5 * body.unit))
+    found, nearest = contacts.candidates, contacts.nearest
+    before = contacts.distance_source * found.tau_source[nearest] / (0.5 * matching.source.unit)
+    after = contacts.distance_result * found.tau[nearest] / (0.5 * matching.target.unit)
     farthest = np.zeros(len(contacts.strides))
-    np.maximum.at(farthest, contacts.frame, 100.0 * (gaps[1] - gaps[0]))
+    np.maximum.at(farthest, contacts.frame, 100.0 * (after - before))
     return farthest
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.arms import hanging_distances
 from distretarget.body.legs import passing_regions
+from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, contiguous
@@ -36,13 +37,17 @@ FAR_ALONG = 5  # ... and at least this many joints on the path between them
 class Candidates:
     """The pairs of target joints that may touch, ordered by their pairs of regions."""
 
-    points: Numbers  # (points,), the joints and End Sites with a driver; of coinciding ones, only the first
+    # the joints and End Sites with a driver; of coinciding ones, only the first; of more than `MOST_POINTS`, those on
+    # the longest branches
+    points: Numbers  # (points,)
     region_names: tuple[str, ...]  # of the target's body
     pairs: Numbers  # (pairs of regions, 2), those that may touch, the most interesting first
     passing: NDArray[np.bool_]  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
     v: Numbers  # (pairs of joints,)
+    tau_source: Array  # (pairs of joints,), path lengths on the source, between their drivers [source file units]
+    tau: Array  # (pairs of joints,), path lengths on the target [target file units]
     limits: Array  # (pairs of joints,), they touch while D in the source is below this
 
     @cached_property
@@ -50,17 +55,16 @@ class Candidates:
         """The pairs of regions, such as "left hand - right hand"."""
         return tuple(f"{self.region_names[a]} - {self.region_names[b]}" for a, b in self.pairs)
 
-    def touching(self, motion: Motion, joint_of: Numbers, strides: NDArray[np.bool_]) -> Numbers:
-        """Each contact in a motion: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
+    def touching(self, source: Motion, drivers: Numbers, strides: NDArray[np.bool_]) -> Numbers:
+        """Each contact in a source: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
 
-        `joint_of`, (target joints,), is the joint of the motion for each joint of the target; `strides` is that of
+        `drivers`, (target joints,), is the joint of the source for each joint of the target; `strides` is that of
         `Contacts`.
         """
-        u, v = joint_of[self.u], joint_of[self.v]
-        tau = motion.rigid_skeleton.path_lengths[u, v]
-        nearest = np.empty((len(motion), len(self.first)), np.int32)
+        u, v = drivers[self.u], drivers[self.v]
+        nearest = np.empty((len(source), len(self.first)), np.int32)
         ends = np.append(self.first, len(u))
-        _write_nearest(contiguous(motion.positions), u, v, (self.limits * tau) ** 2, ends, nearest)
+        _write_nearest(contiguous(source.positions), u, v, (self.limits * self.tau_source) ** 2, ends, nearest)
         rows = np.stack([*np.nonzero(nearest >= 0), nearest[nearest >= 0]])
         return np.asarray(rows[:, ~(self.passing[rows[1]] & strides[rows[0]])])
 
@@ -103,14 +107,24 @@ class Contacts:
     strides: NDArray[np.bool_]  # (frames,), whether a foot of the source rests within `STRIDE`
     frame: Numbers  # (rows,), ascending
     regions: Numbers  # (rows,), which pair of regions touches, as an index of `candidates.names`
-    u: Numbers  # (rows,), the target joints that are nearest in the source
-    v: Numbers
+    nearest: Numbers  # (rows,), the pair of target joints that is nearest in the source, a number among `candidates.u`
     distance_source: Array  # (rows,), D of these joints
     distance_result: Array
 
+    @property
+    def u(self) -> Numbers:
+        """(rows,), the first target joint of the nearest pair."""
+        return self.candidates.u[self.nearest]
+
+    @property
+    def v(self) -> Numbers:
+        """(rows,), the second target joint of the nearest pair."""
+        return self.candidates.v[self.nearest]
+
     def in_result(self, result: Motion) -> Contacts:
         """The same contacts with the distances of a result."""
-        return replace(self, distance_result=_distances(result, self.frame, self.u, self.v))
+        tau = self.candidates.tau[self.nearest]
+        return replace(self, distance_result=_apart(result, self.frame, self.u, self.v) / tau)
 
     @property
     def error(self) -> Array:
@@ -161,27 +175,29 @@ def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool
     strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
     frame, regions, nearest = candidates.touching(source, drivers, strides)
     u, v = candidates.u[nearest], candidates.v[nearest]
-    D = _distances(source, frame, drivers[u], drivers[v])
-    rows = {"frame": frame, "regions": regions, "u": u, "v": v, "distance_source": D, "distance_result": D}
+    D = _apart(source, frame, drivers[u], drivers[v]) / candidates.tau_source[nearest]
+    rows = {"frame": frame, "regions": regions, "nearest": nearest, "distance_source": D, "distance_result": D}
     return Contacts(candidates=candidates, strides=strides, **rows)
 
 
 def find_candidates(matching: Matching) -> Candidates:
     """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree."""
-    tau, tau_source = matching.target.skeleton.path_lengths, matching.source.skeleton.path_lengths
+    source, target = matching.source.skeleton, matching.target.skeleton
     drivers, regions = matching.drivers, matching.regions
     driven = np.flatnonzero(drivers >= 0)
-    apart = (tau > 0)[np.ix_(driven, driven)] | (tau_source > 0)[np.ix_(drivers[driven], drivers[driven])]
-    points = driven[(~apart).argmax(axis=1) == np.arange(len(driven))]
-    u, v = (points[end] for end in np.triu_indices(len(points), 1))
+    places = np.stack([target.places[driven], source.places[drivers[driven]]])
+    points = target.on_longest_branches(np.sort(driven[np.unique(places, axis=1, return_index=True)[1]]), MOST_POINTS)
+    upper = np.triu_indices(len(points), 1)
+    u, v = (points[end] for end in upper)
+    tau, tau_source = target.paths_among(points)[upper], source.paths_among(drivers[points])[upper]
     of_u, of_v = regions.of_joint[u], regions.of_joint[v]
-    possible = (of_u >= 0) & (of_v >= 0) & (matching.target.skeleton.path_sizes[u, v] >= FAR_ALONG)
-    possible &= ~regions.neighbours[of_u, of_v] & (tau[u, v] > 0) & (tau_source[drivers[u], drivers[v]] > 0)
+    possible = (of_u >= 0) & (of_v >= 0) & (target.path_sizes(points)[upper] >= FAR_ALONG)
+    possible &= ~regions.neighbours[of_u, of_v] & (tau > 0) & (tau_source > 0)
     ends = np.sort(np.stack([of_u, of_v], axis=1)[possible], axis=1)
     order = np.lexsort(ends.T[::-1])
     u, v = u[possible][order], v[possible][order]
-    a, b = drivers[u], drivers[v]
-    hanging = hanging_distances(matching.source.hanging, a, b, tau_source[a, b])
+    tau, tau_source = tau[possible][order], tau_source[possible][order]
+    hanging = hanging_distances(matching.source.hanging, drivers[u], drivers[v], tau_source)
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
     passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
     return Candidates(
@@ -192,11 +208,12 @@ def find_candidates(matching: Matching) -> Candidates:
         first=first,
         u=u,
         v=v,
+        tau_source=tau_source,
+        tau=tau,
         limits=np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE),
     )
 
 
-def _distances(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:
-    """(rows,), D of the joints u and v in one frame each."""
-    tau = motion.rigid_skeleton.path_lengths[u, v]
-    return np.asarray(lengths(motion.positions[frame, u] - motion.positions[frame, v]) / tau)
+def _apart(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:
+    """(rows,), how far the joints u and v are apart in one frame each [file units]."""
+    return np.asarray(lengths(motion.positions[frame, u] - motion.positions[frame, v]))

@@ -80,7 +80,7 @@ def shared_bones(matching: Matching) -> Joints:
     shared = (drivers >= 0) & (drivers[upper] >= 0) & (skeleton.lengths > 0)
     shared[0] = False
     lower = np.flatnonzero(shared)
-    return lower[source.path_lengths[drivers[lower], drivers[upper[lower]]] > 0]
+    return np.asarray(lower[source.places[drivers[lower]] != source.places[drivers[upper[lower]]]])
 
 
 def _built_differently(matching: Matching) -> list[int]:

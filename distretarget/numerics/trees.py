@@ -7,14 +7,12 @@ from, so that both ways of computing them give the same to the last bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
-Number = TypeVar("Number", bound=np.generic)
 
 
 def children_of(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
@@ -48,47 +46,20 @@ def paths_from(joint: int, parents: Sequence[int], lengths: Sequence[float]) -> 
     return np.array(paths)
 
 
-def all_paths(parents: Joints, order: Sequence[int], lengths: Array) -> Array:
-    """Return the lengths of all paths, (joints, joints): a row is `paths_from` a joint. `order` is depth first."""
-    places, above, ends = _depth_first(parents, order)
-    own, to = lengths[places], np.zeros((len(places),) * 2)  # to[a, b] leads from place b to place a
-    for place in range(len(places) - 1, 0, -1):
-        below = slice(place, ends[place])
-        to[above[place], below] = to[place, below] + own[place]
-    for place in range(1, len(places)):
-        for others in (slice(place), slice(ends[place], None)):
-            to[place, others] = to[above[place], others] + own[place]
-    return _by_joint(to.T, places)
-
-
-def all_meets(parents: Joints, order: Sequence[int]) -> Joints:
-    """Return the lowest common ancestors of all pairs of joints, (joints, joints). `order` is depth first."""
-    places, above, _ = _depth_first(parents, order)
-    meets = np.zeros((len(places),) * 2, np.intp)
-    for place, upper in enumerate(above):
-        if place:
-            meets[place, :upper] = meets[upper, :upper]  # what is between a joint and its child is below the joint
-            meets[place, upper:place] = upper
-        meets[place, place] = place
-    return _by_joint(places[np.maximum(meets, meets.T)], places)
-
-
-def _by_joint(values: NDArray[Number], places: Joints) -> NDArray[Number]:
-    """Values of pairs of places, (joints, joints), as those of pairs of the joints at these places."""
-    by_joint = np.empty(values.shape, values.dtype)
-    by_joint[np.ix_(places, places)] = values
-    return by_joint
-
-
-def _depth_first(parents: Joints, order: Sequence[int]) -> tuple[Joints, list[int], list[int]]:
-    """The joint at each place of a depth-first order, the place of its parent, and that after its last descendant."""
-    places = np.array(order, np.intp)
-    place_of = np.empty(len(places) + 1, np.intp)
-    place_of[places], place_of[-1] = np.arange(len(places)), -1
-    above, ends = place_of[parents[places]].tolist(), list(range(1, len(places) + 1))
-    for place in range(len(places) - 1, 0, -1):
-        ends[above[place]] = max(ends[above[place]], ends[place])
-    return places, above, ends
+def paths_among(joints: Joints, parents: Joints, lengths: Array) -> Array:
+    """Return the lengths of the paths between some joints, (some, some): a row is that of `paths_from` its joint."""
+    paths = np.full((len(parents), len(joints)), -1.0)  # from the n-th of them, in column n, to those on their lines
+    n, at = np.arange(len(joints)), np.asarray(joints)
+    paths[at, n] = 0.0
+    on_lines = np.zeros(len(parents), np.bool_)
+    while len(at):
+        on_lines[at] = True
+        n, at = n[at > 0], at[at > 0]
+        paths[parents[at], n] = paths[at, n] + lengths[at]
+        at = parents[at]
+    for joint in np.flatnonzero(on_lines)[1:]:
+        paths[joint] = np.where(paths[joint] < 0.0, paths[parents[joint]] + lengths[joint], paths[joint])
+    return np.ascontiguousarray(paths[joints].T)
 
 
 def reaches(parents: Sequence[int], lengths: Sequence[float]) -> tuple[Array, Joints]:

@@ -71,8 +71,8 @@ def pair_of(clip: Clip, wish: Wish) -> tuple[int, int] | None:
         return int(wish.joints[0][0]), wish.carrier.joint
     if not isinstance(wish.entry, Contact):
         return None
-    shared = np.isin(np.arange(len(clip.skeleton)), clip.distances.targets)
-    a, b = (joints[shared[joints]] if shared[joints].any() else joints for joints in wish.joints)
+    driven = clip.drivers >= 0
+    a, b = (joints[driven[joints]] if driven[joints].any() else joints for joints in wish.joints)
     x = clip.copy.positions[wish.frames]
     apart = lengths(x[:, a, None] - x[:, None, b]).mean(axis=0)
     i, j = np.unravel_index(apart.argmin(), apart.shape)
@@ -111,7 +111,7 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
         now = _nearest_way(motion, wish.joints) / clip.unit if gap else now
     elif isinstance(entry, Contact):
         u, v = clip.drivers[[*pair]]
-        tau, own_tau = clip.skeleton.path_lengths[pair], clip.source_skeleton.path_lengths[u, v]
+        tau, own_tau = clip.skeleton.paths_from(pair[0])[pair[1]], clip.source_skeleton.paths_from(int(u))[v]
         source = lengths(clip.source.positions[:, u] - clip.source.positions[:, v])
         length = tau / max(own_tau, LEAST_LENGTH) / clip.unit * source
     else:

@@ -131,8 +131,13 @@ class Clip:
 
     @property
     def loose_parts(self) -> Joints:
-        """The parts without a shared point, such as undriven fingers: only the floor moves them."""
-        return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.distances.targets)]])
+        """The parts without a driven joint, such as undriven fingers: only the floor moves them."""
+        return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.driven)]])
+
+    @property
+    def driven(self) -> Joints:
+        """The target's joints that have a driver."""
+        return np.flatnonzero(self.drivers >= 0)
 
 
 def _raised_arms(body: Body, motion: Motion) -> Array:

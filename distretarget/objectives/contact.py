@@ -97,11 +97,11 @@ def part_stiffness(clip: Clip) -> Array:
     """h: (parts + 1,), the stiffness of each part's rotation, and last that of the root's path.
 
     It grows with the length of a part's bones and, far more, with the share of the body below the part. Bones that lead
-    to no shared point, such as those of a tail, do not count.
+    to no driven joint, such as those of a tail, do not count.
     """
     skeleton, legs, parts = clip.skeleton, clip.target_legs, clip.parts
     carrier = parts[skeleton.parents[1:]]
-    carried = subtree_lengths(skeleton, clip.distances.targets)
+    carried = subtree_lengths(skeleton, clip.driven)
     share = np.divide(carried, carried[0], out=np.zeros_like(carried), where=carried[0] > 0)
     bones, largest_share = np.zeros((2, parts.max() + 1))
     np.add.at(bones, carrier, skeleton.lengths[1:] / clip.unit)

@@ -233,19 +233,19 @@ def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers
 def _contact_points(one: Performer) -> ContactPoints:
     """The joints of a performer that may touch, a few of each region: fingers follow the hand."""
     matching, distances = one.match.matching, one.clip.distances
-    tau = matching.source.skeleton.path_lengths
+    skeleton = matching.source.skeleton
     regions = matching.regions.of_joint[distances.targets]
     kept: list[int] = []
     for region in range(len(matching.regions.names)):
         points = np.flatnonzero(regions == region)
-        sources = distances.sources[points]
-        kept += points[spread_out(tau[np.ix_(sources, sources)], REGION_POINTS)].tolist() if len(points) else []
+        tau = skeleton.paths_among(distances.sources[points])
+        kept += points[spread_out(tau, REGION_POINTS)].tolist() if len(points) else []
     sources, joints = distances.sources[kept], distances.targets[kept]
     return ContactPoints(
         joints=joints,
         regions=regions[kept],
         source=matching.source_motion.positions[:, sources],
-        reach=tau[matching.drivers[matching.pelvis]][sources],
+        reach=skeleton.paths_from(matching.drivers.item(matching.pelvis))[sources],
         target_reach=matching.target.skeleton.paths_from(matching.pelvis)[joints],
         shots=one.clip.shots,
     )
