@@ -76,6 +76,18 @@ def test_rows_of_performers_with_skins_are_of_gaps_between_these():
     assert all(len(points) == 2 for points in row["points"])
 
 
+def test_a_part_that_nothing_drives_has_a_row_without_marks():
+    setup = load_scene(SAMPLES / "scenes" / "high_five" / "scene.json")
+    motions = [motion[54:61] for motion in setup.read()[0]]
+    bodies = [motion.rigid_skeleton for motion in motions]
+    maps = [dict.fromkeys(("RightElbow", "RightWrist"))] * 2
+    result = retarget_scene(motions, bodies, skin="average", joint_maps=maps)
+    found = re.findall(
+        r'<script type="application/json" id="stage">(.*?)</script>', scene_page(result, setup.names), re.DOTALL
+    )
+    assert any(row["points"] == [[], [], []] for row in json.loads(found[0])["rows"] if "hand" in row["name"])
+
+
 def test_the_command_writes_it(tmp_path):
     done = run("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report", tmp_path / "report.html")
     assert done.returncode == 0, done.stderr

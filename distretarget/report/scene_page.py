@@ -204,7 +204,7 @@ def _marks(
     on any from none.
     """
     return [
-        [(side * len(bodies) + at, end[min(side, 1)]) for at, end in zip(pair, ends, strict=True)]
+        [(side * len(bodies) + at, end[min(side, 1)]) for at, end in zip(pair, ends, strict=True)] if ends else []
         for side in range(len(bodies[pair[0]].motions))
     ]
 
