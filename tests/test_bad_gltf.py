@@ -95,6 +95,7 @@ CHANGES = {
     "flat matrix": (change("nodes", 2, "matrix", [0] * 16), "nodes[2].matrix: has an axis of length 0"),
     "skin without joints": (change("skins", 0, "joints", []), "skins[0]: has no joints"),
     "joint that is not there": (change("skins", 0, "joints", 0, -1), "skins[0].joints[0]: expected an index of nodes"),
+    "skin of none": (change("skins", None), "nodes[22].skin: there are no skins in the file"),
     "binds that are not there": (
         change("skins", 0, "inverseBindMatrices", 99),
         "skins[0].inverseBindMatrices: expected",

@@ -75,6 +75,7 @@ def attributes(document):
 
 BAD = {
     "no weights": (lambda d: attributes(d).pop("WEIGHTS_0"), "no joints and weights"),
+    "a list for an accessor": (lambda d: attributes(d).update(NORMAL=[1]), "expected a whole number"),
     "no such accessor": (lambda d: attributes(d).update(POSITION=99), "an index of accessors"),
     "scalars": (lambda d: attributes(d).update(POSITION=d["meshes"][0]["primitives"][0]["indices"]), "type VEC3"),
     "another number of weights": (

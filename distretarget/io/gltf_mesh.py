@@ -41,7 +41,7 @@ def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
             primitive = place.entries()
             attributes = primitive.inner("attributes")
             if "POSITION" in attributes and primitive.read("mode", Node.whole, TRIANGLES) in (TRIANGLES, STRIP, FAN):
-                groups[tuple((name, attributes[name].value) for name in sorted(attributes))].append(primitive)
+                groups[tuple((name, attributes[name].whole()) for name in sorted(attributes))].append(primitive)
         for primitives in groups.values():
             yield _part(gltf, primitives, node, skin)
 

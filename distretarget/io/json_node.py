@@ -168,8 +168,10 @@ class Node:
 
     def index(self, most: int, key: str) -> int:
         """Return the index of an entry of the list at a key, from 0 to `most`."""
+        if most < 0:
+            self.fail(f"there are no {key} in the file; export it again")
         if not isinstance(self.value, float) or not 0 <= self.value <= most or self.value != int(self.value):
-            self.expected(f"an index of {key}, from 0 to {most}" if key and most >= 0 else "a whole number, from 0")
+            self.expected(f"an index of {key}, from 0 to {most}" if key else "a whole number, from 0")
         return int(self.value)
 
     def flag(self) -> bool:
