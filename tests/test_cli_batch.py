@@ -149,6 +149,14 @@ def test_lists_may_have_a_byte_order_mark_and_line_ends_of_windows(folder):
     assert (done.returncode, tree(folder / "out").keys()) == (0, {"a.bvh", "deep/b.bvh"})
 
 
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs /dev/zero")
+@pytest.mark.usefixtures("folder")
+def test_a_list_without_end_is_refused():
+    done = batch("body.json", "-o", "out", "--input-list", "/dev/zero")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "expected one path per line" in done.stderr
+
+
 def test_streams_of_few_characters_take_any_name(folder):
     (folder / "in/a.bvh").rename(folder / "in/\u52d5.bvh")
     narrow = {**os.environ, "PYTHONIOENCODING": "cp1252"}

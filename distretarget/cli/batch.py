@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import TextIO
 
 import click
 from tqdm import tqdm
@@ -48,6 +49,7 @@ from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
+LONGEST_PATH = 40_000  # more than any system takes [characters]
 
 
 def of_condition(text: str) -> Condition:
@@ -159,7 +161,7 @@ def batch_command(
     targets: tuple[Path, ...],
     include: tuple[str, ...],
     exclude: tuple[str, ...],
-    input_list: Iterator[str] | None,
+    input_list: TextIO | None,
     clip: str | None,
     fps: float | None,
     joints_path: Path | None,
@@ -203,7 +205,7 @@ def batch_command(
             raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
     texts = load_targets(list(dict.fromkeys(targets)))
     sources = tuple(dict.fromkeys(sources))
-    listed = [Path(line) for line in dict.fromkeys(line.rstrip("\r\n") for line in input_list or () if line.strip())]
+    listed = [*dict.fromkeys(_listed(input_list))] if input_list else []
     if not sources and input_list is None:
         raise click.UsageError("no sources; expected files, folders or --input-list.")
     if jobs and dask is not None:
@@ -257,6 +259,15 @@ def batch_command(
         count = write_merged(folder, texts[0], batch.kept_clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
+
+
+def _listed(lines: TextIO) -> Iterator[Path]:
+    """The paths in a list, one a line; an error at a line that is too long to be one, as of a device without end."""
+    while line := lines.readline(LONGEST_PATH):
+        if len(line) == LONGEST_PATH:
+            raise click.UsageError("--input-list: a line is longer than any path; expected one path per line.")
+        if line.strip():
+            yield Path(line.rstrip("\r\n"))
 
 
 def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_run: bool) -> Path:
