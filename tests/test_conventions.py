@@ -1,10 +1,17 @@
 """Naming conventions, recognised by the names of joints."""
 
+import re
+
 import pytest
-from named_bodies import needs_names, published, roles, tree
+from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 
 from distretarget.body.conventions import convention_of
 from distretarget.body.named_anatomy import by_names
+
+
+def test_names_of_new_bones_of_blender_may_stand_before_some_names():
+    found = roles(tree(re.sub("(?=Hips|Spine>|Neck|Head)", "Bone.", BODY)))
+    assert found == {role: re.sub("^(?=Hips|Spine$|Neck|Head)", "Bone.", name) for role, name in ROLES.items()}
 
 
 @needs_names

@@ -45,6 +45,8 @@ HELPER_WORDS = frozenset(
 )
 HELPER_PREFIX = "__"
 
+NEW_BONE = ("bone",)  # as Blender calls one; renamed by hand, some bones keep it before their name
+
 COMMON_SHARE = 0.75  # a first or last word or a final number that this share of the names has means nothing [0 to 1]
 RECOGNISED = 0.75  # least fit of a convention that is recognised [0 to 1]
 PREFIX_FIT = 1.0  # what its prefix adds to the fit of a convention
@@ -253,7 +255,7 @@ def name_meanings(tree: NamedTree) -> NameMeanings:
     fits the one with more of the `also` wins.
     """
     conventions = vocabulary().conventions
-    names = _joint_names(tree, {convention.prefix for convention in conventions} - {()})
+    names = _joint_names(tree, {convention.prefix for convention in conventions} - {()} | {NEW_BONE})
     prefixes = Counter(name.prefix for name in names if name.stem)
     prefix = max(prefixes, key=prefixes.__getitem__, default=())
     terms = {name.term for name in names}
