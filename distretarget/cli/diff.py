@@ -145,7 +145,7 @@ def _lines(metrics: DiffDocument, verdict: Sequence[str], verbose: bool) -> Iter
     for name, body in (("A", metrics["a"]), ("B", metrics["b"])):
         named = f", named as in {body['convention']}" if body["convention"] else ""
         yield f"{name}: {body['file']}, {body['joints']} joints{named}"
-    yield f"{counted(metrics['frame_count'], 'frame')} compared, {1 / metrics['frame_time']:.4g} a second"
+    yield f"{counted(metrics['frame_count'], 'frame')} compared, {1 / metrics['frame_time']:,.6g} a second"
     yield from metrics["notes"]
     if verbose:
         yield from ("", *_table(metrics["metrics"]["source"], metrics["metrics"]["result"]), "")

@@ -190,7 +190,7 @@ def _lines(metrics: SceneDiffDocument, verdicts: Mapping[str, Sequence[str]]) ->
     if metrics["props"]:
         yield f"props: {', '.join(metrics['props'])}"
     frames = min(one["frame_count"] for one in performers.values())
-    yield f"{counted(frames, 'frame')} compared, {1 / first['frame_time']:.4g} a second"
+    yield f"{counted(frames, 'frame')} compared, {1 / first['frame_time']:,.6g} a second"
     for name, one in performers.items():
         for note in one["notes"]:
             yield f"{name}: {note}"

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of
 from distretarget.cli.outputs import aligned
+from distretarget.errors import cut
 from distretarget.matching.matching import Matching
 
 METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}
@@ -42,9 +43,9 @@ def rows(matching: Matching) -> Iterator[str]:
 def _row(matching: Matching, joint: int) -> tuple[str, str, str, str]:
     key, driver = matching.target.skeleton.keys[joint], matching.drivers[joint]
     if driver < 0:
-        return key, "-", "", _rotation(matching, joint)
+        return cut(key), "-", "", _rotation(matching, joint)
     method = ", ".join(filter(None, (METHODS[matching.method[joint]], _rotation(matching, joint))))
-    return key, matching.source.skeleton.keys[driver], f"{100 * matching.confidence[joint]:.0f} %", method
+    return cut(key), cut(matching.source.skeleton.keys[driver]), f"{100 * matching.confidence[joint]:.0f} %", method
 
 
 def _rotation(matching: Matching, joint: int) -> str:

@@ -300,8 +300,8 @@ def _write(
             line = skin_gap.sentence
         elif gap and copy:
             line = (
-                f"contacts in {gap.frames} frames: joints {100 * gap.b:.1f} % of a leg apart on average, more than "
-                f"{100 * gap.worst:.1f} in 1 % of the cases "
+                f"contacts in {counted(gap.frames, 'frame')}: joints {100 * gap.b:.1f} % of a leg apart on average, "
+                f"more than {100 * gap.worst:.1f} in 1 % of the cases "
                 f"({100 * gap.a:.1f} on average in the source, {100 * copy.b:.1f} in copied rotations)"
             )
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")

@@ -24,7 +24,7 @@ from distretarget.cli.options import (
     rest_option,
 )
 from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_output
-from distretarget.errors import FileError, closest, counted
+from distretarget.errors import FileError, closest, counted, cut
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.motion_file import parse_motion
@@ -288,5 +288,5 @@ def _tree(skeleton: Skeleton) -> Iterator[str]:
         branch = indents[parent] + ("└─ " if last else "├─ ")
         indents[joint] = indents[parent] + ("   " if last else "│  ")
         end_site = "  End Site" if skeleton.end_sites[joint] else ""
-        rows.append((branch + skeleton.names[joint], f"{skeleton.lengths[joint]:10.4f}{end_site}"))
+        rows.append((branch + cut(skeleton.names[joint]), f"{skeleton.lengths[joint]:10.4f}{end_site}"))
     return aligned(rows, "<<")

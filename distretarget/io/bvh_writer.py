@@ -159,8 +159,8 @@ def refusals(skeleton: Skeleton) -> Iterator[str]:
     if odd := [joint for joint in joints if not _is_usual(skeleton, joint)]:
         found = counted(len(skeleton.channels[odd[0]]), "channel")
         yield (
-            "pybvh reads three rotations of each joint, and three positions of the root; "
-            f"{skeleton.names[odd[0]]!r} of the target has {found}"
+            "pybvh cannot read the result: it expects three rotations of each joint and positions of the root alone, "
+            f"and {skeleton.names[odd[0]]!r} has {found}"
         )
 
 
