@@ -146,41 +146,39 @@ export class Stage {
     this.camera.aspect = share / height;
     this.camera.updateProjectionMatrix();
     this.frame(this.camera.aspect);
-    const away = this.camera.position.distanceTo(this.controls.target);
+    for (const side of views.flat()) this.place(side, frame, views[0]);
+    views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
+  }
+
+  /** Draws sides into a box of the canvas, through a camera that looks at a place. */
+  render(sides, camera, target, box) {
+    const away = camera.position.distanceTo(target), {x, z} = sides.at(-1).group.position;
+    for (const side of this.sides) side.group.visible = sides.includes(side);
     Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
-    for (const side of this.sides.filter(({shown}) => shown)) this.place(side, frame, views[0]);
-    views.forEach((sides, k) => {
-      for (const side of this.sides) side.group.visible = sides.includes(side);
-      const {x, z} = sides[sides.length - 1].group.position;
-      this.ground.moveTo(x, z);
-      this.renderer.setViewport(k * share, 0, share, height);
-      this.renderer.setScissor(k * share, 0, share, height);
-      this.renderer.render(this.scene, this.camera);
-    });
+    this.ground.moveTo(x, z);
+    this.renderer.setViewport(...box);
+    this.renderer.setScissor(...box);
+    this.renderer.render(this.scene, camera);
   }
 
   /** Draws a frame of the last side alone, from in front, on a 2D canvas. */
   snapshot(frame, picture) {
-    const side = this.sides[this.sides.length - 1], {high, across} = side.room, {width, height} = picture;
+    const side = this.sides.at(-1), {high, across} = side.room, {width, height} = picture;
     const camera = new THREE.PerspectiveCamera(this.camera.fov, width / height, 0.05, 100);
     const middle = new THREE.Vector3(0, 0.48 * high, 0), ratio = this.renderer.getPixelRatio();
     const away = 1.02 * high / (2 * Math.tan(camera.fov * Math.PI / 360)) + 0.2 * across;
     camera.position.setFromSphericalCoords(away, 1.4, this.facing + 0.5).add(middle);
     camera.lookAt(middle);
-    Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
     this.place(side, frame, [side]);
-    for (const one of this.sides) one.group.visible = one === side;
-    for (const set of ['setViewport', 'setScissor']) this.renderer[set](0, 0, width / ratio, height / ratio);
-    this.renderer.render(this.scene, camera);
+    this.render([side], camera, middle, [0, 0, width / ratio, height / ratio]);
     picture.getContext('2d').drawImage(this.canvas, 0, this.canvas.height - height, width, height, 0, 0, width, height);
   }
 
   /** Bends the actors of a side, and moves the side so that the view follows it. */
   place(side, frame, together) {
-    const centred = this.follow ? side : this.overlaid ? together[together.length - 1] : side;
-    const [x, z] = this.follow ? this.centre(centred, frame) : centred.room.middle;
+    const last = together.at(-1), veiled = this.overlaid && side !== last;
+    const [x, z] = this.follow ? this.centre(side, frame) : (this.overlaid ? last : side).room.middle;
     side.group.position.set(-x, 0, -z);
-    const veiled = this.overlaid && side !== together[together.length - 1];
     for (const {motion, mesh, materials} of side.actors) {
       motion.place(frame);
       if (mesh.bent !== motion.frame) bend(mesh, motion);
