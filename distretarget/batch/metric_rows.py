@@ -11,6 +11,7 @@ import hashlib
 import io
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
+from itertools import chain
 from pathlib import Path
 from typing import TypedDict
 
@@ -78,6 +79,11 @@ def _name_in(row: bytes) -> str:
     return row.partition(b",")[0].decode("ascii", "replace")
 
 
+def _output_in(row: bytes) -> bytes:
+    content = row.partition(b",")[2]
+    return content.partition(b'",' if content.startswith(b'"') else b",")[0]
+
+
 class MetricRows:
     """The rows in a folder of results."""
 
@@ -122,9 +128,11 @@ class MetricRows:
         self._journal.catch_up()
         if not self._starts:
             return
-        ordered = sorted(self._journal.lines_at(self._starts.values()), key=lambda row: row.partition(b",")[2])
-        rows = [row.rstrip(b"\n") + b"\n" for row in ordered if row.rstrip(b"\n") != HEADER]
-        write_whole(self._path, [HEADER + b"\n", *rows], overwrite=True)
+        outputs = map(_output_in, self._journal.lines_at(self._starts.values()))
+        order = sorted(zip(outputs, self._starts.items(), strict=True))
+        starts = [start for _, (name, start) in order if name != _name_in(HEADER)]
+        rows = (row.rstrip(b"\n") + b"\n" for row in self._journal.lines_at(starts))
+        write_whole(self._path, chain([HEADER + b"\n"], rows), overwrite=True)
         self._forget()
 
     def _has_header(self) -> bool:
