@@ -229,6 +229,14 @@ def test_a_cut_file_is_refused(tmp_path, cut):
         read_motion(tmp_path / "clip.npz", joints=CLAP)
 
 
+def test_a_damaged_header_is_refused(tmp_path):
+    path = tmp_path / "clip.npy"
+    np.save(path, np.zeros((2, 22, 3)))
+    path.write_bytes(path.read_bytes().replace(b"(2, 22, 3)", b"(((((((((("))
+    with pytest.raises(FileError, match="not a whole file of arrays"):
+        read_motion(path)
+
+
 def test_a_folder_of_parameters_is_retargeted(folder):
     (folder / "amass").mkdir()
     poses, trans = parameters(24, frames=4, angle=0.1)

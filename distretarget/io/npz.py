@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -81,11 +82,24 @@ class ArraysFile:
         return found.astype(np.float64)
 
 
+# What numpy raises on files that are cut or damaged; the last two on the header of an array.
+FAULTS: tuple[type[Exception], ...] = (
+    ValueError,
+    EOFError,
+    OSError,
+    KeyError,
+    NotImplementedError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+FAULTS += (SyntaxError, tokenize.TokenError)
+
+
 def _read(path: str | Path, read: Callable[[], Any]) -> Any:
     """What `read` returns; a FileError where the content is not whole, or needs pickle, which may run any code."""
     try:
         return read()
-    except (ValueError, EOFError, OSError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+    except FAULTS as error:
         raise FileError(path, f"is not a whole file of arrays: {error}") from error
     except MemoryError:
         raise FileError(path, "is damaged: an array would be larger than the memory") from None
