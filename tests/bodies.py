@@ -90,6 +90,17 @@ def person() -> Skeleton:
     )
 
 
+def bent_chain() -> Skeleton:
+    """Three joints that are no body."""
+    return Skeleton(
+        names=("a", "b", "c"),
+        parents=[-1, 0, 1],
+        offsets=[[0, 0, 0], [0, 2, 0], [1, 0, 0]],
+        channels=((),) * 3,
+        end_sites=[False] * 3,
+    )
+
+
 def moved(motion: Motion, turn: Rotation, shift: tuple[float, float, float] = (0, 0, 0), scale: float = 1.0) -> Motion:
     """The motion scaled, then turned and shifted in the world."""
     translations = scale * motion.translations

@@ -11,6 +11,7 @@ from bodies import (
     CORPUS,
     SAMPLES,
     WAYS,
+    bent_chain,
     in_world,
     moved,
     needs_corpus,
@@ -25,7 +26,7 @@ from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 import distretarget
-from distretarget import Motion, Skeleton, read_bvh, retarget
+from distretarget import Motion, read_bvh, retarget
 from distretarget.body.axes import Directions, axis_vector
 from distretarget.body.body import Body
 from distretarget.skeleton import AXES
@@ -292,14 +293,7 @@ def test_size_of_the_papers_skeleton():
 
 
 def test_bodies_without_legs_have_a_size():
-    chain = Skeleton(
-        names=("a", "b", "c"),
-        parents=[-1, 0, 1],
-        offsets=[[0, 0, 0], [0, 2, 0], [1, 0, 0]],
-        channels=((),) * 3,
-        end_sites=[False] * 3,
-    )
-    body = Body.of(chain)
+    body = Body.of(bent_chain())
     assert (body.legs, body.leg_length, body.pelvis_joint) == (None, 0.0, None)
     assert (body.height, body.unit) == (2.0, 3.0)
 

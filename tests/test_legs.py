@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person
+from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, person
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.body import Body
@@ -61,13 +61,7 @@ def test_legs_of_real_rigs(file, legs):
 
 
 def test_a_chain_has_no_legs():
-    chain = Skeleton(
-        names=("a", "b", "c"),
-        parents=[-1, 0, 1],
-        offsets=[[0, 0, 0], [0, 2, 0], [1, 0, 0]],
-        channels=((),) * 3,
-        end_sites=[False] * 3,
-    )
+    chain = bent_chain()
     assert tree_legs(chain) is None
     assert find_legs(chain, None) is None
 

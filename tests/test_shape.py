@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, swaying
+from characters import PERSON
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton, read_bvh
@@ -11,21 +12,6 @@ from distretarget.body.shape import by_shape
 
 LIMBS = ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toes")
 TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])
-PERSON = {
-    "hips": "Hips",
-    "spine": "Chest",
-    "chest": "Chest2",
-    "upperChest": "Chest3",
-    "neck": "Neck",
-    "head": "Head",
-    **{
-        f"{side}{role}": side.capitalize() + name
-        for side in SIDES
-        for role, name in zip(
-            LIMBS, ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Toe"), strict=True
-        )
-    },
-}
 
 
 def rig(bones):
