@@ -81,7 +81,7 @@ def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
     fingers, none = (len(clip.skeleton) for clip in clips)
     what = f"{fingers} joints, fingers and hands together, over {none}: frames/s"
     yield _line(what, times[:, 1] / times[:, 0])
-    for what, joints in (("chains that nothing touches", ("Head", "Hips")), ("hands full of chains meet", HANDS)):
+    for what, joints in (("chains without contacts", ("Head", "Hips")), ("hands full of chains meet", HANDS)):
         clips = [with_chains(read_bvh(SAMPLE), count, joints) for count in CHAINS]
         runs = []
         for clip in clips:

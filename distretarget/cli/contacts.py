@@ -62,4 +62,4 @@ def contacts_command(
     for line in contact_lines(found):
         say(line)
     if not len(found):
-        say("nothing touches, and nothing rests")
+        say("no contacts found: no parts of the body touch, and none is planted")

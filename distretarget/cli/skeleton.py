@@ -55,7 +55,7 @@ def skeleton_group() -> None:
 
 @skeleton_group.command("show")
 @click.argument("file", type=FileOrStandard())
-@click.option("-o", "--output", type=FileOrStandard(), help="An .obj file for the capsules that stand for the skin.")
+@click.option("-o", "--output", type=FileOrStandard(), help="An .obj file for the capsules that approximate the skin.")
 @OVERWRITE_OPTION
 def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
     """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths, and how thick its
