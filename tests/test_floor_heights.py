@@ -10,7 +10,7 @@ from bodies import SAMPLES
 from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.objectives.floor import STIFFNESS, find_floor, rise_by_skin
+from distretarget.objectives.floor import STIFFNESS, find_flesh, find_floor, rise_of_flesh
 from distretarget.pipeline.performer import match_performer
 from distretarget.skin.capsules import SEGMENTS
 
@@ -107,13 +107,19 @@ def test_a_large_head_stays_above_the_floor_of_a_cartwheel(tmp_path):
 def test_the_root_rises_only_for_skin_that_would_be_below_the_floor():
     match = match_performer(CRAWL, load_target(SAMPLES.parent / "sample_characters" / "hero.glb"))
     own, leg = match.matching.leg_lengths
-    clip = match.performer(RootScale.even(leg / own)).clip
-    high = clip.raised(np.outer(np.full(len(clip), clip.leg_lengths[1]), UPWARDS))
-    rests = np.ones((len(clip), 1))
-    assert not rise_by_skin(high, rests, match.undersides).any()
-    low = clip.raised(np.outer(np.full(len(clip), -0.5 * clip.leg_lengths[1]), UPWARDS))
-    rise = rise_by_skin(low, rests, match.undersides)
-    assert (rise > 0).all()
-    np.testing.assert_allclose(rise_by_skin(low.raised(np.outer(rise, UPWARDS)), rests, match.undersides), 0, atol=1e-9)
-    assert not rise_by_skin(low, 0 * rests, match.undersides).any()
-    assert not rise_by_skin(low, rests, None).any()
+    clip, rests = match.performer(RootScale.even(leg / own)).clip, np.ones((len(CRAWL), 1))
+
+    def rise(by, weights=rests):
+        raised = clip.raised(np.outer(np.broadcast_to(by, len(clip)), UPWARDS))
+        return rise_of_flesh(raised, weights, find_flesh(raised, weights, match.undersides))
+
+    assert not rise(leg).any()
+    needed = rise(-0.5 * leg)
+    assert (needed > 0).all()
+    np.testing.assert_allclose(rise(needed - 0.5 * leg), 0, atol=1e-9)
+    assert not rise(-0.5 * leg, 0 * rests).any()
+
+
+def test_without_skin_no_flesh_is_near_the_floor():
+    clip, _ = floor_of(CRAWL, "child.json")
+    assert not len(find_flesh(clip, np.ones((len(clip), 1)), None).joints)

@@ -60,10 +60,10 @@ class Underside:
         return result
 
     def reach(self, joint: int) -> float:
-        """Return how far below a joint its skin can be, however it is turned [file units]; 0 without skin."""
-        on = np.isin(self.capsules.segments, self._segments_about(joint))
-        away = lengths(self._rest_ends[on] - self.body.skeleton.rest_positions[joint]) + self.capsules.radii[on]
-        return float(away.max(initial=0.0))
+        """Return how far below a joint of trunk or head its skin can be at most [file units]; 0 where there is none."""
+        whole = self._whole_about(joint)
+        away = lengths(self._rest_ends[whole] - self.body.skeleton.rest_positions[joint]) + self.capsules.radii[whole]
+        return AROUND * float(away.max(initial=0.0))
 
     def foot(self, ankle: int) -> Numbers:
         """Return the vertices of a foot that can be its lowest; none without a mesh."""
@@ -107,8 +107,7 @@ class Underside:
                 mesh = self.mesh
                 none = np.zeros(len(vertices))
                 return lowest_of(mesh.vertices[vertices], mesh.joints[vertices], mesh.weights[vertices], none)
-        of_whole = [k for k in self._segments_about(joint).tolist() if SEGMENTS[k] in WHOLE]
-        whole = np.flatnonzero(np.isin(self.capsules.segments, of_whole))
+        whole = self._whole_about(joint)
         on, t = np.concatenate([near, whole, whole]), np.concatenate([t, np.zeros(len(whole)), np.ones(len(whole))])
         ends, radii, shares = self._rest_ends[on], self.capsules.radii[on], np.stack([1.0 - t, t], axis=1)
         centres, carriers = (shares[..., None] * ends).sum(axis=1), self.capsules.joints[on][:, None]
@@ -138,6 +137,11 @@ class Underside:
         skeleton = self.body.skeleton
         around = self.segments[[joint, max(skeleton.parents.item(joint), 0), *skeleton.children[joint]]]
         return np.asarray(np.unique(around[around >= 0]))
+
+    def _whole_about(self, joint: int) -> Numbers:
+        """The capsules of the segments about a joint on all of whose skin it rests."""
+        segments = [number for number in self._segments_about(joint).tolist() if SEGMENTS[number] in WHOLE]
+        return np.flatnonzero(np.isin(self.capsules.segments, segments))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
         """The vertices that stand for the skin nearer to a joint than `reach`, and for all of a trunk or head there."""

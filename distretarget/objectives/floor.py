@@ -49,12 +49,48 @@ def no_floor(frames: int) -> Floor:
     return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
 
 
-def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None) -> Floor:
+class Flesh(NamedTuple):
+    """Joints of trunk and head whose skin may be near the floor while something rests."""
+
+    joints: NDArray[np.intp]  # (joints,), joints of the target
+    heights: Array  # (frames, joints), those at which their lowest skin is as low as the soles [target file units]
+
+
+def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Flesh:
+    """Return the joints of trunk and head near the floor; none without `undersides`, the skins of both bodies.
+
+    `weights` are those of `find_floor`.
+    """
+    if undersides is None or not clip.legs:
+        return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
+    names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
+    joints = clip.limb_joints[np.isin(names, WITHOUT_SIDE)]
+    floor, rests = _height_of_floor(clip) - undersides.soles[1], weights.max(axis=1, initial=0.0) > 0.0
+    reach = np.array([undersides.target.reach(joint) for joint in joints.tolist()])
+    near = (clip.copy_on_path(joints) @ clip.up - floor < reach) & rests[:, None]
+    joints, frames = joints[near.any(axis=0)], np.flatnonzero(near.any(axis=1))
+    heights = np.repeat(floor, len(joints), axis=1)
+    heights[frames] += undersides.target.below(clip.copy[frames], joints, clip.up)
+    return Flesh(joints, heights)
+
+
+def rise_of_flesh(clip: Clip, weights: Array, flesh: Flesh) -> Array:
+    """Return how much the root rises, (frames,), so that the skin of trunk and head is no lower than the soles while
+    something rests [target file units]: a large head in a cartwheel, a belly in a push-up. `weights` are those of
+    `find_floor`.
+    """
+    low = flesh.heights - clip.copy_on_path(flesh.joints) @ clip.up
+    rise = weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
+    blended = partial(widened, frames=ROOT_BLEND / clip.frame_time)
+    return by_shot(blended, clip.shots, rise[:, None])[:, 0]
+
+
+def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None, flesh: Flesh | None = None) -> Floor:
     """Return the heights that joints other than the feet's stay above while something rests.
 
     The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
-    it as the source's joint, scaled, but at most `REST_HEIGHT`; an undriven joint may be as low as the floor. n joints
-    of a region, such as a hand, get 1/n of `STIFFNESS` each.
+    it as the source's joint, scaled, but at most `REST_HEIGHT`, and `flesh` as high as its skin asks; an undriven joint
+    may be as low as the floor. n joints of a region, such as a hand, get 1/n of `STIFFNESS` each.
 
     Where the skin is known, it is the lowest skin of an undriven joint that may be as low as the soles.
 
@@ -69,45 +105,22 @@ def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None)
     lowest = np.repeat(floor, len(joints), axis=1)
     high = scale * heights_of(clip.source.positions, clip.drivers[clip.limb_joints], up)
     lowest[:, : len(clip.limb_joints)] += np.minimum(high - floor, REST_HEIGHT * leg)
-    by_skin, lowest_by_skin = _lowest_by_skin(clip, weights, undersides)
-    columns = np.searchsorted(clip.limb_joints, by_skin)
-    lowest[:, columns] = np.maximum(lowest[:, columns], lowest_by_skin)
+    if flesh is not None:
+        columns = np.searchsorted(clip.limb_joints, flesh.joints)
+        lowest[:, columns] = np.maximum(lowest[:, columns], flesh.heights)
     rise = (clip.root - clip.copy.positions[:, 0]) @ up
     over = heights_of(clip.copy.positions, joints, up) + rise[:, None] - lowest
-    near = ((over < NEAR_FLOOR * leg) & (weight[:, None] > 0.0)).any(axis=0)
+    may_meet = (over < NEAR_FLOOR * leg) & (weight[:, None] > 0.0)
+    near = may_meet.any(axis=0)
     free = near & (np.arange(len(joints)) >= len(clip.limb_joints))
     if undersides is not None and free.any():
-        lowest[:, free] += undersides.target.below(clip.copy, joints[free], up) - undersides.soles[1]
+        frames = np.flatnonzero(may_meet[:, free].any(axis=1))
+        below = undersides.target.below(clip.copy[frames], joints[free], up)
+        lowest[np.ix_(frames, free)] += below - undersides.soles[1]
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(clip.regions.of_joint[joints], return_inverse=True, return_counts=True)
     stiffness = STIFFNESS * weight[:, None] / count[region]
     return Floor(joints, np.ascontiguousarray(lowest / clip.unit), stiffness, up)
-
-
-def rise_by_skin(clip: Clip, weights: Array, undersides: Undersides | None) -> Array:
-    """Return how much the root rises, (frames,), so that the skin of trunk and head is no lower than the soles while
-    something rests [target file units]: a large head in a cartwheel, a belly in a push-up. `weights` and `undersides`
-    are those of `find_floor`.
-    """
-    joints, lowest = _lowest_by_skin(clip, weights, undersides)
-    low = lowest - clip.copy_on_path(joints) @ clip.up
-    rise = weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
-    blended = partial(widened, frames=ROOT_BLEND / clip.frame_time)
-    return by_shot(blended, clip.shots, rise[:, None])[:, 0]
-
-
-def _lowest_by_skin(clip: Clip, weights: Array, undersides: Undersides | None) -> tuple[NDArray[np.intp], Array]:
-    """The joints of trunk and head whose skin may be near the floor while something rests, and how low each may be,
-    (frames, joints) [target file units].
-    """
-    if undersides is None:
-        return np.zeros(0, np.intp), np.zeros((len(clip), 0))
-    names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
-    joints = clip.limb_joints[np.isin(names, WITHOUT_SIDE)]
-    floor, rests = _height_of_floor(clip) - undersides.soles[1], weights.max(axis=1, initial=0.0) > 0.0
-    over = (clip.copy_on_path(joints) @ clip.up - floor)[rests].min(axis=0, initial=np.inf)
-    joints = joints[over < [undersides.target.reach(joint) for joint in joints.tolist()]]
-    return joints, floor + undersides.target.below(clip.copy, joints, clip.up)
 
 
 def _height_of_floor(clip: Clip) -> Array:

@@ -37,8 +37,8 @@ Numbers = NDArray[np.intp]
 
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
-LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE = (0.2, 0.1, 0.07)  # brought out again, displacements are averaged over these times before and after [s]
+LEAD = 0.08  # a limb leaves its way over twice this time before it would sink in [s]
+SETTLE = (0.14, 0.08, 0.06)  # brought out again, displacements are averaged over these times before and after [s]
 RATE = 20.0  # displacements are found about as often, and interpolated [1/s]
 
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the

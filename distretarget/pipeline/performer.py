@@ -20,7 +20,7 @@ from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.floor import find_floor, rise_by_skin
+from distretarget.objectives.floor import find_flesh, find_floor, rise_of_flesh
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
@@ -127,8 +127,9 @@ class Performer:
             if resting := find_resting_joints(clip, feet, options.environment, undersides):
                 clip = clip.raised(root_shift(clip, feet, resting))
                 supports = with_resting_joints(clip, feet, resting)
-            clip = clip.raised(np.outer(rise_by_skin(clip, supports.weights, undersides), clip.up))
-            supports = replace(supports, floor=find_floor(clip, supports.weights, undersides))
+            flesh = find_flesh(clip, supports.weights, undersides)
+            clip = clip.raised(np.outer(rise_of_flesh(clip, supports.weights, flesh), clip.up))
+            supports = replace(supports, floor=find_floor(clip, supports.weights, undersides, flesh))
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)
