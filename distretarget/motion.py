@@ -262,6 +262,12 @@ class Motion:
         path = self.root_positions * HALF_TURN
         return Motion(self.skeleton.turned_round(), path, rotations, self.frame_time_text, moving)
 
+    def scaled(self, factor: float) -> Motion:
+        """Return the motion of a body that is larger by a factor, along a path that is."""
+        moving = self.moving and MovingBones(self.moving.joints, factor * self.moving.translations)
+        skeleton = self.skeleton.with_offsets(factor * self.skeleton.offsets)
+        return Motion(skeleton, factor * self.root_positions, self.rotations, self.frame_time_text, moving)
+
     def resampled_frames(self, frame_time_text: str) -> int:
         """Return how many frames the motion has at another frame time."""
         step = float(frame_time_text)

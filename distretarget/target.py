@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import NoneType
@@ -69,6 +69,18 @@ class Target:
             capsules=self.capsules and self.capsules.turned_round(),
         )
 
+    def scaled(self, factor: float) -> Target:
+        """Return the target with a body that is larger by a factor."""
+        return Target(
+            self.skeleton.with_offsets(factor * self.skeleton.offsets),
+            self.map,
+            self.name,
+            motion=self.motion and self.motion.scaled(factor),
+            mesh=cache(lambda: (mesh := self.mesh()) and mesh.scaled(factor)),
+            radii={joint: factor * radius for joint, radius in self.radii.items()},
+            capsules=self.capsules and self.capsules.scaled(factor),
+        )
+
 
 @dataclass(frozen=True)
 class SkeletonEdit:
@@ -99,6 +111,11 @@ class SkeletonEdit:
     def for_source(self, source: Skeleton) -> Target:
         """Return the edited skeleton as a target; errors as in `apply`."""
         return Target(self.apply(source), {}, "")
+
+    def scaled(self, factor: float) -> SkeletonEdit:
+        """Return the changes that make a body that is larger by a factor."""
+        lengths = {key: factor * length for key, length in self.lengths.items()}
+        return replace(self, scale=factor * self.scale, lengths=lengths)
 
     def apply(self, source: Skeleton) -> Skeleton:
         """Return the source's skeleton with these bone lengths and unchanged bone directions.

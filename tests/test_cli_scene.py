@@ -2,11 +2,12 @@
 
 import json
 
+import numpy as np
 import pytest
-from bodies import person, swaying
+from bodies import SAMPLES, person, swaying
 from program import run
 
-from distretarget import write_bvh
+from distretarget import read_motion, write_bvh
 
 
 @pytest.fixture
@@ -84,3 +85,25 @@ def test_no_link_leads_out_of_the_folder_of_results(folder):
         assert "leads out of the folder 'out'; remove the link" in done.stderr
     assert not list((folder / "outside").iterdir())
     assert (folder / "precious.bvh").read_text() == "precious"
+
+
+def test_each_result_is_in_the_unit_of_its_target(tmp_path):
+    clips, body = SAMPLES / "scenes" / "high_five", SAMPLES / "child.json"
+    document = json.loads(body.read_text())
+    for joint in document["joints"]:
+        joint["offset"] = [0.01 * number for number in joint["offset"]]
+    metres = tmp_path / "metres.json"
+    metres.write_text(json.dumps(document | {"units": "m"}))
+    for name, target in (("mixed", metres), ("alike", body)):
+        targets = "-t", body, "-t", target
+        done = run("scene", clips / "one.bvh", clips / "other.bvh", *targets, "-o", tmp_path / name, "-q")
+        assert done.returncode == 0, done.stderr
+    for name, factor in (("one", 1.0), ("other", 100.0)):
+        mixed, alike = (read_motion(tmp_path / folder / f"{name}.bvh").positions for folder in ("mixed", "alike"))
+        np.testing.assert_allclose(factor * mixed, alike, atol=1e-3)
+
+
+def test_a_scene_file_takes_no_target(folder):
+    done = run("scene", folder / "one" / "scene.json", "-t", SAMPLES / "child.json", "-o", folder / "out")
+    assert done.returncode == 2
+    assert "scene.json is a scene or a folder of scenes, which name their targets; leave out -t." in done.stderr

@@ -237,6 +237,20 @@ def test_all_performers_stand_in_the_world_of_the_first():
     assert [result.world.up for result in done.results] == ["Z", "Z"]
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_targets_in_different_units_are_of_one_world(first):
+    """A body in metres moves as the same body in centimetres does, and its result is in metres."""
+    in_cm = bodies()
+    in_m = in_cm[1].with_offsets(0.01 * in_cm[1].offsets)
+    order = slice(None, None, -1 if first else 1)
+    alike, mixed = (retarget_scene(pair()[order], [in_cm[0], other][order]) for other in (in_cm[1], in_m))
+    assert mixed.units == pytest.approx((1.0, 100.0) if first else (1.0, 0.01))
+    assert alike.units == (1.0, 1.0)
+    for one, other, factor in zip(alike.motions, mixed.motions, (1.0, 0.01)[order], strict=True):
+        size = np.abs(one.positions).max()
+        np.testing.assert_allclose(other.positions / factor, one.positions, atol=1e-6 * size)
+
+
 def test_scenes_that_cannot_be_are_refused():
     one, other = pair()
     short = other[:20]
@@ -245,7 +259,7 @@ def test_scenes_that_cannot_be_are_refused():
     with pytest.raises(MotionError, match="frame time"):
         retarget_scene([one, replace(other, frame_time_text="0.01")], bodies())
     with pytest.raises(MotionError, match="different units"):
-        retarget_scene([one, other], [bodies()[0], bodies()[1].with_offsets(0.01 * bodies()[1].offsets)])
+        retarget_scene([one, other], [bodies()[0], bodies()[1].with_offsets(1e-4 * bodies()[1].offsets)])
     with pytest.raises(SettingsError, match="2 sources, 1 targets"):
         retarget_scene([one, other], bodies()[:1])
     with pytest.raises(SettingsError, match="world_scale is 0"):

@@ -56,7 +56,7 @@ def test_the_file_of_who_looks_to_minus_z_is_that_of_retarget(heroes, tmp_path):
 
 def test_an_error_of_a_target_names_its_file(tmp_path):
     walk, child = SAMPLES / "walk.bvh", SAMPLES / "child.json"
-    small = {"format": "distretarget-skeleton", "version": 1, "scale": 0.005}
+    small = {"format": "distretarget-skeleton", "version": 1, "scale": 1e-4}
     (tmp_path / "small.json").write_text(json.dumps(small))
     done = run(
         "scene", walk, SAMPLES / "squat.bvh", "--cut", "-t", tmp_path / "small.json", "-t", child, "-o", tmp_path

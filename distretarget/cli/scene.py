@@ -132,6 +132,8 @@ def scene_command(
     distretarget scene sample_bvh/scenes -o scenes
     """  # noqa: D301
     if targets:
+        if scene := next((path for path in sources if path.suffix.lower() == ".json" or is_folder(path)), None):
+            raise click.UsageError(f"{scene} is a scene or a folder of scenes, which name their targets; leave out -t.")
         _retarget(_setup(sources, targets, options), output, overwrite, report)
         return
     path = _scene_path(sources, options)
@@ -274,7 +276,7 @@ def _write(
     warm("contact")
     began = time.perf_counter()
     result = setup.retargeted()
-    clips = [DEFAULT_OUTPUT.clip(one.motion, name) for one, name in zip(result.results, setup.names, strict=False)]
+    clips = [DEFAULT_OUTPUT.clip(motion, name) for motion, name in zip(result.motions, setup.names, strict=False)]
     contents = [[*content_of(*each, DEFAULT_OUTPUT)] for each in zip(outputs, clips, targets, strict=False)]
     contents += [[*bvh_parts(prop.motion)] for prop in result.props]
     seconds = time.perf_counter() - began

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import NoneType
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
 from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.units import centimetres
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult
@@ -32,7 +34,7 @@ from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placemen
 from distretarget.scene.skin import skins_in_company
 from distretarget.scene.sweeps import SceneContacts
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
-from distretarget.target import AnyTarget, SkeletonEdit, Target
+from distretarget.target import AnyTarget, LoadedTarget, SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]
 
@@ -57,6 +59,7 @@ class SceneResult:
             skins touch.
         sweeps: how many times all performers were solved.
         gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
+        units: for each performer, how many units of its target's file one of the world is, which is that of the first.
     """
 
     results: tuple[RetargetResult, ...]
@@ -68,6 +71,13 @@ class SceneResult:
     skin_gaps: dict[tuple[int, int], SkinGap | None]
     sweeps: int
     gap_error: float
+    units: tuple[float, ...]
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The motions of all results, each in the unit of its target's file."""
+        each = zip(self.results, self.units, strict=True)
+        return tuple(one.motion if unit == 1.0 else one.motion.scaled(unit) for one, unit in each)
 
 
 def retarget_scene(
@@ -97,6 +107,9 @@ def retarget_scene(
     Where only some bodies look to -Z by convention, as in VRM 0, these are turned round: all results look to +Z, and
     files are written as their characters look.
 
+    Where the root scales of bodies differ by more than five times, their files are taken for ones in different units,
+    and results are in the unit of the first; `SceneResult.motions` are in their own.
+
     Args:
         sources: the performers' motions, in one world, with the same frames.
         targets: a body for each, as in `retarget`.
@@ -118,8 +131,8 @@ def retarget_scene(
     Raises:
         SettingsError: there is not a target, map, skin or build for each source, the world's scale is not above 0, or
             a prop has the scale of, or is held by, a performer that does not exist.
-        MotionError: the sources differ in frames or frame times, targets are in different units, or a prop becomes too
-            large to compute with.
+        MotionError: the sources differ in frames or frame times, the sizes of targets are too different, or a prop
+            becomes too large to compute with.
         MatchingError: a source and its target cannot be matched.
         SkeletonError: a prop is held by a joint that its performer does not have.
     """
@@ -151,19 +164,13 @@ def retarget_scene(
     options = Options(supports=supports, environment=environment)
     _check_times(sources, props)
     sources, targets, props = _looking_alike(sources, targets, props)
-    performers, axes = list[Match](), Options()
-    for number, (mode, *given) in enumerate(zip(modes, sources, targets, maps, stances, thick, strict=True)):
-        with _performer(number):
-            source, target, *others = given
-            performers.append(match_performer(source, target, replace(axes, skin=mode), *others))
-        axes = Options(source_up=performers[0].world.source_up, target_up=performers[0].world.up)
-    heights = [find_root_scale(performer.matching) for performer in performers]
-    if max(heights) > SAME_UNITS * min(heights):
-        with _performer(int(np.argmax(heights)), of_target=True):
-            raise MotionError(
-                f"the root scale of this target is {max(heights):.3g}, that of another {min(heights):.3g}: their files "
-                "seem to be in different units; scale one of the targets"
-            )
+    given = maps, stances, thick
+    performers = _matched(modes, sources, targets, *given)
+    units = _units_of(performers)
+    if len({*units}) > 1:
+        targets = _in_one_unit(sources, targets, units)
+        performers = _matched(modes, sources, targets, *given)
+    heights = _root_scales(performers)
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
@@ -194,7 +201,48 @@ def retarget_scene(
         skin_gaps=_skin_gaps(results),
         sweeps=solved.sweeps,
         gap_error=solved.gap_error,
+        units=units,
     )
+
+
+def _matched(modes: Sequence[SkinMode], *given: Sequence[Any]) -> list[Match]:
+    """The performers, in the axes of the first; of each are given source, target, map, rest pose and builds."""
+    performers, axes = list[Match](), Options()
+    for number, (mode, *each) in enumerate(zip(modes, *given, strict=True)):
+        with _performer(number):
+            performers.append(match_performer(each[0], each[1], replace(axes, skin=mode), *each[2:]))
+        axes = Options(source_up=performers[0].world.source_up, target_up=performers[0].world.up)
+    return performers
+
+
+def _root_scales(performers: Sequence[Match]) -> list[float]:
+    """The root scales of performers, which are of a like size in one unit."""
+    heights = [find_root_scale(performer.matching) for performer in performers]
+    if max(heights) > SAME_UNITS * min(heights):
+        with _performer(int(np.argmax(heights)), of_target=True):
+            raise MotionError(
+                f"the root scale of this target is {max(heights):.3g}, that of another {min(heights):.3g}: their files "
+                "seem to be in different units; scale one of the targets"
+            )
+    return heights
+
+
+def _units_of(performers: Sequence[Match]) -> tuple[float, ...]:
+    """How many units of each target one of the first's is; 1 where all bodies are of a like size as they are."""
+    heights = [find_root_scale(performer.matching) for performer in performers]
+    if max(heights) <= SAME_UNITS * min(heights):
+        return (1.0,) * len(performers)
+    cm = [centimetres(performer.matching.target.unit) for performer in performers]
+    return tuple(cm[0] / each for each in cm)
+
+
+def _in_one_unit(sources: Sequence[Motion], targets: Sequence[AnyTarget], units: Sequence[float]) -> list[LoadedTarget]:
+    """The targets in the unit of the first."""
+    each = zip(sources, targets, units, strict=True)
+    return [
+        (given if isinstance(given, SkeletonEdit) else target_for(source, given)).scaled(1.0 / unit)
+        for source, given, unit in each
+    ]
 
 
 @contextmanager

@@ -62,6 +62,10 @@ class Capsules:
         """Return the capsules turned half round about Y, as `Skeleton.turned_round` is."""
         return replace(self, ends=self.ends * HALF_TURN)
 
+    def scaled(self, factor: float) -> Capsules:
+        """Return the capsules of a body that is larger by a factor."""
+        return replace(self, ends=factor * self.ends, radii=factor * self.radii)
+
     def posed(self, motion: Motion) -> Array:
         """Return the ends of the axes in each frame of a motion, (frames, capsules, 2, 3) [file units]."""
         posed = np.empty((len(motion), *self.ends.shape))

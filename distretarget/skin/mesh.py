@@ -90,6 +90,10 @@ class SkinnedMesh:
         """Return the mesh turned half round about Y, as `Skeleton.turned_round` is."""
         return replace(self, vertices=self.vertices * HALF_TURN, whole=self.whole and self.whole.turned_round())
 
+    def scaled(self, factor: float) -> SkinnedMesh:
+        """Return the mesh of a body that is larger by a factor."""
+        return replace(self, vertices=factor * self.vertices, whole=self.whole and self.whole.scaled(factor))
+
 
 def no_mesh() -> SkinnedMesh | None:
     """Return None, the mesh of what has none."""
