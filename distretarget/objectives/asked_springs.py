@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Joints = NDArray[np.intp]
 
-STEADY = 0.1  # what is to be between joints is averaged over this time before and after [s]
+STEADY = 0.3  # what is to be between joints is averaged over this time before and after [s]
+FACING = 0.1  # and where skins face each other over this [s]
 LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [body units]
 
 
@@ -106,6 +107,8 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
         if skins is not None and len(on):
             first = np.isin(skins.target.of_joint[wish.joints[0]], skins.target.balls.pairs[on, 0]).any()
             own, away = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
+            average = partial(averaged, reach=round(FACING / clip.frame_time))
+            away = normalised(by_shot(average, clip.shots, away))
             return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
         length = np.full(len(clip), gap)
         now = _nearest_way(motion, wish.joints) / clip.unit if gap else now
