@@ -52,6 +52,12 @@ def test_feet(result, source, words):
     assert f"; {words};" in said(GOOD | {"foot_skate": result}, source={"foot_skate": source})
 
 
+@pytest.mark.parametrize(("error", "words"), [(9.14, "9.1"), (12.4, "12"), (99.6, "100"), (104.3, "104")])
+def test_degrees_are_plain_numbers(error, words):
+    turned = TRACKS | {"direction_error": Track(np.array([[error]]), parts=("Neck",))}
+    assert f"Neck, {words} degrees at frame 0." in said(GOOD, tracks=turned)
+
+
 def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
     deep = TRACKS | {"skin_depth": Track(np.array([[0.0, 0.1], [0.0, 2.34]]), parts=("left hand", "right hand"))}
     text = said(GOOD | {"skin_depth": 2.34}, tracks=deep)

@@ -123,4 +123,5 @@ def _turned(tracks: Tracks) -> Iterator[str]:
     values = tracks[metric.key].values
     if values.size and values.max() >= UNCHANGED:
         frame, joint = metric.worst(tracks)
-        yield f"largest {metric.label}: {joint}, {values.max():.2g} degrees at frame {frame}"
+        degrees = f"{values.max():.2g}" if values.max() < 99.5 else f"{values.max():.0f}"
+        yield f"largest {metric.label}: {joint}, {degrees} degrees at frame {frame}"
