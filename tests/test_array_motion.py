@@ -188,6 +188,7 @@ def test_what_the_program_writes_comes_back_without_a_skeleton(tmp_path, rotatio
 
 
 CLAP = SAMPLES / "clap.bvh"
+CHAIN = {"names": ["a", "b"], "parents": [-1, 0], "offsets": np.eye(3)[:2], "root_path": np.zeros((2, 3)), "fps": 30}
 
 
 @pytest.mark.parametrize(
@@ -200,6 +201,13 @@ CLAP = SAMPLES / "clap.bvh"
         ({"poses": np.zeros((2, 72)), "trans": np.zeros((2, 3))}, {"joints": CLAP}, "expected fps=NUMBER"),
         ({"positions": np.zeros((2, 7, 3)), "fps": 30}, {"joints": CLAP}, "has positions of 7 joints"),
         ({"positions": np.full((2, 7, 3), np.nan), "fps": 30}, {"joints": CLAP}, "expected finite numbers"),
+        ({"positions": np.zeros((0, 22, 3)), "fps": 30}, {"joints": CLAP}, "positions has no frames; expected one"),
+        ({"positions": np.full((2, 22, 3), 1e300), "fps": 30}, {"joints": CLAP}, r"contains 1e\+300; expected finite"),
+        ({"poses": np.zeros((0, 72)), "trans": np.zeros((0, 3)), "fps": 30}, {"joints": CLAP}, "poses has no frames"),
+        ({"poses": np.full((2, 72), 1e300), "fps": 30}, {"joints": CLAP}, r"poses contains 1e\+300"),
+        ({**CHAIN, "local_rotations": np.zeros((2, 2, 4))}, {}, "has no rotations, but quaternions of zeros"),
+        ({**CHAIN, "local_rotations": np.ones((2, 2, 5))}, {}, r"expected numbers of shape \(frames, joints, 4\)"),
+        ({**CHAIN, "local_rotations": np.ones((0, 2, 4))}, {}, "local_rotations has no frames"),
         ({"names": np.array([None]), "positions": np.zeros((2, 1, 3)), "fps": 30}, {"joints": CLAP}, "not a whole"),
         ({"a": np.zeros(3), "fps": 30}, {"joints": CLAP}, "has 'a', 'fps'; expected positions"),
     ],

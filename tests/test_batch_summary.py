@@ -38,12 +38,20 @@ def test_the_summary_counts_clips_and_names_the_worst():
     assert lines == [
         "7 clips: 5 converted, 1 done before, 1 failed",
         "500 frames in 2.0 s, 250 frames/s with 2 jobs",
-        "worst contact error: 4.bvh (0.4, rotation copy 0.4), 3.bvh (0.3, rotation copy 0.3), "
-        "2.bvh (0.2, rotation copy 0.2)",
-        "worst stress: 0.bvh (1, rotation copy 1), 1.bvh (0.9, rotation copy 0.9), 2.bvh (0.8, rotation copy 0.8)",
+        "worst contact error: 4.bvh (0.4000, copied rotations 0.4000), 3.bvh (0.3000, copied rotations 0.3000), "
+        "2.bvh (0.2000, copied rotations 0.2000)",
+        "worst stress [\N{MULTIPLICATION SIGN} 1000]: 0.bvh (1000.00, copied rotations 1000.00), "
+        "1.bvh (900.00, copied rotations 900.00), 2.bvh (800.00, copied rotations 800.00)",
         "failed:",
         "  x.bvh:3: no",
     ]
+
+
+def test_numbers_of_the_worst_have_units_and_no_rounding_errors():
+    one = done("a.bvh", 1e-5)
+    one["metrics"] |= {"direction_error": 12.34, "direction_error_copy": 3.12e-14, "hips_height": 3e-14}
+    lines = [line for line in summary([one]) if line.startswith("worst ") and "stress" not in line]
+    assert lines == ["worst direction error [°]: a.bvh (12.3, copied rotations 0.0)"]
 
 
 def test_a_failure_names_its_clip():

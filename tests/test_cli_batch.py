@@ -161,7 +161,7 @@ def test_streams_of_few_characters_take_any_name(folder):
     (folder / "in/a.bvh").rename(folder / "in/\u52d5.bvh")
     narrow = {**os.environ, "PYTHONIOENCODING": "cp1252"}
     for arguments in (("batch", "in", "body.json", "-o", "out"), ("skeleton", "show", "body.json")):
-        done = run_process(*arguments, env=narrow)
+        done = run_process(*arguments, env=narrow, encoding="cp1252")
         assert (done.returncode, done.stderr) == (0, "")
 
 

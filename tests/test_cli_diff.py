@@ -80,7 +80,7 @@ def test_the_metrics_are_printed():
     assert row(output, "direction error") == [pytest.approx(10 / bones, rel=1e-3)]
     assert row(output, "foot skate") == [0, 0]
     assert [word for line in output.splitlines() if line.startswith("contact error") for word in line.split()][2] == "-"
-    assert "worst frames by contact error: none" in output
+    assert "worst frames by contact error: " not in output
     assert "contacts: none" in output
 
 

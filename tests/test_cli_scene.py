@@ -8,6 +8,9 @@ from bodies import SAMPLES, person, swaying
 from program import run
 
 from distretarget import read_motion, write_bvh
+from distretarget.batch import results
+from distretarget.errors import FileError
+from distretarget.io.files import write_whole
 
 
 @pytest.fixture
@@ -46,6 +49,26 @@ def test_a_folder_of_scenes_goes_on_where_it_stopped(folder):
     assert (second.returncode, second.stderr) == (0, "")
     assert second.stdout.endswith("2 scenes: 1 converted, 1 done before, 0 failed\n")
     assert (folder / "out" / "one" / "lead.bvh").stat().st_mtime_ns == made
+
+
+def test_a_scene_goes_on_after_a_full_disk(folder, monkeypatch):
+    """The prop is written before the performer, for which there is no space."""
+    write_bvh("box.bvh", swaying(person(), frames=4))
+    written(folder / "scenes" / "two", props=[{"name": "box", "file": str(folder / "box.bvh")}])
+
+    def on_a_full_disk(path, *others):
+        if path.name == "lead.bvh":
+            raise FileError(path, "the disk is full")
+        write_whole(path, *others)
+
+    with monkeypatch.context() as full:
+        full.setattr(results, "write_whole", on_a_full_disk)
+        first = run("scene", "scenes", "-o", "out")
+    assert first.stdout.endswith("2 scenes: 0 converted, 0 done before, 2 failed\n")
+    assert (folder / "out" / "two" / "box.bvh").exists()
+    second = run("scene", "scenes", "-o", "out")
+    assert (second.returncode, second.stderr) == (0, "")
+    assert second.stdout.endswith("2 scenes: 2 converted, 0 done before, 0 failed\n")
 
 
 def test_a_scene_that_has_changed_is_made_again_and_other_files_stay(folder):

@@ -1,5 +1,6 @@
 """Compiled code is kept where it can be, is never out of date, and gives the same bytes in all runs."""
 
+import errno
 import os
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from bodies import SAMPLES
 from numba.core import config
+from numba.core.caching import IndexDataCacheFile
 
 from distretarget.numerics import compiled as module
 from distretarget.numerics.compiled import PACKAGE, announced_compilation, compiled, inlined, merged, uncompiled
@@ -151,6 +153,43 @@ def test_code_of_two_kinds_of_arrays_is_loaded_by_another_function_of_the_same_s
     assert first(np.array([3, 4, 12])) == second(np.array([3, 4, 12])) == 13.0
     assert len([*tmp_path.rglob("*.nbc")]) == 2
     assert str(tmp_path) != config.CACHE_DIR, "the folder is that of the package's own functions alone"
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", ["empty", "cut", "other bytes", "one byte"])
+def test_damaged_code_is_compiled_again(tmp_path, monkeypatch, suffix, damage):
+    monkeypatch.setattr(module, "code_folder", lambda: tmp_path)
+    values = np.array([3.0, 4.0])
+    assert compiled()(length)(values) == 5.0
+    (file,) = tmp_path.rglob(f"*{suffix}")
+    whole = file.read_bytes()
+    middle = len(whole) // 2
+    changed = bytes([whole[middle] ^ 1])
+    file.write_bytes(
+        {
+            "empty": b"",
+            "cut": whole[:middle],
+            "other bytes": b"\0" * len(whole),
+            "one byte": whole[:middle] + changed + whole[middle + 1 :],
+        }[damage]
+    )
+    assert compiled()(length)(values) == 5.0
+    kept = file.read_bytes()
+    assert len(kept) > middle, "it is kept again"
+    lines = []
+    with announced_compilation(lines.append):
+        assert compiled()(length)(values) == 5.0
+    assert not lines
+
+
+def test_a_run_does_without_code_that_cannot_be_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "code_folder", lambda: tmp_path)
+    monkeypatch.setattr(IndexDataCacheFile, "_open_for_write", full_disk)
+    assert compiled()(length)(np.array([3.0, 4.0])) == 5.0
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, "no space left")
 
 
 def test_functions_on_few_numbers_run_as_python_where_that_is_sooner(monkeypatch):

@@ -207,6 +207,7 @@ def test_places_without_permission(tmp_path, monkeypatch):
     [
         (errno.ENOSPC, "the disk is full"),
         (errno.EDQUOT, "the disk quota is used up"),
+        (errno.EFBIG, "is larger than files may be here; raise the limit"),
         (errno.EACCES, "permission denied"),
         (errno.EIO, os.strerror(errno.EIO)),
     ],

@@ -58,6 +58,15 @@ def test_degrees_are_plain_numbers(error, words):
     assert f"Neck, {words} degrees at frame 0." in said(GOOD, tracks=turned)
 
 
+def test_what_rests_less_than_in_the_copy_is_not_praised():
+    text = said(GOOD | {"foot_skate": 0.05}, {"foot_skate": 0.02}, {"foot_skate": 0.05})
+    assert "; feet skate more than with copied rotations;" in text
+    assert text.endswith(" Check: foot skate.")
+    supported = {"support_skate": 0.01, "support_height": 0.9}
+    text = said(GOOD | supported, {"support_skate": 0.01, "support_height": 0.1}, {"support_skate": 0.01})
+    assert "; hands, knees or other supports stay in place less than with copied rotations;" in text
+
+
 def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
     deep = TRACKS | {"skin_depth": Track(np.array([[0.0, 0.1], [0.0, 2.34]]), parts=("left hand", "right hand"))}
     text = said(GOOD | {"skin_depth": 2.34}, tracks=deep)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 
 from distretarget.batch.keep import Condition
@@ -72,16 +72,16 @@ class Results:
             check_inside(self.folder / name, self.folder)
         make_folder((self.folder / first).parent)
         with self.manifest.locked():
+            add = cache(partial(self.manifest.add, record))  # once
             for name in (*others, first):
-                path, add = self.folder / name, partial(self.manifest.add, record)
-                complete = add if name == first else lambda: None
+                path = self.folder / name
                 there = hash_of_file(path)
                 if there == hashes[name]:  # another run was faster
-                    complete()
+                    add()
                     continue
                 if not self.overwrite:
                     self.manifest.check_replaceable(record, path, there, name)
-                write_whole(path, contents[name], self.overwrite or there is not None, complete)
+                write_whole(path, contents[name], self.overwrite or there is not None, add)
         return record
 
     def _fault(self, record: ManifestRecord) -> str:

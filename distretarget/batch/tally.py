@@ -11,7 +11,6 @@ from distretarget.measure.metrics import SUFFIXES, Metric, Variant, metrics_at
 
 LISTED = 20  # most clips listed as failed, or as left out
 WORST = 3  # most clips listed as the worst by a metric
-LEAST = 1e-6  # clips with a metric up to this are not listed among the worst
 
 
 @dataclass(kw_only=True)
@@ -81,13 +80,9 @@ class Tally:
         if self.warned:
             lines.append(f"{self.warned} of {self.done} have warnings, which are in metrics.csv")
         for metric, records in self._worst.items():
-            bad = [
-                f"{one['output']} ({value(one, metric):.3g}, rotation copy {value(one, metric, 'rotation_copy'):.3g})"
-                for one in records
-                if value(one, metric) > LEAST
-            ]
-            if bad:
-                lines.append(f"worst {metric.label}: {', '.join(bad)}")
+            if bad := [_compared(one, metric) for one in records if value(one, metric) > metric.least]:
+                unit = f" [{metric.symbol}]" if metric.symbol else ""
+                lines.append(f"worst {metric.label}{unit}: {', '.join(bad)}")
         left_out = _listing("left out:", self._left_out, self.left_out)
         return [*lines, *self.alignments, *left_out, *self.failures]
 
@@ -95,6 +90,12 @@ class Tally:
     def failures(self) -> list[str]:
         """Which clips failed, and why."""
         return _listing("failed:", self._failures, self.failed)
+
+
+def _compared(record: ManifestRecord, metric: Metric) -> str:
+    """A clip and its metric, beside that of copied rotations."""
+    own, copy = (metric.brief(value(record, metric, side)) for side in ("result", "rotation_copy"))
+    return f"{record['output']} ({own}, copied rotations {copy})"
 
 
 def _listing(title: str, lines: list[str], count: int) -> list[str]:

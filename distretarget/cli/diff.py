@@ -151,7 +151,8 @@ def _lines(metrics: DiffDocument, verdict: Sequence[str], verbose: bool) -> Iter
         yield from ("", *_table(metrics["metrics"]["source"], metrics["metrics"]["result"]), "")
     yield from verdict
     for metric in metrics_at("worst clips"):
-        yield _worst_frames(metric, metrics["frames"])
+        if worst := _worst_frames(metric, metrics["frames"]):
+            yield f"worst frames by {metric.label}: {worst}"
     if verbose:
         yield from _contacts(metrics["contacts"])
     for name, other, joints in (("B", "A", metrics["unmatched_b"]), ("A", "B", metrics["unmatched_a"])):
@@ -182,11 +183,10 @@ def _meaning(metric: Metric, a: float | None, b: float | None) -> str:
 
 
 def _worst_frames(metric: Metric, frames: Sequence[MetricValues]) -> str:
-    """The worst frames by a metric, with its values."""
+    """The worst frames by a metric, with its values; empty if it is 0 in all."""
     key = metric.key
     ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -(frame[key] or 0.0))
-    worst = ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
-    return f"worst frames by {metric.label}: {worst or 'none'}"
+    return ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
 
 
 def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:

@@ -37,8 +37,8 @@ def array_motion(file: InputFile, fps: float | None) -> Motion:
         if is_smpl:
             motion = smpl_motion(arrays, skeleton, frame_time)
         elif file.joints is None and all(name in arrays for name in OWN):
-            turns = from_represented(arrays.array("local_rotations").astype(float))
-            motion = Motion(skeleton, arrays.array("root_path"), turns, frame_time)
+            turns = from_represented(_rotations(arrays))
+            motion = Motion(skeleton, arrays.numbers("root_path", "frames", 3), turns, frame_time)
         else:
             from distretarget.objectives.positions import motion_of_positions  # takes long to import
 
@@ -46,7 +46,7 @@ def array_motion(file: InputFile, fps: float | None) -> Motion:
             motion = motion_of_positions(skeleton, _joints(arrays, skeleton, positions.shape[1]), positions, frame_time)
         return motion.resampled(f"{1 / fps:.9g}") if fps else motion
     except ValueError as error:
-        raise FileError(file.path, f"has invalid rotations: {error}") from error
+        raise FileError(file.path, "has no rotations, but quaternions of zeros or matrices that mirror") from error
     except DistretargetError as error:
         raise error if isinstance(error, FileError) else error.in_file(file.path) from None
 
@@ -70,6 +70,15 @@ def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
     if file.joints.kind == "arrays":
         return array_skeleton(file.joints.arrays, betas)
     return parse_full_target(file.joints).skeleton
+
+
+def _rotations(arrays: ArraysFile) -> Array:
+    """The local rotations in a file, in any representation."""
+    name = OWN[0]
+    if arrays.array(name).ndim == 4:
+        return arrays.numbers(name, "frames", "joints", 3, 3)
+    six = arrays.array(name).shape[-1:] == (6,)
+    return arrays.numbers(name, "frames", "joints", 6 if six else 4)
 
 
 def _positions(arrays: ArraysFile) -> Array:

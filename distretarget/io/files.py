@@ -35,6 +35,7 @@ REASONS = {
     errno.ENFILE: "too many files are open on this machine; close other programs",
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "is larger than files may be here; raise the limit, for example with ulimit -f unlimited",
 }
 
 

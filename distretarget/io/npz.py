@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import FileError, closest
+from distretarget.skeleton import LARGEST
 
 Arrays = Mapping[str, NDArray[Any] | float]
 Precision = Literal["float64", "float32"]
@@ -70,15 +71,22 @@ class ArraysFile:
         return float(found.ravel()[0])
 
     def numbers(self, name: str, *shape: int | str) -> NDArray[np.float64]:
-        """Return an array of finite numbers of this shape, names being any number, or raise a FileError."""
+        """Return an array of finite numbers up to `LARGEST` of this shape, names being any number, or raise a
+        FileError. At least one is a frame.
+        """
         found = self.array(name)
         label = name or "the array"
         fits = found.ndim == len(shape) and all(
             n == m for n, m in zip(found.shape, shape, strict=True) if isinstance(m, int)
         )
-        if not fits or found.dtype.kind not in "iuf" or not np.isfinite(found).all():
-            wanted = f"finite numbers of shape ({', '.join(map(str, shape))})"
+        if not fits or found.dtype.kind not in "iuf":
+            wanted = f"numbers of shape ({', '.join(map(str, shape))})"
             raise FileError(self.path, f"{label} is {found.dtype} of shape {found.shape}; expected {wanted}")
+        if "frames" in shape and not len(found):
+            raise FileError(self.path, f"{label} has no frames; expected one or more")
+        largest = np.abs(found).max(initial=0.0)
+        if not largest <= LARGEST:  # nan is not, either
+            raise FileError(self.path, f"{label} contains {largest:.3g}; expected finite numbers up to {LARGEST:g}")
         return found.astype(np.float64)
 
 

@@ -94,6 +94,8 @@ def _feet(metrics: Metrics) -> str:
         return "no foot is planted in the source"
     if metric.over_limit(metrics):
         return "feet skate more than in the source"
+    if metric.worse_than_copy(metrics):
+        return "feet skate more than with copied rotations"
     return "feet do not skate" if skate < STILL else "feet skate no more than in the source"
 
 
@@ -105,6 +107,8 @@ def _supports(metrics: Metrics) -> Iterator[str]:
         yield "hands, knees or other supports skate more than in the source"
     elif height.over_limit(metrics):
         yield "hands, knees or other supports float over the floor or sink into it"
+    elif skate.worse_than_copy(metrics) or height.worse_than_copy(metrics):
+        yield "hands, knees or other supports stay in place less than with copied rotations"
     else:
         yield "hands, knees or other supports stay in place"
 

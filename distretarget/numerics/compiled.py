@@ -133,13 +133,18 @@ def _code_of(function: Callable[..., Any], fastmath: bool) -> Any:
     from numba import njit
     from numba.core import config
 
+    from distretarget.numerics.kept_code import KeptCode
+
     introduced(function)
     _announce()
     settings: Any = config
     folder, before = code_folder(), settings.CACHE_DIR
     settings.CACHE_DIR = str(folder)
+    made = njit(fastmath=fastmath, nogil=True, **_OPTIONS)(function)
     try:
-        return njit(fastmath=fastmath, nogil=True, cache=bool(folder), **_OPTIONS)(function)
+        if folder:
+            made._cache = KeptCode(function)
+        return made
     finally:
         settings.CACHE_DIR = before
 
