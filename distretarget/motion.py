@@ -233,15 +233,27 @@ class Motion:
     @cached_property
     def positions(self) -> Array:
         """(frames, joints, 3), the world positions of the joints, by forward kinematics [file units]."""
-        skeleton, positions = self.skeleton, np.empty((len(self), len(self.skeleton), 3))
+        positions = np.empty((len(self), len(self.skeleton), 3))
 
         def place(block: slice) -> None:
-            bones = skeleton.offsets[None] if self.moving is None else self._translations_in(block)
-            path, world = self.root_positions[block], self.world_rotations_in(block)
-            positions[block] = joint_positions(skeleton.parents, path, bones, world)
+            positions[block] = self._placed(block)
 
         over_blocks(place, *positions.shape[:2])
         return positions
+
+    def positions_in(self, frames: slice) -> Array:
+        """(frames, joints, 3), the `positions` in some frames; computed for them alone unless all are kept."""
+        return self.positions[frames] if "positions" in vars(self) else self._placed(frames)
+
+    def _placed(self, frames: slice) -> Array:
+        bones = self.skeleton.offsets[None] if self.moving is None else self._translations_in(frames)
+        world = self.world_rotations_in(frames)
+        return joint_positions(self.skeleton.parents, self.root_positions[frames], bones, world)
+
+    def forget(self) -> None:
+        """Free the positions and world rotations that are kept; they are computed again when they are asked for."""
+        for kept in ("positions", "_kept_rotations"):
+            vars(self).pop(kept, None)
 
     @property
     def bones(self) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -19,13 +19,14 @@ from distretarget.io.bvh import MAX_DEPTH, is_name
 from distretarget.io.decimals import rows_text
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
-from distretarget.numerics.euler import write_channel_angles
+from distretarget.numerics.euler import angle_state, euler_angles, write_channel_angles
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.vectors import extent
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
 
 ANGLE_DECIMALS = 6  # decimals of an angle in degrees
-TEXT_FRAMES = 1024  # length of each part of the text [frames]
 
 
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
@@ -52,16 +53,18 @@ def format_bvh(motion: Motion) -> str:
     return "".join(bvh_parts(motion))
 
 
-def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Iterable[str]:
-    """The text of `format_bvh` in parts, which `mapper` makes: `map`, or the `map` of an executor."""
+def bvh_parts(motion: Motion) -> Iterator[str]:
+    """The text of `format_bvh` in parts, each of which is made when it is taken."""
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines_of(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)
-    values = _channel_values(motion, decimals)
-    blocks = [values[first : first + TEXT_FRAMES] for first in range(0, len(values), TEXT_FRAMES)]
-    return itertools.chain(["\n".join([*lines, ""])], mapper(rows_text, blocks, itertools.repeat(decimals)))
+    paths = [motion.root_positions, *([motion.moving.translations] if motion.moving else [])]
+    if not np.isfinite([extent(path) for path in paths]).all():
+        raise MotionError("a position is not finite and cannot be written")
+    rows = map(rows_text, _channel_values(motion, decimals), itertools.repeat(decimals))
+    return itertools.chain(["\n".join([*lines, ""])], rows)
 
 
 def _with_channels(motion: Motion) -> Motion:
@@ -122,27 +125,38 @@ def _decimals(skeleton: Skeleton) -> list[int]:
     return [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
 
 
-def _channel_values(motion: Motion, decimals: Sequence[int]) -> Array:
-    """(frames, channels) as written, depth first: positions, and angles in degrees; 0 for what rounds to minus zero."""
-    values, skeleton = np.empty((len(motion), len(decimals))), motion.skeleton
+def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
+    """Yield the values as written, depth first, by blocks, (frames, channels): positions, and angles in degrees; 0 for
+    what rounds to minus zero.
+    """
+    skeleton, columns = motion.skeleton, itertools.count()
+    paths: list[tuple[list[int], Array]] = []  # columns, and what is in them in the whole clip
     alike: defaultdict[str, list[tuple[int, list[int]]]] = defaultdict(list)
-    columns = itertools.count()
     for joint in skeleton.depth_first:
         column = {channel: next(columns) for channel in skeleton.channels[joint]}
+        places = motion.translations_of(joint)
         for axis, channel in enumerate(POSITION_CHANNELS):
             if channel in column:
-                values[:, column[channel]] = motion.translations_of(joint)[:, axis]
+                paths.append(([column[channel]], places[:, [axis]]))
         axes = skeleton.rotation_axes(joint)
-        alike[axes].append((joint, [column[f"{axis}rotation"] for axis in axes]))
-    for axes, joints in alike.items():
-        numbers, angles = (np.array(each, np.intp) for each in zip(*joints, strict=True))
-        write_channel_angles(motion.rotations, numbers, axes, angles, values)
+        own = [column[f"{axis}rotation"] for axis in axes]
+        if len(axes) == 3:
+            alike[axes].append((joint, own))
+        elif axes:
+            paths.append((own, np.degrees(euler_angles(motion.rotations[:, joint], axes))))
+    turning = []
+    for axes, some in alike.items():
+        joints, angles = (np.array(each, np.intp) for each in zip(*some, strict=True))
+        turning.append((joints, axes, angles, angle_state(len(some))))
     least = np.array([0.5 * 10.0**-places for places in decimals])
-    for part in np.split(values, range(TEXT_FRAMES, len(values), TEXT_FRAMES)):
-        if not np.isfinite(part).all():
-            raise MotionError("a position or rotation is not finite and cannot be written")
-        part[np.abs(part) <= least] = 0.0
-    return values
+    for block in blocks_of(len(motion)):
+        values = np.empty((block.stop - block.start, len(decimals)))
+        for own, path in paths:
+            values[:, own] = path[block]
+        for each in turning:
+            write_channel_angles(motion.rotations[block], *each, values)
+        values[np.abs(values) <= least] = 0.0
+        yield values
 
 
 def refusals(skeleton: Skeleton) -> Iterator[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -16,22 +18,27 @@ from distretarget.numerics.parallel import in_blocks
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
+Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3)
 
 # Roles whose bones point differently in every build: of trunk, collar bones, hands, head and feet.
 BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
 
 
-def direction_error(expected: Array, result: Motion, lower: Joints) -> Array:
-    """(frames, bones), the angle between the bones above the joints `lower`, (bones,), and their `expected` directions,
-    (frames, bones, 3), of any length [degrees].
+def direction_error(expected: Expected, result: Motion, lower: Joints) -> Array:
+    """(frames, bones), the angle between the bones above the joints `lower`, (bones,), and their `expected` directions
+    [degrees].
     """
-    angles = angles_to_bones(expected, result.positions, result.skeleton.parents[lower], lower)
-    return np.degrees(angles, out=angles)
+    upper = result.skeleton.parents[lower]
+
+    def angles(block: slice) -> Array:
+        return np.degrees(angles_to_bones(expected(block), result.positions[block], upper, lower))
+
+    return in_blocks(angles, len(result))
 
 
-def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Array:
-    """(frames, bones, 3), where the target's bones above the joints `lower`, from `shared_bones`, should point; vectors
-    of any length.
+def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Expected:
+    """Return where the target's bones above the joints `lower`, from `shared_bones`, should point in a block of frames,
+    (frames, bones, 3); vectors of any length.
 
     A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
     head and feet point differently in every build: the source's rotation, relative to the rest poses, should turn the
@@ -46,12 +53,12 @@ def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Ar
     turns = np.where(own[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
 
     def directions(block: slice) -> Array:
-        expected = np.empty((block.stop - block.start, len(lower), 3))
         world = source.world_rotations_in(block)
+        expected = np.empty((len(world), len(lower), 3))
         _write_directions(source.positions[block], drivers[upper], drivers[lower], world, *turns, expected)
         return expected
 
-    return in_blocks(directions, len(source))
+    return directions
 
 
 @compiled()

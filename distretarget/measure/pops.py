@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from distretarget.body.body import Body
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, contiguous, inlined
+from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots
 
 Array = NDArray[np.float64]
@@ -16,6 +17,7 @@ INSTANT = 1 / 60  # the time over which turns and pops are measured [s]
 FAR = 4.0  # a joint pops if it moves farther than this ...
 CALM = 1.5  # ... while it moves less than this in the rotation copy [both % of leg length in INSTANT]; ...
 SUDDEN = 4.0  # ... or if its deviation from the copy goes as far, and this many times its usual way
+NEAR = 2  # how many steps before and after it show its usual way
 
 
 def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
@@ -26,11 +28,17 @@ def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
     copy does, `SUDDEN` times the median of the two steps before and the two after it. Joints outside the body, such as
     a root on the floor, do not pop, and no joint pops at a cut of the source between `shots`, (frames,).
     """
-    before, after = (contiguous(motion.positions) for motion in (copy, result))
     scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
-    pops = np.zeros((max(len(result) - 1, 0), len(result.skeleton)))
+    pops, going_on = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
     joints = np.flatnonzero(body.regions.of_joint >= 0)
-    _write_pops(before, after, joints, np.diff(shots) == 0, scale, pops)
+    for block in blocks_of(len(pops)):
+        first = max(block.start - NEAR, 0)
+        steps = slice(first, block.stop + NEAR)
+        frames, rows = slice(first, steps.stop + 1), slice(block.start - first, block.stop - first)
+        before, after = (contiguous(motion.positions_in(frames)) for motion in (copy, result))
+        found = np.zeros_like(pops[steps])
+        _write_pops(before, after, joints, going_on[steps], scale, found)
+        pops[block] = found[rows]
     return pops
 
 
@@ -49,7 +57,7 @@ def _write_pops(copy, result, joints, going_on, scale, pops):  # type: ignore[no
             step = _step(result, copy, frame, joint, 1.0) * scale
             if step > FAR:
                 total, least, most = 0.0, np.inf, 0.0
-                for lag in (-2, -1, 1, 2):  # beyond the ends as in a mirror
+                for lag in (-NEAR, -1, 1, NEAR):  # beyond the ends as in a mirror
                     near = max(last - abs(last - abs(frame + lag)), 0)
                     other = _step(result, copy, near, joint, 1.0) * scale
                     total, least, most = total + other, min(least, other), max(most, other)

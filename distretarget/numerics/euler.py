@@ -45,32 +45,38 @@ def euler_angles(rotations: Array, axes: str) -> Array:
     if len(axes) == 2:
         return _continued(_two_angles(_half_sums(rotations[:, 3], i, j, parity * k)))
     angles = np.empty((len(rotations), 3))
-    _write_blocks(rotations[:, None], np.zeros(1, np.intp), axes, np.arange(3)[None], 1.0, angles)
+    _write_blocks(rotations[:, None], np.zeros(1, np.intp), axes, np.arange(3)[None], 1.0, angle_state(1), angles)
     return angles
 
 
+def angle_state(joints: int) -> Array:
+    """(joints, 11), the state of `write_channel_angles` before the first frame."""
+    return np.zeros((joints, 11))
+
+
 def write_channel_angles(
-    rotations: Array, joints: NDArray[np.intp], axes: str, columns: NDArray[np.intp], values: Array
+    rotations: Array, joints: NDArray[np.intp], axes: str, columns: NDArray[np.intp], state: Array, values: Array
 ) -> None:
-    """Write the angles of joints with channels of the same order to `values`, (frames, channels) [degrees]; the inverse
-    of `write_channel_rotations`, see `euler_angles`.
+    """Write the angles of joints with three channels of the same order to `values`, (frames, channels) [degrees]; the
+    inverse of `write_channel_rotations`, see `euler_angles`.
 
     The `rotations` are (frames, all joints, 4); the angles of the `joints`, (joints,), go to the `columns`, (joints,
-    len(axes)).
+    3). The `state` (`angle_state`) becomes that of the last frame, from which the next frames continue.
     """
-    if len(axes) == 3:
-        _write_blocks(rotations, joints, axes, columns, 180.0 / np.pi, values)
-        return
-    for joint, own in zip(joints, columns, strict=True):
-        values[:, own] = np.degrees(euler_angles(rotations[:, joint], axes))
+    _write_blocks(rotations, joints, axes, columns, 180.0 / np.pi, state, values)
 
 
 def _write_blocks(
-    rotations: Array, joints: NDArray[np.intp], axes: str, columns: NDArray[np.intp], unit: float, values: Array
+    rotations: Array,
+    joints: NDArray[np.intp],
+    axes: str,
+    columns: NDArray[np.intp],
+    unit: float,
+    state: Array,
+    values: Array,
 ) -> None:
-    """Write the angles of joints with three channels as in `write_channel_angles`, times a `unit`."""
+    """Write angles as in `write_channel_angles`, times a `unit`."""
     order, parity = _order(axes)
-    state = np.zeros((len(joints), 11))
     for block in blocks_of(len(rotations)):
         halves = np.empty((6, block.stop - block.start, len(joints)))
         _write_half_sums(contiguous(rotations[block]), joints, order, parity, halves)

@@ -155,6 +155,8 @@ class Performer:
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
         check_finite(motion)
         check_places(posed, self.clip)
+        for each in (motion, copy):  # what is written needs no positions
+            each.forget()
         return RetargetResult(
             source=self.clip.source,
             motion=motion,

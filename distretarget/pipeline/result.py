@@ -131,8 +131,16 @@ class RetargetResult:
             of_target = find_skin(target, self.skins.target.capsules, self.mesh)
             skins = find_skin(source, self.skins.source.capsules), of_target
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
+
+        def compare(motion: Motion) -> Comparison:
+            comparison = reference.compare(motion)
+            if motion is self.rotation_copy:
+                self.copy_stress  # noqa: B018 - while its positions are there
+                motion.forget()
+            return comparison
+
         side_by_side = mapper_for(len(self.motion), len(self.motion.skeleton))
-        result, copy = side_by_side(reference.compare, (self.motion, self.rotation_copy))
+        copy, result = side_by_side(compare, (self.rotation_copy, self.motion))
         return result, copy
 
     @cached_property
