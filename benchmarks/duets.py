@@ -26,7 +26,7 @@ from distretarget.pipeline.compile_ahead import warm
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
     "take, bodies | frames that touch | gap, % of leg: source / rotation copy / each alone / scene | "
-    "gap in the world, scene over source | foot skate (source, strides as in this world) | "
+    "gap in units of the world, scene / source | foot skate (source, strides as in this world) | "
     "foot height, % of leg | jerk / copy's | turn, degrees | pops | not converged | "
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"

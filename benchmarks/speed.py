@@ -178,7 +178,7 @@ def main(clip: Path, page: Path | None, target: str, rounds: int) -> None:
     head = " | frames/s, median | slowest to fastest"
     clip_rows = ([*cells, misses[cells[0]]] for cells in rows(len(source), seconds))
     tables = {
-        "speed": table(f"{head} | time over contact's | miss of hands, feet and hips, % of leg", clip_rows),
+        "speed": table(f"{head} | time over contact's | hands, feet and hips off their goals, % of leg", clip_rows),
         "files": table(f"{head} | time over distretarget's", rows(LONG, of_files)),
     }
     publish(tables, page)

@@ -127,7 +127,7 @@ def over_all(runs: list[Run]) -> Iterator[tuple[str, str]]:
     floor_only = sum(not run.same and len(run.held.supports.floor.joints) > 0 for run in others)
     yield "of the rest, those in which a joint is kept from going under the floor", str(floor_only)
     ratio = np.median([run.seconds[0] / run.seconds[1] for run in others])
-    yield "their time against that with feet alone, median", f"{ratio:.2f}"
+    yield "their time as a multiple of that with feet alone, median", f"{ratio:.2f}"
 
 
 @click.command(help=__doc__)

@@ -183,7 +183,7 @@ class Look(Entry):
         if self.like != "source":
             _check_numbers("like", self.like, 3, -LONGEST)
             if not any(self.like):
-                raise SettingsError("like is a direction without length; expected one number that is not 0")
+                raise SettingsError("like is 0, 0, 0, which is no direction; expected one number that is not 0")
 
     @property
     def parts(self) -> tuple[str, ...]:

@@ -218,7 +218,7 @@ def test_the_paper_keeps_a_distance_by_its_priority(walk, child):
 
 
 def test_the_paper_knows_distances_alone(walk, child):
-    with pytest.raises(ContactsError, match=r"contacts\[0\]: the paper's objective knows distances alone"):
+    with pytest.raises(ContactsError, match=r"contacts\[0\]: the paper's objective keeps nothing but distances"):
         asked(walk, child, HAND_ON_HEAD, options=Options(objective="paper"))
 
 

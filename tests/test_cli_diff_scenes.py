@@ -102,7 +102,7 @@ def test_folders_without_a_scene_file_are_scenes_too(results):
     done = run("diff", results / "staff", results / "staff", *("--fail-over", "gap_error=0"))
     assert (done.returncode, done.stderr) == (0, "")
     assert "props: staff" in done.stdout
-    assert "off by 0.0 on average; a unit of A's world is 1 of B's" in done.stdout
+    assert "a mean error of 0.0; 1 unit of A's world is 1 units of B's" in done.stdout
 
 
 def test_who_never_meets_touches_nothing(folder):

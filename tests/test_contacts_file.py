@@ -153,7 +153,7 @@ def test_two_entries_that_contradict_each_other_name_both(clap):
         (Contact, {"between": ("hips", "head"), "firmness": 0.5}, "firmness is that of a gap"),
         (Plant, {"plant": "hips", "on": (0.0, 1.0)}, "on is"),
         (Plant, {"plant": "hips", "on": "floor", "keep": False}, "keep false lets a part go"),
-        (Look, {"look": "head", "like": (0.0, 0.0, 0.0)}, "without length"),
+        (Look, {"look": "head", "like": (0.0, 0.0, 0.0)}, "which is no direction"),
         (Look, {"look": "head", "frames": (9.0, 3.0)}, "frames go back from 9 to 3"),
         (Look, {"look": "head", "frames": (0.0, 3.0), "seconds": (0.0, 1.0)}, "both frames and seconds"),
         (Distance, {"distance": ("a", "b"), "value": -1.0}, "value is -1.0"),

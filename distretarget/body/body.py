@@ -297,16 +297,16 @@ class Body:
         """
         check_kind("rest", rest, Motion)
         if not len(rest):
-            raise MotionError("the rest pose given has no frames")
+            raise MotionError("the given rest pose has no frames")
         keys, others = ({skeleton.keys[j] for j in skeleton.joints} for skeleton in (self.skeleton, rest.skeleton))
         if keys != others:
-            raise MotionError(f"the rest pose given has other joints than the source: {difference(others, keys)}")
+            raise MotionError(f"the given rest pose has other joints than the source: {difference(others, keys)}")
         world = np.tile(self.skeleton.unturned, (1, 1, 1))
         for joint in self.skeleton.joints:
             world[0, joint] = rest.rotations[0, rest.skeleton.index(self.skeleton.keys[joint])]
         posed = Motion(self.skeleton, np.zeros((1, 3)), world, rest.frame_time_text)
         if self.anatomy is None or not stands_at_rest(Directions(self.anatomy, posed.positions[0])):
-            raise MotionError("nobody can stand in the rest pose given; expected T-pose, A-pose or hanging arms")
+            raise MotionError("nobody can stand in the given rest pose; expected T-pose, A-pose or hanging arms")
         return replace(self, standing=np.asarray(posed.world_rotations[0]))
 
     def with_motion(self, motion: Motion, up: str) -> Body:

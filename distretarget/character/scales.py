@@ -33,7 +33,7 @@ def without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
 def flat_warnings(scene: Scene, flat: NDArray[np.bool_], line: Sequence[int]) -> Iterator[str]:
     """Yield a line for nodes with axes of length 0."""
     if names := [scene.nodes.names[node] for node in line if flat[node]]:
-        yield f"{quoted(names)} have the scale 0, as if they were hidden; they are taken as if they were not"
+        yield f"{quoted(names)} have the scale 0, as hidden nodes have; they are taken at full size"
 
 
 def check_scales(scene: Scene, line: Sequence[int], shown: Array) -> None:

@@ -334,5 +334,5 @@ def _print_broken(manifest: Manifest) -> None:
     """Warn of lines of a manifest that cannot be used."""
     if manifest.broken:
         first, *others = manifest.broken
-        more = f", nor are {len(others)} more lines" if others else ""
-        say(f"warning: {manifest.path}:{first}: is not a record of a clip{more}; what it says is not used", err=True)
+        more = f", as are {len(others)} more lines" if others else ""
+        say(f"warning: {manifest.path}:{first}: is not a record of a clip and is ignored{more}", err=True)

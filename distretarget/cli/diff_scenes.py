@@ -204,7 +204,7 @@ def _lines(metrics: SceneDiffDocument, verdicts: Mapping[str, Sequence[str]]) ->
         return
     yield (
         f"contacts in A: joints {metrics['gap_a']:.1f} % of a leg apart in A, {metrics['gap_b']:.1f} in B, "
-        f"off by {metrics['gap_error']:.1f} on average; a unit of A's world is {metrics['world_scale']:.3g} of B's"
+        f"a mean error of {metrics['gap_error']:.1f}; 1 unit of A's world is {metrics['world_scale']:.3g} units of B's"
     )
     yield from _table_lines(gaps, MOST)
     if (more := len(gaps["rows"]) - MOST) > 0:

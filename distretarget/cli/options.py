@@ -111,7 +111,7 @@ def of_reports(text: str) -> int | None:
         return None if text == "all" else 0
     kind, _, number = text.partition(":")
     if kind != "worst" or not number.isdecimal() or not int(number):
-        raise click.BadParameter(f"expected worst:N with N above 0, all or none, found {text!r}")
+        raise click.BadParameter(f"expected all, none or worst:N, such as worst:20, found {text!r}")
     return int(number)
 
 
@@ -233,8 +233,8 @@ def reading(command: Callable[..., None]) -> Callable[..., None]:
         "joints_path",
         type=PATH,
         metavar="FILE",
-        help="Of .npz and .npy, the skeleton that the positions or parameters of SMPL in SOURCE are for: a skeleton, "
-        "BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
+        help="For a SOURCE in .npz or .npy: the skeleton of its positions or SMPL parameters. It may be a skeleton "
+        "file, BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
     )
     return clip(fps(joints(command)))
 
@@ -271,7 +271,7 @@ def writing(command: Callable[..., None]) -> Callable[..., None]:
         type=click.Choice(get_args(Precision)),
         default=DEFAULT_OUTPUT.precision,
         show_default=True,
-        help="In .npz, the precision of numbers.",
+        help="The precision of numbers in .npz.",
     )
     return kept(in_place(rotations(precision(functools.update_wrapper(with_settings, command)))))
 

@@ -309,4 +309,5 @@ def _write(
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")
     if any(gap and both not in result.skin_gaps for both, gap in result.gaps.items()):
         error = 100.0 * result.gap_error
-        say(f"sweeps: {result.sweeps}; gaps of contacts off by {error:.1f} % of a leg on average")
+        rounds = counted(result.sweeps, "sweep")
+        say(f"{rounds} over all performers; contacts too near or too far by {error:.1f} % of a leg on average")

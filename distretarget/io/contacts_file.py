@@ -150,7 +150,7 @@ def _like(node: Node) -> object:
     if isinstance(node.value, str):
         return node.text() if node.text() == "source" else node.expected('"source" or a direction [x, y, z]')
     if not any(_numbers(node)):
-        node.fail("is a direction without length; expected one number that is not 0")
+        node.fail("is 0, 0, 0, which is no direction; expected one number that is not 0")
     return _numbers(node)
 
 

@@ -196,7 +196,7 @@ def _curve(gltf: Gltf, fields: Fields, path: str) -> Curve:
     if not len(times) or len(keys) != each * len(times):
         fields["output"].fail(f"{len(keys)} values for {len(times)} keys; expected {each * max(len(times), 1)}")
     if (times[1:] < times[:-1]).any():
-        fields["input"].fail("the times of keys go back")
+        fields["input"].fail("a key is earlier than the one before it")
     if path == "rotation" and not (np.linalg.norm(keys[each // 2 :: each], axis=1) >= SMALLEST).all():
         fields["output"].fail("has a rotation of length 0")
     return Curve(times, keys.reshape(len(times), each, -1), interpolation)

@@ -48,7 +48,9 @@ def find_distances(contacts: ContactList, wishes: Wishes) -> AskedDistances:
     for wish in wishes.wishes:
         entry = wish.entry
         if not isinstance(entry, Distance):
-            raise contacts.fault(entry, "", "the paper's objective knows distances alone; use --objective contact")
+            raise contacts.fault(
+                entry, "", "the paper's objective keeps nothing but distances; use --objective contact"
+            )
         points = [_point(contacts, problem, entry, int(joints[0]), clip.skeleton.keys) for joints in wish.joints]
         ends.append(points)
         size = wishes.length(entry.value) * clip.unit / problem.body_size

@@ -113,7 +113,7 @@ def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
         if off.max() > NOTICED * performer.match.matching.target.height:
             name, worst = " - ".join(wish.named), int(off.argmax())
             cm = centimetres(performer.clip.unit) * off[worst]
-            yield f"{name} is up to {cm:.1f} cm off what is asked, at frame {worst}"
+            yield f"{name} misses what was asked for by up to {cm:.1f} cm, at frame {worst}"
 
 
 def _off(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[tuple[Wish, Array]]:

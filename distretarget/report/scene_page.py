@@ -102,7 +102,9 @@ def _skin_gaps_of_result(result: SceneResult, names: Sequence[str]) -> Iterator[
         )
         rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told])
     if rows:
-        title = "Gaps between skins where they touch in the source: how far off the source\u2019s, in % of the height"
+        title = (
+            "Gaps between skins that touch in the source: their difference from the source\u2019s, in % of the height"
+        )
         yield {"title": title, "columns": ["between", "frames", "mean", "worst frame", "parts"], "rows": rows}
 
 
