@@ -87,7 +87,7 @@ def through(path: Path, sample: Motion) -> None:
 
 def _as_bvh(motion: Motion) -> None:
     """Write a motion as BVH and read it again, unless it is too deep a tree for BVH."""
-    if motion.skeleton.path_sizes[0].max() - 1 > MAX_DEPTH:
+    if motion.skeleton.path_sizes(np.arange(len(motion.skeleton)))[0].max() - 1 > MAX_DEPTH:
         return
     try:
         text = format_bvh(motion)

@@ -241,7 +241,7 @@ def test_readers_that_cannot_read_a_result_are_named(folder):
     (folder / "odd.bvh").write_bytes(odd.encode("utf-8", "surrogateescape"))
     told = run("in.bvh", "odd.bvh", "-o", "out.bvh")
     assert "bvhio and pybvh cannot read names that are not UTF-8, as 'H\\udcfcfte'; rename" in told.stderr
-    assert "three positions of the root; 'Head' of the target has 0 channels" in told.stderr
+    assert "positions of the root alone, and 'Head' has 0 channels" in told.stderr
     assert told.stderr == run("scene", "in.bvh", "-t", "odd.bvh", "-o", "out").stderr.replace("in.bvh: ", "")
     run("batch", "in.bvh", "odd.bvh", "-o", "many", "--jobs", "1")
     notes = last_records(folder / "many")["in.bvh"]["notes"]
