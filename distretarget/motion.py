@@ -17,7 +17,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import MotionError, counted, quoted
 from distretarget.numerics.compiled import read_only
 from distretarget.numerics.kinematics import joint_positions, line_rotations, make_local, world_rotations
-from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.parallel import in_blocks, over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
 from distretarget.numerics.vectors import extent, lengths
 from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
@@ -244,6 +244,10 @@ class Motion:
     def positions_in(self, frames: slice) -> Array:
         """(frames, joints, 3), the `positions` in some frames; computed for them alone unless all are kept."""
         return self.positions[frames] if "positions" in vars(self) else self._placed(frames)
+
+    def positions_of(self, joints: NDArray[np.intp]) -> Array:
+        """(frames, some joints, 3), the `positions` of some joints; not kept."""
+        return in_blocks(lambda block: np.take(self.positions_in(block), joints, axis=1), len(self))
 
     def _placed(self, frames: slice) -> Array:
         bones = self.skeleton.offsets[None] if self.moving is None else self._translations_in(frames)

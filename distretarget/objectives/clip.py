@@ -120,8 +120,8 @@ class Clip:
 
     def copy_on_path(self, joints: Joints) -> Array:
         """Return the rotation copy's joints with its root on `root`, (frames, joints, 3) [target file units]."""
-        places = np.take(self.copy.positions, joints, axis=1)
-        places += (self.root - self.copy.positions[:, 0])[:, None]
+        places = self.copy.positions_of(joints)
+        places += (self.root - self.copy.root_positions)[:, None]
         return places
 
     @cached_property

@@ -150,6 +150,7 @@ class Performer:
         Raises:
             MotionError: a frame of the result is wrong; the message names joint and frame.
         """
+        self.clip.copy.forget()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)

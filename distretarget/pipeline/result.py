@@ -134,9 +134,8 @@ class RetargetResult:
 
         def compare(motion: Motion) -> Comparison:
             comparison = reference.compare(motion)
-            if motion is self.rotation_copy:
-                self.copy_stress  # noqa: B018 - while its positions are there
-                motion.forget()
+            self.copy_stress if motion is self.rotation_copy else self.written_stress  # noqa: B018 - by these positions
+            motion.forget()
             return comparison
 
         side_by_side = mapper_for(len(self.motion), len(self.motion.skeleton))
@@ -184,7 +183,7 @@ class RetargetResult:
 
     def _missed_places(self) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys
-        away = lengths(self.motion.positions[:, held.joints] - held.places) / self.matching.target.unit
+        away = lengths(self.motion.positions_of(held.joints) - held.places) / self.matching.target.unit
         short = np.where((held.weights > RESTS) & (away > REACH), away, 0.0)
         frames = np.flatnonzero(short.any(axis=1))
         if len(frames):
@@ -203,5 +202,6 @@ class RetargetResult:
         if self.matching.legs is None or support >= self.supports.feet:
             return False
         leg, motion = self.matching.legs[1][support // 2], self.motion
-        reach = motion.positions[frame, leg.ankle] - motion.positions[frame, leg.hip]
+        x = motion[frame].positions[0]
+        reach = x[leg.ankle] - x[leg.hip]
         return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])

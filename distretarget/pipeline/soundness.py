@@ -27,12 +27,12 @@ def check_places(posed: Motion, clip: Clip) -> None:
     """
     if len(posed) != len(clip):
         raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
-    pelvis, ankles = np.array([clip.pelvis]), np.array([pair.target.ankle for pair in clip.legs], np.intp)
-    unit = clip.unit + DIGITS * extent(clip.copy_on_path(pelvis))
-    for joints, most in ((pelvis, HIPS_RANGE), (ankles, FEET_RANGE)):
-        away = lengths(posed.positions[:, joints] - clip.copy_on_path(joints)) / unit
+    joints = np.array([clip.pelvis, *(pair.target.ankle for pair in clip.legs)])
+    copied = clip.copy_on_path(joints)
+    away = lengths(posed.positions_of(joints) - copied) / (clip.unit + DIGITS * extent(copied[:, 0]))
+    for some, most in ((slice(1), HIPS_RANGE), (slice(1, None), FEET_RANGE)):
         far = f"is more than {most:g} heights away from where copied rotations put it"
-        _refuse_first(~(away <= most), posed, joints, far)
+        _refuse_first(~(away[:, some] <= most), posed, joints[some], far)
 
 
 def check_finite(motion: Motion) -> None:
