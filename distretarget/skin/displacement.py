@@ -25,7 +25,7 @@ from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place
 Array = NDArray[np.float64]
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
-AT_FIRST = 8  # the same of the first frame, which has none before it
+AFRESH = 4  # the same without those of the frame before
 MUCH_SHORTER = 0.8  # the share of a way out from which a shorter one is taken
 SWEEPS = 12  # over all tangents
 SETTLED = 1e-3  # it ends where limbs move by less than this in sum [body units]
@@ -104,7 +104,7 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
                 clear(d)
             elif attempt == 2 and not _take_shorter(d, afresh):
                 break
-            for turn in range(AT_FIRST if frame == 0 and not given else TURNS):
+            for turn in range(AFRESH if attempt == 1 or (frame == 0 and not given) else TURNS):
                 copy_to(before, d)
                 place_displaced(balls, displaced, posed[frame], d, ends, placed)
                 count = find_gaps(balls, displaced, placed, free[frame], d, asked, reach, rows)
