@@ -113,7 +113,7 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
                 if turn % TURNS == 0:
                     copy_to(d, least)
                 _push_all(rows, count, d)
-                if _way_between(before, d) < SETTLED:
+                if _way_between(before, d) < SETTLED or (attempt == 1 and not _any_shorter(d, afresh)):
                     break
 
 
@@ -124,12 +124,26 @@ def _take_shorter(d: Array, other: Array) -> bool:
     """
     any_shorter = False
     for limb in range(len(d)):
-        one, two = d[limb], other[limb]
-        if _dot(one, one) < MUCH_SHORTER**2 * _dot(two, two) and _dot(one, two) > 0.0:
+        if _is_shorter(d[limb], other[limb]):
             any_shorter = True
         else:
-            copy_to(one, two)
+            copy_to(d[limb], other[limb])
     return any_shorter
+
+
+@inlined(fastmath=True)
+def _any_shorter(d: Array, other: Array) -> bool:
+    """Whether the displacements of any limb are much shorter than others, and less than a right angle away."""
+    for limb in range(len(d)):
+        if _is_shorter(d[limb], other[limb]):
+            return True
+    return False
+
+
+@inlined(fastmath=True)
+def _is_shorter(one: Array, other: Array) -> bool:
+    """Whether a limb's displacements are much shorter than others, and less than a right angle away."""
+    return bool(_dot(one, one) < MUCH_SHORTER**2 * _dot(other, other) and _dot(one, other) > 0.0)
 
 
 @inlined(fastmath=True)
