@@ -134,10 +134,10 @@ def _take_shorter(d: Array, other: Array) -> bool:
 @inlined(fastmath=True)
 def _any_shorter(d: Array, other: Array) -> bool:
     """Whether the displacements of any limb are much shorter than others, and less than a right angle away."""
+    any_shorter = False
     for limb in range(len(d)):
-        if _is_shorter(d[limb], other[limb]):
-            return True
-    return False
+        any_shorter = any_shorter or _is_shorter(d[limb], other[limb])
+    return any_shorter
 
 
 @inlined(fastmath=True)
