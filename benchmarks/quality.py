@@ -95,7 +95,7 @@ def _gap(source: Motion, result: Motion, drivers: NDArray[np.intp], pairs: Itera
 def _distance(motion: Motion, a: int, b: int) -> Array:
     """(frames,), D of two joints: their distance over the length of the bones between."""
     apart = np.linalg.norm(motion.positions[:, a] - motion.positions[:, b], axis=-1)
-    return np.asarray(apart / motion.rigid_skeleton.path_lengths[a, b])
+    return np.asarray(apart / motion.rigid_skeleton.paths_from(a)[b])
 
 
 def _wrist_gap(source: Motion, result: Motion, drivers: NDArray[np.intp], wrists: list[int]) -> float:

@@ -50,6 +50,11 @@ def child():
 
 
 @pytest.fixture(scope="module")
+def hero():
+    return load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+
+
+@pytest.fixture(scope="module")
 def walked(walk, child):
     return retarget(walk, child)
 
@@ -60,9 +65,20 @@ def asked(motion, target, *entries, **options):
 
 def apart(result, one, other, frames=FRAMES):
     """The least distance of the joints of two regions in each frame, over the height of the body."""
-    x, regions = result.motion.positions[frames[0] : frames[1] + 1], result.matching.regions
-    a, b = (np.flatnonzero(regions.of_joint == regions.names.index(name)) for name in (one, other))
+    x, (a, b) = result.motion.positions[frames[0] : frames[1] + 1], parts_of(result, one, other)
     return np.linalg.norm(x[:, a, None] - x[:, None, b], axis=-1).min(axis=(1, 2)) / result.matching.target.height
+
+
+def parts_of(result, *names):
+    """The joints of some parts of the target's body."""
+    regions = result.matching.regions
+    return [np.flatnonzero(regions.of_joint == regions.names.index(name)) for name in names]
+
+
+def skin_gaps(skin, motion, one, other):
+    """The least gap between the skins of two parts in each of `FRAMES` [body units]."""
+    gaps = segment_gaps(skin.balls, skin.posed(motion[FRAMES[0] : FRAMES[1] + 1]), 1.0)
+    return gaps[:, skin.between(one, other)].min(axis=1)
 
 
 def changed(a, b):
@@ -140,10 +156,7 @@ def test_a_thick_body_touches_with_its_skin(walk, child):
     thick = Options(skin="average")
     made = asked(walk, child, Contact(between=("left hand", "hips"), gap=0.0, frames=FRAMES), options=thick)
     skin = made.skins.target
-    regions = made.matching.regions
-    hand, hips = (regions.of_joint == regions.names.index(name) for name in ("left hand", "hips"))
-    on = skin.between(hand, hips)
-    gaps = segment_gaps(skin.balls, skin.posed(made.motion[FRAMES[0] : FRAMES[1] + 1]), 1.0)[:, on].min(axis=1)
+    gaps = skin_gaps(skin, made.motion, *parts_of(made, "left hand", "hips"))
     off = np.abs(gaps * skin.unit / made.matching.target.height)
     assert np.median(off) < 0.003
     assert off.max() < 0.01
@@ -399,14 +412,46 @@ def test_hands_meet_in_front_of_the_body(walk, child, skin):
 
 
 @pytest.mark.parametrize(("other", "gap"), [("right hand", 0.0), ("right hand", 5.0), ("head", 0.0), ("hips", 3.0)])
-def test_gaps_on_a_character_are_those_of_skins(walk, other, gap):
-    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
-    made = asked(walk, target, Contact(between=("left hand", other), gap=gap, frames=FRAMES))
-    skin, regions, without = made.skins.target, made.matching.regions, retarget(walk, target)
-    parts = [np.flatnonzero(regions.of_joint == regions.names.index(name)) for name in ("left hand", other)]
-    on = skin.between(*parts)
-    gaps = segment_gaps(skin.balls, skin.posed(made.motion[FRAMES[0] : FRAMES[1] + 1]), 1.0)[:, on].min(axis=1)
+def test_gaps_on_a_character_are_those_of_skins(walk, hero, other, gap):
+    made, without = (
+        asked(walk, hero, Contact(between=("left hand", other), gap=gap, frames=FRAMES)),
+        retarget(walk, hero),
+    )
+    parts = parts_of(made, "left hand", other)
     cm = 100.0  # the file is in m
-    assert np.abs(gaps * skin.unit * cm - gap).max() / (made.matching.target.height * cm) < 0.003
+    off = skin_gaps(made.skins.target, made.motion, *parts) * made.skins.target.unit * cm - gap
+    assert np.abs(off).max() / (made.matching.target.height * cm) < 0.003
     assert jerk(made) < 1.2 * jerk(without)
     assert not made.unmet
+
+
+@pytest.mark.parametrize("other", ["right hand", "hips"])
+def test_the_gap_of_the_source_is_that_of_its_skin_in_proportion(walk, hero, other):
+    made = asked(walk, hero, Contact(between=("left hand", other), gap="source", frames=FRAMES))
+    parts, drivers = parts_of(made, "left hand", other), made.matching.drivers
+    gaps = skin_gaps(made.skins.target, made.motion, *parts)
+    wanted = skin_gaps(made.skins.source, made.source, *(np.setdiff1d(drivers[part], [-1]) for part in parts))
+    assert np.abs(gaps - np.maximum(wanted, 0.0)).max() < 0.005
+
+
+def test_the_gap_of_the_source_on_sticks_is_in_proportion_to_the_bones_between(walk):
+    long_arms = load_target(SAMPLES / "long_arms.json")
+    made = asked(walk, long_arms, Contact(between=("left hand", "right hand"), gap="source", frames=FRAMES))
+
+    def in_proportion(motion):
+        left, right = (motion.skeleton.index(f"{side}Wrist") for side in ("Left", "Right"))
+        places = motion.positions[FRAMES[0] : FRAMES[1] + 1]
+        return np.linalg.norm(places[:, left] - places[:, right], axis=1) / motion.skeleton.paths_from(left)[right]
+
+    np.testing.assert_allclose(in_proportion(made.motion), in_proportion(walk), atol=0.005)
+
+
+def test_a_hand_planted_on_the_floor_comes_down_to_it(child):
+    kneel = read_motion(SAMPLES / "supports" / "kneel.bvh")
+    free, held = retarget(kneel, child), asked(kneel, child, Plant(plant="left hand", on="floor", frames=(150, 170)))
+    (hand,) = parts_of(held, "left hand")
+    height, floor = held.matching.target.height, free.motion.positions[..., 1].min()
+    before, after = (one.motion.positions[150:171, hand] for one in (free, held))
+    assert before[..., 1].min() > floor + 0.15 * height
+    assert after[..., 1].min(axis=1).max() < floor + 0.02 * height
+    assert np.ptp(after[:, 0], axis=0).max() / height < 0.003

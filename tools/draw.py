@@ -145,7 +145,8 @@ def articulated(motion: Motion) -> int:
 
 def body_height(skeleton: Skeleton) -> float:
     """Approximate height of the standing body, whatever its rest pose [file units]."""
-    return 0.7 * float(skeleton.path_lengths.max())
+    farthest = int(skeleton.paths_from(0).argmax())
+    return 0.7 * float(skeleton.paths_from(farthest).max())  # the longest path in the tree
 
 
 def tallest(motions: Iterable[Motion]) -> float:

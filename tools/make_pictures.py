@@ -28,7 +28,6 @@ from distretarget import (
     Grip,
     Look,
     Motion,
-    Options,
     Plant,
     Prop,
     RetargetResult,
@@ -39,7 +38,6 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.contact_entries import Entry
-from distretarget.pipeline.options import SkinMode
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -129,16 +127,20 @@ def draw_duet(path: Path) -> None:
     write_loop(path, METHODS, columns, seconds, "side", LOOP_DPI, still=len(DUET_FRAMES) // 2)
 
 
-def draw_repair(
-    path: Path, clip: str, entries: tuple[Entry, ...], frames: tuple[int, ...], skin: SkinMode = "auto"
-) -> None:
-    """Draw frames of a clip on the child's body, before and after entries of a contact file."""
-    source, child = read_bvh(SAMPLES / f"{clip}.bvh"), load_target(SAMPLES / "child.json")
-    options = Options(skin=skin)
-    both = [retarget(source, child, options, contacts=ContactList(asked)).motion for asked in ((), entries)]
-    scene = [cell for motion in both for cell in cells(motion, frames, tallest(both))]
-    labels = [text for text in ("before", "after") for _ in frames]
-    write_picture(path, [scene], [""], [labels], VIEWS["three-quarter"], SHEET_DPI)
+def draw_repair(path: Path, clip: str, entries: tuple[Entry, ...], frame: int) -> None:
+    """Draw the sample character in a frame of a clip, before and after entries of a contact file."""
+    source, hero = read_bvh(SAMPLES / f"{clip}.bvh"), load_target(CHARACTERS / "hero.glb")
+    both = [retarget(source, hero, contacts=ContactList(asked)).motion for asked in ((), entries)]
+    write_figures(path, [(motion, frame) for motion in both])
+
+
+def draw_drop(path: Path) -> None:
+    """Draw hands on the hips of a child, and the left hand that is not held there."""
+    dropped = ContactList((Contact(between=(HAND, "hips"), keep=False),))
+    source, child = read_bvh(SAMPLES / "hands_on_hips.bvh"), load_target(SAMPLES / "child.json")
+    both = [retarget(source, child, contacts=asked).motion for asked in (ContactList(), dropped)]
+    columns = {name: [motion[150:151]] for name, motion in zip(("before", "after"), both, strict=True)}
+    _write_scenes(path, columns, "three-quarter", SHEET_DPI)
 
 
 def draw_skating(path: Path) -> None:
@@ -170,11 +172,11 @@ def draw_handover(path: Path) -> None:
         held_by=(Grip(0, "LeftWrist"),),
     )
     taken = Plant(plant="right hand", on="stick", frames=HELD)
-    columns, (frame,) = {}, REPAIRS["meet"][2]
+    columns: dict[str, list[Motion]] = {}
     for name, asked in (("before", ()), ("after", (taken,))):
         scene = retarget_scene([walk], [_child(walk)], [stick], contacts=[ContactList(asked)])
         motions = scene.results[0].motion, scene.props[0].motion
-        columns[name] = [motion[frame : frame + 1] for motion in motions]
+        columns[name] = [motion[MIDDLE : MIDDLE + 1] for motion in motions]
     _write_scenes(path, columns, "three-quarter", SHEET_DPI)
 
 
@@ -227,22 +229,18 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str, dpi: 
     write_picture(path, [scene], [""], [list(columns)], VIEWS[view], dpi)
 
 
-def _repair(clip: str, entries: tuple[Entry, ...], frames: tuple[int, ...], skin: SkinMode) -> Callable[[Path], None]:
-    return partial(draw_repair, clip=clip, entries=entries, frames=frames, skin=skin)
-
-
 HAND, OTHER, HELD = "left hand", "right hand", (100, 150)
-REPAIRS: dict[str, tuple[str, tuple[Entry, ...], tuple[int, ...], SkinMode]] = {
-    "hip": ("walk", (Contact(between=(HAND, "hips"), gap=0, frames=HELD),), (125,), "average"),
-    "drop": ("hands_on_hips", (Contact(between=(HAND, "hips"), keep=False),), (150,), "auto"),
-    "meet": ("walk", (Contact(between=(HAND, OTHER), gap=0, frames=HELD),), (125,), "auto"),
-    "look": (
-        "walk",
-        (Contact(between=(HAND, "head"), gap=0, frames=HELD), Look(look="head", like=(1.0, 0.0, 0.0))),
-        (125,),
-        "auto",
-    ),
-    "distance": ("walk", (Distance(distance=("LeftWrist", "Head"), value=12, frames=HELD),), (125,), "auto"),
+MIDDLE = 125  # of `HELD`
+# For each picture the clip, the entries, and the frame.
+REPAIRS: dict[str, tuple[str, tuple[Entry, ...], int]] = {
+    "hip": ("walk", (Contact(between=(HAND, "hips"), gap=0, frames=HELD),), MIDDLE),
+    "meet": ("walk", (Contact(between=(HAND, OTHER), gap=0, frames=HELD),), MIDDLE),
+    "half": ("wave", (Contact(between=(OTHER, "head"), gap=0, firmness=0.5, frames=HELD),), MIDDLE),
+    "floor": ("supports/kneel", (Plant(plant=HAND, on="floor", frames=(130, 180)),), 155),
+    "place": ("walk", (Plant(plant=HAND, on=(0.35, 1.5, 1.0), frames=HELD),), MIDDLE),
+    "knee": ("squat", (Plant(plant=HAND, on="left shin", frames=HELD),), MIDDLE),
+    "look": ("walk", (Look(look="head", like=(0.8, 0.0, 0.6), frames=HELD),), MIDDLE),
+    "distance": ("walk", (Distance(distance=("LeftHand", "Head"), value=12, frames=HELD),), MIDDLE),
 }
 PICTURES: dict[str, Callable[[Path], None]] = {
     "clap_long_arms.png": draw_clap,
@@ -253,9 +251,13 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "gallery/floor_work.png": draw_floor_work,
     "gallery/zoo.png": draw_zoo,
     "gallery/duet.gif": draw_duet,
+    "repairs/drop.png": draw_drop,
     "repairs/skating.png": draw_skating,
     "repairs/handover.png": draw_handover,
-    **{f"repairs/{name}.png": _repair(*repair) for name, repair in REPAIRS.items()},
+    **{
+        f"repairs/{name}.png": partial(draw_repair, clip=clip, entries=entries, frame=frame)
+        for name, (clip, entries, frame) in REPAIRS.items()
+    },
 } | {
     f"gallery/{Path(clip).name}.gif": partial(draw_clip, clip=clip, body=body, frames=frames, view=view)
     for clip, body, frames, view in (

@@ -101,15 +101,10 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
     if isinstance(entry, Plant):
         assert wish.carrier is not None
         return resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
+    if isinstance(entry, Contact) and skins is not None and len(skins.target.between(*wish.joints)):
+        return _to_gap(clip, wish, motion, skins, _asked_gap(wishes, wish, skins))
     if isinstance(entry, Contact) and entry.gap != "source":
         gap = wishes.length(float(entry.gap or 0.0))
-        on = np.zeros(0, np.intp) if skins is None else skins.target.between(*wish.joints)
-        if skins is not None and len(on):
-            first = np.isin(skins.target.of_joint[wish.joints[0]], skins.target.balls.pairs[on, 0]).any()
-            own, away = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
-            average = partial(averaged, reach=round(FACING / clip.frame_time))
-            away = normalised(by_shot(average, clip.shots, away))
-            return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
         length = np.full(len(clip), gap)
         now = _nearest_way(motion, wish.joints) / clip.unit if gap else now
     elif isinstance(entry, Contact):
@@ -123,6 +118,27 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
     far = lengths(now)
     direction = np.where(far[:, None] > LEAST_LENGTH, normalised(now), clip.up)
     return np.asarray((length - far)[:, None] * direction)
+
+
+def _asked_gap(wishes: Wishes, wish: Wish, skins: Skins) -> Array:
+    """(frames,), the gap between the skins of two parts that a contact asks for [body units]."""
+    clip, entry = wishes.clip, wish.entry
+    assert isinstance(entry, Contact)
+    if entry.gap != "source":
+        return np.full(len(clip), wishes.length(float(entry.gap or 0.0)))
+    on = skins.source.between(*(np.setdiff1d(clip.drivers[joints], [-1]) for joints in wish.joints))
+    gaps, _ = nearest_skin(skins.source.balls, skins.source.posed(clip.source), on)
+    return np.maximum(gaps, 0.0) if len(on) else np.zeros(len(clip))
+
+
+def _to_gap(clip: Clip, wish: Wish, motion: Motion, skins: Skins, gap: Array) -> Array:
+    """(frames, 3), how far the first part of a contact has to go for this gap between the skins [body units]."""
+    body = skins.target
+    on = body.between(*wish.joints)
+    first = np.isin(body.of_joint[wish.joints[0]], body.balls.pairs[on, 0]).any()
+    own, away = nearest_skin(body.balls, body.posed(motion), on)
+    away = normalised(by_shot(partial(averaged, reach=round(FACING / clip.frame_time)), clip.shots, away))
+    return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
 
 
 def _nearest_way(motion: Motion, parts: Sequence[Joints]) -> Array:
