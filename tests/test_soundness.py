@@ -53,7 +53,7 @@ def test_nothing_is_written_where_the_solver_fails(tmp_path, monkeypatch):
         v[:] = np.nan
 
     monkeypatch.setattr("distretarget.objectives.contact._solve", solve_wrongly)
-    monkeypatch.setattr("distretarget.cli.retarget.warm", lambda _objective: None)
+    monkeypatch.setattr("distretarget.cli.retarget.warm", lambda _objective, **_: None)
     done = run(SAMPLES / "clap.bvh", SAMPLES / "long_arms.json", "-o", tmp_path / "out.bvh")
     assert done.returncode == 1
     assert "clap.bvh: " in done.stderr

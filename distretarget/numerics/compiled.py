@@ -272,8 +272,8 @@ def _announce() -> None:
 
 def _announcement() -> str:
     if folder := code_folder():
-        return f"compiling for the first run, which takes about 14 s; later runs find the code in {folder}"
+        return f"compiling for the first run, which takes 10 to 30 s; later runs find the code in {folder}"
     return (
-        "compiling, which takes about 14 s in every run, as there is no folder to keep the code in; "
+        "compiling, which takes 10 to 30 s in every run, as there is no folder to keep the code in; "
         "set NUMBA_CACHE_DIR to a folder that only you can write to"
     )
