@@ -364,6 +364,9 @@ def test_curves_that_are_out_of_view_wait_until_the_clip_stops(opened):
     def line():
         return tab.locator(".curve .line").last.get_attribute("style")
 
+    drawn = """expected => document.querySelectorAll(".curve .line[style]").length === expected"""
+    tab.wait_for_function(drawn, arg=len(metrics_at("curve")))
+    settle(tab)
     before = line()
     tab.evaluate(moved_on)
     assert line() == before
