@@ -44,9 +44,6 @@ RATE = 20.0  # displacements are found about as often, and interpolated [1/s]
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
 # armpit.
 FLESH = {"upper arm": 1.0, "thigh": 0.2, "pelvis": 0.16, "belly": 0.16}
-# How far the capsules of parts that are not round stand off from the skin: the median of its depth in them, over the
-# bodies of `benchmarks/scoreboard.py` [their mean radius].
-STANDS_OFF = dict.fromkeys(("thigh", "pelvis", "belly", "chest"), 0.06)
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
@@ -174,15 +171,13 @@ def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
 
 def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
     """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
-    source's do; hands and forearms only as far as capsules stand off from the skin.
+    source's do; hands and forearms not at all.
 
     `parts`, (pairs, 2), are the parts of the body that the segments of a pair are.
     """
-    radii = mean_radii(balls)[balls.pairs]
-    flesh = _of_segments(FLESH)[parts] * radii
+    flesh = _of_segments(FLESH)[parts] * mean_radii(balls)[balls.pairs]
     hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in parts[:, 0]], bool)
-    off = _of_segments(STANDS_OFF)[parts[:, 1]] * radii[:, 1]
-    return np.where(hard, off, np.maximum(flesh.sum(axis=1), -in_source))
+    return np.where(hard, 0.0, np.maximum(flesh.sum(axis=1), -in_source))
 
 
 def _of_segments(by_part: Mapping[str, float]) -> Array:

@@ -8,14 +8,14 @@ it where it is nearly round, else several side by side, b from its edges. Their 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.vectors import cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
-from distretarget.skin.capsules import Capsules, no_capsules
+from distretarget.skin.capsules import PLACE, SEGMENTS, Capsules, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
@@ -30,6 +30,7 @@ ROUND = 1.25  # of most parts, see `Part`
 DENT = 0.25  # how deep the dents between capsules side by side may be [radii]
 SIDES_OF_LEG, LEVELS_OF_LEG = 12, 8  # in which skin is compared with cloth
 CLOTH = 1.6  # what is farther than this from a leg's bone is cloth [distance of the skin there]
+PASSES = 3  # over all parts, each of which changes what its neighbours have to cover
 ROUNDS = 10  # of least squares
 SMOOTH = 0.01  # distances off the surface below this weigh the same [mean distances to the axis]
 FLAT = 0.02  # weight of a slope of 1 of the radii along the axis [of the whole surface]
@@ -94,18 +95,40 @@ def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -
     """
     surface, owners = _sampled(mesh, len(skeleton), parts)
     rest = skeleton.rest_positions
-    found = []
+    found, covered = [], []
     for number, part in enumerate(parts):
         own = surface.part(owners == number)
         if len(own.points) >= FEWEST_POINTS:
             own = _Surface(own.points - rest[part.carrier], own.areas)
             tip = None if part.tip is None else rest[part.tip] - rest[part.carrier]
-            ends, radii = _fitted(own, part, tip)
+            axes = _axes(own, part, tip)
+            own = _under_cloth(own, axes) if part.is_leg else own
+            ends, radii = _fitted(own, axes, part, tip)
             carriers, segments = np.full(len(ends), part.carrier), np.full(len(ends), part.segment)
             found.append((carriers, ends, radii, segments))
+            covered.append((part, _Surface(own.points + rest[part.carrier], own.areas)))
     if not found:
         return no_capsules()
-    return Capsules(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    capsules = Capsules(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return _covering_together(capsules, covered, capsules.ends + rest[capsules.joints, None])
+
+
+def _covering_together(capsules: Capsules, covered: Sequence[tuple[Part, _Surface]], ends: Array) -> Capsules:
+    """The capsules with radii such that all of one place together cover the surface of each segment, as far as it is to
+    be covered: next to others they cover more of it than alone. Toes stay, as they are side by side. `ends`, (capsules,
+    2, 3), are those in the rest pose.
+    """
+    radii, places = capsules.radii.copy(), PLACE[capsules.segments]
+    segments = [number for number in np.unique(capsules.segments).tolist() if "foot" not in SEGMENTS[number]]
+    for _ in range(PASSES):
+        for segment in segments:
+            own = [(part, surface) for part, surface in covered if part.segment == segment]
+            points, areas = (np.concatenate([getattr(each, name) for _, each in own]) for name in ("points", "areas"))
+            near, on = places == PLACE[segment], capsules.segments == segment
+            away, _ = distances(points, ends[near], radii[near])
+            radii[on] += _Surface(points, areas).percentile(away, 100.0 * own[0][0].covered)
+            radii[on] = np.maximum(radii[on], THINNEST * capsules.radii[on])
+    return replace(capsules, radii=radii)
 
 
 def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Surface, NDArray[np.intp]]:
@@ -132,13 +155,10 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
     return surface, owned
 
 
-def _fitted(surface: _Surface, part: Part, tip: Array | None) -> tuple[Array, Array]:
+def _fitted(surface: _Surface, axes: Array, part: Part, tip: Array | None) -> tuple[Array, Array]:
     """The ends, (capsules, 2, 3), and radii, (capsules, 2), of the capsules of a part with some surface, relative to
-    its carrier, as is the tip.
+    its carrier, as is the tip; `axes` are those of the part.
     """
-    axes = _axes(surface, part, tip)
-    if part.is_leg:
-        surface = _under_cloth(surface, axes)
     along, wide, high = (surface.points @ axes).T
     reach = [surface.percentile(along, percent) for percent in EDGES]
     low, top = reach if tip is None else (0.0, float(np.linalg.norm(tip)))
@@ -211,6 +231,8 @@ def _covering(surface: _Surface, ends: Array, covered: float) -> Array:
     """
     away, at = distances(surface.points, ends, np.zeros((len(ends), 2)))
     shares, scale = np.stack([1.0 - at, at], axis=1), float(away.mean())
+    if scale == 0.0:
+        return np.zeros(2)
     radii = np.full(2, surface.percentile(away, 100.0 * covered))
     slope = (scale / max(float(lengths(ends[:, 1] - ends[:, 0]).mean()), SMOOTH * scale)) ** 2
     for _ in range(ROUNDS):
