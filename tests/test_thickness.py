@@ -18,7 +18,7 @@ from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.errors import SkeletonFileError
 from distretarget.io.target_file import parse_target, skeleton_to_json
 from distretarget.skin.capsules import SEGMENTS
-from distretarget.skin.fit import distances
+from distretarget.skin.fit import Part, distances, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 PERSON = person()
@@ -93,6 +93,22 @@ def test_the_union_covers_the_skin_and_hardly_more():
     away, _ = distances(mesh.vertices, in_world(capsules, PERSON), capsules.radii)
     assert np.percentile(away, 95) < 0.01 * HEIGHT
     assert abs(np.median(away)) < 0.02 * HEIGHT
+
+
+def test_segments_are_covered_as_far_as_asked_next_to_others():
+    mesh, _ = dressed()
+    capsules = capsules_of(BODY, mesh)
+    outside = distances(mesh.vertices, in_world(capsules, PERSON), capsules.radii)[0] > 1e-3 * HEIGHT
+    for name, joint in (("left thigh", "leftUpperLeg"), ("left shin", "leftLowerLeg"), ("left forearm", "leftLowerArm")):
+        assert outside[mesh.joints[:, 0] == BODY.anatomy.roles[joint]].mean() < 0.1, name
+
+
+def test_a_part_whose_skin_is_a_point_has_finite_capsules():
+    mesh, foot = dressed()[0], BODY.anatomy.roles["leftFoot"]
+    point = replace(mesh, vertices=1e-32 * mesh.vertices, joints=np.full_like(mesh.joints, foot))
+    part = Part(foot, [foot], SEGMENTS.index("left foot"), axis=np.array([0.0, 0.0, 1.0]), across=np.eye(3)[0])
+    capsules = fit_capsules(point, PERSON.with_offsets(PERSON.offsets + 0.1), [part])
+    assert len(capsules) and np.isfinite(capsules.radii).all() and np.isfinite(capsules.ends).all()
 
 
 def test_capsules_scale_with_the_body():
