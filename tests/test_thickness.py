@@ -99,8 +99,8 @@ def test_segments_are_covered_as_far_as_asked_next_to_others():
     mesh, _ = dressed()
     capsules = capsules_of(BODY, mesh)
     outside = distances(mesh.vertices, in_world(capsules, PERSON), capsules.radii)[0] > 1e-3 * HEIGHT
-    for name, joint in (("left thigh", "leftUpperLeg"), ("left shin", "leftLowerLeg"), ("left forearm", "leftLowerArm")):
-        assert outside[mesh.joints[:, 0] == BODY.anatomy.roles[joint]].mean() < 0.1, name
+    for part, role in (("thigh", "UpperLeg"), ("shin", "LowerLeg"), ("forearm", "LowerArm")):
+        assert outside[mesh.joints[:, 0] == BODY.anatomy.roles[f"left{role}"]].mean() < 0.1, part
 
 
 def test_a_part_whose_skin_is_a_point_has_finite_capsules():
@@ -108,7 +108,9 @@ def test_a_part_whose_skin_is_a_point_has_finite_capsules():
     point = replace(mesh, vertices=1e-32 * mesh.vertices, joints=np.full_like(mesh.joints, foot))
     part = Part(foot, [foot], SEGMENTS.index("left foot"), axis=np.array([0.0, 0.0, 1.0]), across=np.eye(3)[0])
     capsules = fit_capsules(point, PERSON.with_offsets(PERSON.offsets + 0.1), [part])
-    assert len(capsules) and np.isfinite(capsules.radii).all() and np.isfinite(capsules.ends).all()
+    assert len(capsules)
+    assert np.isfinite(capsules.radii).all()
+    assert np.isfinite(capsules.ends).all()
 
 
 def test_capsules_scale_with_the_body():
