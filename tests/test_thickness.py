@@ -103,6 +103,17 @@ def test_segments_are_covered_as_far_as_asked_next_to_others():
         assert outside[mesh.joints[:, 0] == BODY.anatomy.roles[f"left{role}"]].mean() < 0.1, part
 
 
+def test_flanks_that_move_with_the_thighs_are_the_pelvis():
+    mesh, _ = dressed()
+    hips, thigh = (BODY.anatomy.roles[name] for name in ("hips", "leftUpperLeg"))
+    above = (mesh.joints[:, 0] == hips) & (mesh.vertices[:, 0] > PERSON.rest_positions[thigh, 0])
+    assert above.any()
+    flanks = replace(mesh, joints=np.where(above[:, None], thigh, mesh.joints))
+    one, other = capsules_of(BODY, mesh), capsules_of(BODY, flanks)
+    np.testing.assert_allclose(other.radii, one.radii, atol=2e-3 * HEIGHT)
+    np.testing.assert_allclose(other.ends, one.ends, atol=2e-3 * HEIGHT)
+
+
 def test_a_part_whose_skin_is_a_point_has_finite_capsules():
     mesh, foot = dressed()[0], BODY.anatomy.roles["leftFoot"]
     point = replace(mesh, vertices=1e-32 * mesh.vertices, joints=np.full_like(mesh.joints, foot))

@@ -91,6 +91,7 @@ def _parts(body: Body) -> Iterator[Part]:
                 joints,
                 segment,
                 tip=roles.get(below),
+                parent=roles["hips"] if limb == "thigh" else None,
                 closed=(False, False),
                 most=2,
                 round=ROUND_LIMB,

@@ -46,6 +46,7 @@ class Part:
         joints: the joints whose surface is the part's.
         segment: the number of its segment in `SEGMENTS`.
         tip: the joint up to which its bone reaches from the carrier; None for a part that ends where its surface does.
+        parent: the carrier of the part that owns the surface beyond its own joint, seen from the tip; None if it does.
         axis: (3,), the direction along it in the rest pose, for a part without tip; None for that to the middle of its
             surface.
         level: (3,), the unit vector that the axis is perpendicular to; None for any.
@@ -61,6 +62,7 @@ class Part:
     joints: Sequence[int]
     segment: int
     tip: int | None = None
+    parent: int | None = None
     axis: Array | None = None
     level: Array | None = None
     across: Array | None = None
@@ -95,6 +97,7 @@ def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -
     """
     surface, owners = _sampled(mesh, len(skeleton), parts)
     rest = skeleton.rest_positions
+    owners = _beyond_joints(surface, owners, parts, rest)
     found, covered = [], []
     for number, part in enumerate(parts):
         own = surface.part(owners == number)
@@ -102,7 +105,7 @@ def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -
             own = _Surface(own.points - rest[part.carrier], own.areas)
             tip = None if part.tip is None else rest[part.tip] - rest[part.carrier]
             axes = _axes(own, part, tip)
-            own = _under_cloth(own, axes) if part.is_leg else own
+            own = own if tip is None or not part.is_leg else _under_cloth(own, axes, float(np.linalg.norm(tip)))
             ends, radii = _fitted(own, axes, part, tip)
             carriers, segments = np.full(len(ends), part.carrier), np.full(len(ends), part.segment)
             found.append((carriers, ends, radii, segments))
@@ -155,6 +158,16 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
     return surface, owned
 
 
+def _beyond_joints(surface: _Surface, owners: NDArray[np.intp], parts: Sequence[Part], rest: Array) -> NDArray[np.intp]:
+    """The owners, (points,), where surface beyond the joint of a part is its parent's: flanks that thighs move."""
+    owners, carriers = owners.copy(), [part.carrier for part in parts]
+    for number, part in enumerate(parts):
+        if part.parent in carriers and part.tip is not None:
+            along = (surface.points - rest[part.carrier]) @ (rest[part.tip] - rest[part.carrier])
+            owners[(along < 0.0) & (owners == number)] = carriers.index(part.parent)
+    return owners
+
+
 def _fitted(surface: _Surface, axes: Array, part: Part, tip: Array | None) -> tuple[Array, Array]:
     """The ends, (capsules, 2, 3), and radii, (capsules, 2), of the capsules of a part with some surface, relative to
     its carrier, as is the tip; `axes` are those of the part.
@@ -180,15 +193,14 @@ def _fitted(surface: _Surface, axes: Array, part: Part, tip: Array | None) -> tu
     return ends, np.tile(_covering(surface, ends, part.covered), (many, 1))
 
 
-def _under_cloth(surface: _Surface, axes: Array) -> _Surface:
-    """The inner layer of a surface round a bone: what is much farther out than other skin on the same side of the bone,
-    at the same height, is a skirt or a coat.
+def _under_cloth(surface: _Surface, axes: Array, length: float) -> _Surface:
+    """The inner layer of a surface round a bone of some length: what is much farther out than other skin on the same
+    side of the bone, at the same height, is a skirt or a coat; above and below the bone, than the skin at its end.
     """
     along, wide, high = (surface.points @ axes).T
     away = np.hypot(wide, high)
     side = np.floor(SIDES_OF_LEG * (np.arctan2(high, wide) / (2.0 * np.pi) + 0.5)).astype(int)
-    low, top = along.min(), along.max()
-    level = np.floor(LEVELS_OF_LEG * (along - low) / max(top - low, 1e-300)).astype(int)
+    level = np.clip(LEVELS_OF_LEG * along / max(length, 1e-300), 0, LEVELS_OF_LEG - 1).astype(int)
     cell = side + (SIDES_OF_LEG + 1) * level
     least = np.full(cell.max() + 1, np.inf)
     np.minimum.at(least, cell, away)
