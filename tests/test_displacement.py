@@ -98,6 +98,30 @@ def test_a_hand_stays_on_the_side_on_which_it_entered():
     assert (ahead[inside] > 0).all()
 
 
+def test_hands_that_are_drawn_together_do_not_pass_through_each_other():
+    """In the first frame they are brought to touch; in the second they have come by themselves, and overlap a little."""
+    arms = {
+        "LeftShoulder": [0, -1.2, 0],
+        "LeftElbow": [0, -0.4, 0],
+        "RightShoulder": [0, 1.2, 0],
+        "RightElbow": [0, 0.4, 0],
+    }
+    motion, skin = standing(arms, 2), skin_of(0.01)
+    ends = skin.posed(motion)
+    hands = [skin.balls.of_capsule[SEGMENTS.index(f"{side} hand")] for side in ("left", "right")]
+    middle = ends[:, hands].mean(axis=1)
+    for hand, sign in zip(hands, (1.0, -1.0), strict=True):
+        apart = np.array([HAND + 0.03, HAND - 0.005])[:, None] * np.array([sign, 0.0, 0.0])
+        ends[:, hand] = middle + apart[:, None] / skin.unit
+    x = motion.positions / skin.unit
+    limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
+    gaps = segment_gaps(skin.balls, ends, 0.2)
+    free, none = np.ones((2, len(skin.limbs), 2)), np.zeros_like(gaps)
+    d = displacements(skin.balls, skin.displaced, ends, limbs, free, none, none, none + 1.0)
+    wide = (ends[:, hands[0], 0, 0] + d[:, 0, 1, 0]) - (ends[:, hands[1], 0, 0] + d[:, 1, 1, 0])
+    np.testing.assert_allclose(wide * skin.unit, 2 * HAND, atol=0.004)
+
+
 @pytest.mark.parametrize("angle", [0.1, 0.27, 1.5])
 def test_an_arm_bends_to_where_its_joints_are_displaced_to(angle):
     motion = standing({"LeftShoulder": [0.3, -0.8, 0.2], "LeftElbow": [0, -0.9, 0.1]}, 3)

@@ -104,17 +104,17 @@ def led(
         return by_shot(change, shots, values.reshape(len(values), -1)).reshape(values.shape)
 
     at_keys = tuple(each[at] for each in geometry)
-    raw = by_shot(find, shots, *at_keys, *asked)
+    soft, aims, firmness = asked
+    arms, others = firmness * displaced.mutual, firmness * ~displaced.mutual
+    raw = by_shot(find, shots, *at_keys, soft, aims, others)
     size = over_time(lambda each: widened(each, lead), lengths(raw))
     direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
     smooth = size[..., None] * normalised(direction)
-    soft, aims, firmness = asked
-    for number, time in enumerate(SETTLE[:-1]):
-        kept = firmness * (displaced.mutual & (number == 1))  # what has led two arms apart lets them meet again
-        out = find(*at_keys, soft, aims, kept, smooth)
+    for time in SETTLE[:-1]:
+        out = find(*at_keys, soft, aims, arms, smooth, raw)  # arms that meet and part do so without a lead
         smooth = over_time(partial(averaged, reach=max(round(time / keys.time), 1)), out)
-    soft = keys.between(soft)
-    out = find(*geometry, soft, soft, np.zeros_like(soft), keys.between(smooth))
+    soft, aims, arms = (keys.between(each) for each in (soft, aims, arms))
+    out = find(*geometry, soft, aims, arms, keys.between(smooth), keys.between(raw))
     reach_of_last = max(round(SETTLE[-1] / keys.frame_time), 1)
     return over_time(partial(averaged, reach=reach_of_last), out, keys.shots)
 

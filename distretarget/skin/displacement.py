@@ -5,9 +5,10 @@ the wrist's, and the hand by the wrist's; legs are alike. The displacements of a
 and the bones of limbs their lengths, as their tangents say; these are found at the displacements of the frame before,
 so that a limb leaves a body on the side on which it entered, and again at those that they lead to. So a limb whose way
 leads through a body slides round it; where it has slid away from a much shorter way out on the same side, it takes
-that. The least displacements are found by projected Gauss-Seidel: each tangent in turn pushes by as much as it lacks
-(K. Erleben, "Velocity-based shock propagation for multibody dynamics animation", ACM
-Transactions on Graphics 26 (2007), doi:10.1145/1243980.1243986).
+that. A limb that was only drawn to what it touches has not entered it: its own way says on which side it is. The least
+displacements are found by projected Gauss-Seidel: each tangent in turn pushes by as much as it lacks (K. Erleben,
+"Velocity-based shock propagation for multibody dynamics animation", ACM Transactions on Graphics 26 (2007),
+doi:10.1145/1243980.1243986).
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ def displacements(
     aims: Array,
     firmness: Array,
     start: Array | None = None,
+    outside: Array | None = None,
     reach: float = REACH,
 ) -> Array:
     """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3).
@@ -58,6 +60,8 @@ def displacements(
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
         start: (frames, limbs, 2, 3), displacements that change by the least, and not where there are none. None for the
             least displacements of all, found about those of the frame before.
+        outside: (frames, limbs, 2, 3), displacements with which limbs are on the side of bodies where `start` has to
+            leave them; None for `start` itself.
         reach: balls and capsules that are farther apart than this do not meet [body units].
     """
     count, given = limbs.shape[1], start is not None
@@ -66,12 +70,16 @@ def displacements(
     free = np.concatenate([free, np.zeros((len(posed), 1, 2))], axis=1)
     if start is not None:
         result[:, :count] = start
+    sides = result.copy()
+    if outside is not None:
+        sides[:, :count] = outside
     constraints = [np.ascontiguousarray(each) for each in (limbs, free, soft, aims, firmness)]
 
     def write(frames: slice) -> None:
         some = tuple(each[frames] for each in constraints)
-        room = room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *np.zeros((3, count + 1, 2, 3))
-        _write_displacements(balls, moved, posed[frames], some, given, reach, room, result[frames])
+        of_limbs = *np.zeros((3, count + 1, 2, 3)), np.zeros(count + 1, np.bool_)
+        room = room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *of_limbs
+        _write_displacements(balls, moved, posed[frames], some, given, reach, room, sides[frames], result[frames])
 
     if given:
         over_blocks(write, len(posed), len(balls.carriers))
@@ -81,33 +89,39 @@ def displacements(
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, displaced, posed, constraints, given, reach, room, result):  # type: ignore[no-untyped-def]
+def _write_displacements(balls, displaced, posed, constraints, given, reach, room, sides, result):  # type: ignore[no-untyped-def]
     limbs, free, soft, aims, firmness = constraints
-    placed, rows, ends, least, before, afresh = room
+    placed, rows, ends, least, before, afresh, pushed = room
     for frame in range(len(posed)):
         d = result[frame]
         asked = soft[frame], aims[frame], firmness[frame]
         if given:
-            copy_to(least, d)
-        elif frame > 0:
-            copy_to(d, result[frame - 1])
-        if _size_of(d) < NOTHING:
-            clear(d)
-            if given:
+            if _size_of(d) < NOTHING and not firmness[frame].any():
+                clear(d)
                 continue
+            copy_to(least, d)
+            copy_to(d, sides[frame])
+        elif frame > 0:
+            for limb in range(len(d)):
+                if pushed[limb]:
+                    copy_to(d[limb], result[frame - 1, limb])
+        from_none = not given and _size_of(d) < NOTHING
+        if from_none:
+            clear(d)
         # From those of the frame before; then from none; then from the shorter of the two for each limb.
-        for attempt in range(1 if given else 3):
+        for attempt in range(1 if given or from_none else 3):
             if attempt == 1:
-                if frame == 0 or _size_of(d) < NOTHING:
-                    break
                 copy_to(afresh, d)
                 clear(d)
             elif attempt == 2 and not _take_shorter(d, afresh):
                 break
-            for turn in range(AFRESH if attempt == 1 or (frame == 0 and not given) else TURNS):
+            without = from_none or attempt == 1
+            for turn in range(AFRESH if without else TURNS):
                 copy_to(before, d)
                 place_displaced(balls, displaced, posed[frame], d, ends, placed)
                 count = find_gaps(balls, displaced, placed, free[frame], d, asked, reach, rows)
+                if without and turn == 0:
+                    _note_pushed(rows, count, pushed)
                 if count > 0:
                     count = find_lengths(limbs[frame], free[frame], d, rows, count)
                 if turn % TURNS == 0:
@@ -115,6 +129,19 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
                 _push_all(rows, count, d)
                 if _way_between(before, d) < SETTLED or (attempt == 1 and not _any_shorter(d, afresh)):
                     break
+
+
+@inlined(fastmath=True)
+def _note_pushed(rows, count, pushed):  # type: ignore[no-untyped-def]
+    """Write which limbs the frame after starts from their displacements: those inside others without any, by so many
+    tangents of gaps there, and those that were inside, until they are drawn to what they touch without being inside.
+    """
+    for row in range(count):
+        if rows.least[row] < 0.0:
+            pushed[rows.limbs[row, 0]] = pushed[rows.limbs[row, 1]] = False
+    for row in range(count):
+        if rows.least[row] == 0.0 and rows.values[row] < 0.0:
+            pushed[rows.limbs[row, 0]] = pushed[rows.limbs[row, 1]] = True
 
 
 @inlined(fastmath=True)
