@@ -60,8 +60,8 @@ def displacements(
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
         start: (frames, limbs, 2, 3), displacements that change by the least, and not where there are none. None for the
             least displacements of all, found about those of the frame before.
-        outside: (frames, limbs, 2, 3), displacements with which limbs are on the side of bodies where `start` has to
-            leave them; None for `start` itself.
+        outside: (frames, limbs, 2, 3), displacements with which limbs are on the side of each other where `start` has
+            to leave them, in frames in which they touch; None for `start` itself.
         reach: balls and capsules that are farther apart than this do not meet [body units].
     """
     count, given = limbs.shape[1], start is not None
@@ -89,18 +89,20 @@ def displacements(
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, displaced, posed, constraints, given, reach, room, sides, result):  # type: ignore[no-untyped-def]
+def _write_displacements(balls, displaced, posed, constraints, given, reach, room, outside, result):  # type: ignore[no-untyped-def]
     limbs, free, soft, aims, firmness = constraints
     placed, rows, ends, least, before, afresh, pushed = room
     for frame in range(len(posed)):
         d = result[frame]
         asked = soft[frame], aims[frame], firmness[frame]
         if given:
-            if _size_of(d) < NOTHING and not firmness[frame].any():
+            touches = firmness[frame].any()
+            if _size_of(d) < NOTHING and not touches:
                 clear(d)
                 continue
             copy_to(least, d)
-            copy_to(d, sides[frame])
+            if touches:
+                copy_to(d, outside[frame])
         elif frame > 0:
             for limb in range(len(d)):
                 if pushed[limb]:
