@@ -113,8 +113,8 @@ def led(
     for time in SETTLE[:-1]:
         out = find(*at_keys, soft, aims, arms, smooth, raw)  # arms that meet and part do so without a lead
         smooth = over_time(partial(averaged, reach=max(round(time / keys.time), 1)), out)
-    soft, aims, arms = (keys.between(each) for each in (soft, aims, arms))
-    out = find(*geometry, soft, aims, arms, keys.between(smooth), keys.between(raw))
+    soft = keys.between(soft)
+    out = find(*geometry, soft, soft, np.zeros_like(soft), keys.between(smooth))
     reach_of_last = max(round(SETTLE[-1] / keys.frame_time), 1)
     return over_time(partial(averaged, reach=reach_of_last), out, keys.shots)
 
