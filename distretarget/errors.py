@@ -93,7 +93,7 @@ class MatchingError(DistretargetError):
     def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
         near = ((name, difflib.get_close_matches(name, source, n=1, cutoff=0.6)) for name in target)
         pairs = [f"{name!r} and {matches[0]!r}" for name, matches in near if matches]
-        shown = f"closest names: {', '.join(pairs[:6])}; " if pairs else ""
+        shown = f"closest names: {', '.join(pairs[:3])}; " if pairs else ""
         names = f"the target has {quoted(target, 12)}; the source has {quoted(source, 12)}"
         super().__init__(f"{fault}; {shown}{names}; {advice}")
         self.fault, self.source, self.target = fault, tuple(source), tuple(target)
