@@ -99,7 +99,7 @@ def test_a_hand_stays_on_the_side_on_which_it_entered():
 
 
 def test_hands_that_are_drawn_together_do_not_pass_through_each_other():
-    """In the first frame they are brought to touch; in the second they have come by themselves, and overlap a little."""
+    """In the first frame they are brought to touch; in the second they have come by themselves, and overlap."""
     arms = {
         "LeftShoulder": [0, -1.2, 0],
         "LeftElbow": [0, -0.4, 0],
