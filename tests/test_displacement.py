@@ -29,8 +29,9 @@ def standing(turns, frames=1):
     return posed(PERSON, turns, np.tile([0.0, 0.9, 0.0], (frames, 1)))
 
 
-def displaced(skin, motion, *, free=1.0, firmness=0.0, wanted=0.0):
-    ends = skin.posed(motion)
+def displaced(skin, motion, ends=None, *, free=1.0, firmness=0.0, wanted=0.0):
+    """The gaps and the displacements of a motion; `ends` are those of its capsules where they are elsewhere."""
+    ends = skin.posed(motion) if ends is None else ends
     gaps = segment_gaps(skin.balls, ends, 0.2)
     x = motion.positions / skin.unit
     limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
@@ -88,11 +89,7 @@ def test_a_hand_stays_on_the_side_on_which_it_entered():
     ends = skin.posed(many)
     belly = skin.balls.of_capsule[SEGMENTS.index("belly")]
     ends[:, belly] = (wrist + np.outer(places, [0.0, 0.0, 1.0]))[:, None] / skin.unit
-    gaps = segment_gaps(skin.balls, ends, 0.2)
-    x = many.positions / skin.unit
-    limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
-    free, none = np.ones((len(many), len(skin.limbs), 2)), np.zeros_like(gaps)
-    d = displacements(skin.balls, skin.displaced, ends, limbs, free, none, none, none)
+    gaps, d = displaced(skin, many, ends)
     ahead = wrist[2] / skin.unit + d[:, 0, 1, 2] - ends[:, belly, 0, 2]
     inside = gaps.min(axis=1) < -1e-3
     assert (ahead[inside] > 0).all()
@@ -113,11 +110,7 @@ def test_hands_that_are_drawn_together_do_not_pass_through_each_other():
     for hand, sign in zip(hands, (1.0, -1.0), strict=True):
         apart = np.array([HAND + 0.03, HAND - 0.005])[:, None] * np.array([sign, 0.0, 0.0])
         ends[:, hand] = middle + apart[:, None] / skin.unit
-    x = motion.positions / skin.unit
-    limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
-    gaps = segment_gaps(skin.balls, ends, 0.2)
-    free, none = np.ones((2, len(skin.limbs), 2)), np.zeros_like(gaps)
-    d = displacements(skin.balls, skin.displaced, ends, limbs, free, none, none, none + 1.0)
+    _, d = displaced(skin, motion, ends, firmness=1.0)
     wide = (ends[:, hands[0], 0, 0] + d[:, 0, 1, 0]) - (ends[:, hands[1], 0, 0] + d[:, 1, 1, 0])
     np.testing.assert_allclose(wide * skin.unit, 2 * HAND, atol=0.004)
 

@@ -106,9 +106,9 @@ def test_segments_are_covered_as_far_as_asked_next_to_others():
 def test_flanks_that_move_with_the_thighs_are_the_pelvis():
     mesh, _ = dressed()
     hips, thigh = (BODY.anatomy.roles[name] for name in ("hips", "leftUpperLeg"))
-    above = (mesh.joints[:, 0] == hips) & (mesh.vertices[:, 0] > PERSON.rest_positions[thigh, 0])
-    assert above.any()
-    flanks = replace(mesh, joints=np.where(above[:, None], thigh, mesh.joints))
+    outer = (mesh.joints[:, 0] == hips) & (mesh.vertices[:, 0] > PERSON.rest_positions[thigh, 0])
+    assert outer.any()
+    flanks = replace(mesh, joints=np.where(outer[:, None], thigh, mesh.joints))
     one, other = capsules_of(BODY, mesh), capsules_of(BODY, flanks)
     np.testing.assert_allclose(other.radii, one.radii, atol=2e-3 * HEIGHT)
     np.testing.assert_allclose(other.ends, one.ends, atol=2e-3 * HEIGHT)

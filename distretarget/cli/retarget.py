@@ -12,7 +12,6 @@ import click
 from tqdm import tqdm
 
 from distretarget.baseline.world import RootOffset
-from distretarget.body.build import Builds
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import (
     OVERWRITE_OPTION,
@@ -55,6 +54,7 @@ from distretarget.motion import Motion
 from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Options
+from distretarget.pipeline.performer import has_skin, target_for
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
@@ -138,7 +138,7 @@ def retarget_command(
     body = TargetFile.of(target_file)
     builds = skins.builds() if options.skin == "none" else with_source(skins.builds(), source_file)
     reading = time.perf_counter() - started
-    warm(options.objective, skin=_has_skin(body, motion, options, builds))
+    warm(options.objective, skin=has_skin(target_for(motion, body.target), body.target, options, builds))
     started = time.perf_counter()
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         result = retarget_onto(
@@ -176,12 +176,6 @@ def retarget_command(
     for line in refusals(written.skeleton) if kind == "BVH" else ():
         say(line, err=True)
     say(summary_line(result, seconds))
-
-
-def _has_skin(body: TargetFile, motion: Motion, options: Options, builds: Builds) -> bool:
-    """Whether the thickness of the target is known and asked for."""
-    is_known = options.skin == "average" or builds.target or body.target.for_source(motion.rigid_skeleton).is_measured
-    return options.skin != "none" and bool(is_known)
 
 
 def _check_order(source: InputFile, target: InputFile, output: Path) -> None:

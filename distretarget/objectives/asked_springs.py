@@ -26,11 +26,12 @@ from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
 from distretarget.objectives.planting import let_go, planted, turns_of
-from distretarget.objectives.skins import Skins
+from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import LEAST_WEIGHT, STIFFNESS, Supports
 from distretarget.skin.nearest import nearest_skin
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Joints = NDArray[np.intp]
 
@@ -101,8 +102,9 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
     if isinstance(entry, Plant):
         assert wish.carrier is not None
         return resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
-    if isinstance(entry, Contact) and skins is not None and len(skins.target.between(*wish.joints)):
-        return _to_gap(clip, wish, motion, skins, _asked_gap(wishes, wish, skins))
+    on = np.zeros(0, np.intp) if skins is None else skins.target.between(*wish.joints)
+    if isinstance(entry, Contact) and skins is not None and len(on):
+        return _to_gap(clip, wish, motion, skins.target, on, _asked_gap(wishes, wish, skins))
     if isinstance(entry, Contact) and entry.gap != "source":
         gap = wishes.length(float(entry.gap or 0.0))
         length = np.full(len(clip), gap)
@@ -131,10 +133,10 @@ def _asked_gap(wishes: Wishes, wish: Wish, skins: Skins) -> Array:
     return np.maximum(gaps, 0.0) if len(on) else np.zeros(len(clip))
 
 
-def _to_gap(clip: Clip, wish: Wish, motion: Motion, skins: Skins, gap: Array) -> Array:
-    """(frames, 3), how far the first part of a contact has to go for this gap between the skins [body units]."""
-    body = skins.target
-    on = body.between(*wish.joints)
+def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
+    """(frames, 3), how far the first part of a contact has to go for this gap between the skins [body units]; `on` are
+    the pairs of segments between the two.
+    """
     first = np.isin(body.of_joint[wish.joints[0]], body.balls.pairs[on, 0]).any()
     own, away = nearest_skin(body.balls, body.posed(motion), on)
     away = normalised(by_shot(partial(averaged, reach=round(FACING / clip.frame_time)), clip.shots, away))

@@ -11,7 +11,7 @@ from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Builds, average_for
+from distretarget.body.build import OWN_BUILDS, Build, Builds, average_for
 from distretarget.body.thickness import capsules_of
 from distretarget.errors import MotionError
 from distretarget.ik.poses import Poses
@@ -80,21 +80,30 @@ def match_performer(
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     pairs = {**goal.map, **(joint_map or {})}
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
-    skins = None if options.objective == "paper" else _find_skins(matching, goal, target, options, builds)
+    skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
     found = Match(world, matching, skins, goal.mesh() if skins and not builds.target else None)
     if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
 
 
-def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
-    """The skins of a source and its target, `given` as it is or as another length of bones; None where the target's
-    thickness is not known and not to be an average one.
+def has_skin(goal: Target, given: object, options: Options, builds: Builds) -> bool:
+    """Return whether a target, `given` as it is or as another length of bones, has skin: its thickness is known, or to
+    be an average one.
     """
-    build = builds.source if isinstance(given, SkeletonEdit) and not builds.target else builds.target
-    build = average_for(matching.target) if options.skin == "average" else build
-    if options.skin == "none" or not (build or goal.is_measured):
-        return None
+    if options.objective == "paper" or options.skin == "none":
+        return False
+    return options.skin == "average" or _build_for(given, builds) is not None or goal.is_measured
+
+
+def _build_for(given: object, builds: Builds) -> Build | None:
+    """The build of a target; other lengths of the source's bones have the source's."""
+    return builds.source if isinstance(given, SkeletonEdit) and not builds.target else builds.target
+
+
+def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
+    """The skins of a source and its target; None where either has no capsules."""
+    build = average_for(matching.target) if options.skin == "average" else _build_for(given, builds)
     target = build.on(matching.target) if build else target_capsules(goal)
     return Skins.of(matching, (builds.source or average_for(matching.source)).on(matching.source), target)
 

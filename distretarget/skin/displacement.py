@@ -58,10 +58,10 @@ def displacements(
         soft: (frames, pairs), how far segments may overlap, because flesh gives way.
         aims: (frames, pairs), the gap that segments that touch are brought to.
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
-        start: (frames, limbs, 2, 3), displacements that change by the least, and not where there are none. None for the
-            least displacements of all, found about those of the frame before.
-        outside: (frames, limbs, 2, 3), displacements with which limbs are on the side of each other where `start` has
-            to leave them, in frames in which they touch; None for `start` itself.
+        start: (frames, limbs, 2, 3), displacements that change by the least, and not where there are none and nothing
+            touches. None for the least displacements of all, found about those of the frame before.
+        outside: (frames, limbs, 2, 3), displacements with which each limb is on its own side of what it touches;
+            `start` may be on the other. None for `start` itself.
         reach: balls and capsules that are farther apart than this do not meet [body units].
     """
     count, given = limbs.shape[1], start is not None
@@ -70,9 +70,7 @@ def displacements(
     free = np.concatenate([free, np.zeros((len(posed), 1, 2))], axis=1)
     if start is not None:
         result[:, :count] = start
-    sides = result.copy()
-    if outside is not None:
-        sides[:, :count] = outside
+    sides = result if outside is None else np.pad(outside, ((0, 0), (0, 1), (0, 0), (0, 0)))
     constraints = [np.ascontiguousarray(each) for each in (limbs, free, soft, aims, firmness)]
 
     def write(frames: slice) -> None:
@@ -135,8 +133,9 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
 
 @inlined(fastmath=True)
 def _note_pushed(rows, count, pushed):  # type: ignore[no-untyped-def]
-    """Write which limbs the frame after starts from their displacements: those inside others without any, by so many
-    tangents of gaps there, and those that were inside, until they are drawn to what they touch without being inside.
+    """Note the limbs whose displacements the next frame starts from. A limb that is inside another part without any
+    displacement is added; one that is drawn to a contact and not inside is taken out. `count` tangents of gaps without
+    displacements say which.
     """
     for row in range(count):
         if rows.least[row] < 0.0:

@@ -86,6 +86,13 @@ class _Surface:
         below = np.cumsum(self.areas[order])
         return float(np.interp(0.01 * percent * below[-1], below - 0.5 * self.areas[order], values[order]))
 
+    @classmethod
+    def joined(cls, surfaces: Sequence[_Surface]) -> _Surface:
+        """Return the points of several surfaces as one."""
+        return cls(
+            np.concatenate([each.points for each in surfaces]), np.concatenate([each.areas for each in surfaces])
+        )
+
     def part(self, chosen: NDArray[np.bool_]) -> _Surface:
         """Return some of the points."""
         return _Surface(self.points[chosen], self.areas[chosen])
@@ -97,7 +104,7 @@ def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -
     """
     surface, owners = _sampled(mesh, len(skeleton), parts)
     rest = skeleton.rest_positions
-    owners = _beyond_joints(surface, owners, parts, rest)
+    owners = _owners_at_joints(surface, owners, parts, rest)
     found, covered = [], []
     for number, part in enumerate(parts):
         own = surface.part(owners == number)
@@ -121,15 +128,16 @@ def _covering_together(capsules: Capsules, covered: Sequence[tuple[Part, _Surfac
     be covered: next to others they cover more of it than alone. Toes stay, as they are side by side. `ends`, (capsules,
     2, 3), are those in the rest pose.
     """
-    radii, places = capsules.radii.copy(), PLACE[capsules.segments]
-    segments = [number for number in np.unique(capsules.segments).tolist() if "foot" not in SEGMENTS[number]]
+    radii, places, whole = capsules.radii.copy(), PLACE[capsules.segments], []
+    for segment in np.unique(capsules.segments).tolist():
+        own = [(part.covered, surface) for part, surface in covered if part.segment == segment]
+        if "foot" not in SEGMENTS[segment]:
+            whole.append((segment, own[0][0], _Surface.joined([surface for _, surface in own])))
     for _ in range(PASSES):
-        for segment in segments:
-            own = [(part, surface) for part, surface in covered if part.segment == segment]
-            points, areas = (np.concatenate([getattr(each, name) for _, each in own]) for name in ("points", "areas"))
+        for segment, share, surface in whole:
             near, on = places == PLACE[segment], capsules.segments == segment
-            away, _ = distances(points, ends[near], radii[near])
-            radii[on] += _Surface(points, areas).percentile(away, 100.0 * own[0][0].covered)
+            away, _ = distances(surface.points, ends[near], radii[near])
+            radii[on] += surface.percentile(away, 100.0 * share)
             radii[on] = np.maximum(radii[on], THINNEST * capsules.radii[on])
     return replace(capsules, radii=radii)
 
@@ -158,8 +166,12 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
     return surface, owned
 
 
-def _beyond_joints(surface: _Surface, owners: NDArray[np.intp], parts: Sequence[Part], rest: Array) -> NDArray[np.intp]:
-    """The owners, (points,), where surface beyond the joint of a part is its parent's: flanks that thighs move."""
+def _owners_at_joints(
+    surface: _Surface, owners: NDArray[np.intp], parts: Sequence[Part], rest: Array
+) -> NDArray[np.intp]:
+    """The owners, (points,), with what lies beyond the joint of a part, seen from its tip, given to the part's parent:
+    thighs move the flanks above the hip joints, but these are the pelvis.
+    """
     owners, carriers = owners.copy(), [part.carrier for part in parts]
     for number, part in enumerate(parts):
         if part.parent in carriers and part.tip is not None:
