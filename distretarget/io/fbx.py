@@ -147,7 +147,8 @@ def _mesh(path: str | Path, read: dict[str, Any]) -> tuple[Nodes, list[MeshPart]
         joints, weights = _influences(len(vertices), *influences)
         if not (np.isfinite(vertices).all() and np.isfinite(to_bones).all() and np.isfinite(weights).all()):
             raise FileError(path, "has a mesh with numbers that are not finite; export it again")
-        parts.append(MeshPart(vertices, bones, to_bones, joints, weights, triangles))
+        plain = np.full(len(triangles), -1), np.zeros((len(vertices), 2))  # without materials and images
+        parts.append(MeshPart(vertices, bones, to_bones, joints, weights, triangles, *plain))
     return _nodes(path, read), parts
 
 

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.character.frame_times import frame_count, frame_times, own_rate
-from distretarget.character.nodes import choose_animation
+from distretarget.character.animations import choose_animation, frame_count, frame_times, own_rate
 from distretarget.errors import FileError
 
 if TYPE_CHECKING:

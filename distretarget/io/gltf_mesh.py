@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import count
 
 import numpy as np
@@ -75,15 +76,14 @@ def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: Skin | None
     )
 
 
-def _uv(gltf: Gltf, attributes: Fields, vertices: int) -> Array | None:
-    """(vertices, 2), the places of the vertices on images; None where the file does not say them."""
-    if "TEXCOORD_0" not in attributes or not gltf.entries("images"):
-        return None
-    try:
-        uv = gltf.numbers(attributes["TEXCOORD_0"], "VEC2")
-    except DistretargetError:
-        return None
-    return uv if len(uv) == vertices else None
+def _uv(gltf: Gltf, attributes: Fields, vertices: int) -> Array:
+    """(vertices, 2), the places of the vertices on images; zeros where the file does not say them."""
+    if "TEXCOORD_0" in attributes and gltf.entries("images"):
+        with suppress(DistretargetError):
+            uv = gltf.numbers(attributes["TEXCOORD_0"], "VEC2")
+            if len(uv) == vertices:
+                return uv
+    return np.zeros((vertices, 2))
 
 
 def _influences(

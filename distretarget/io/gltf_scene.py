@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.nodes import Animation, Nodes, Scene, Skin, choose_animation
+from distretarget.character.animations import choose_animation
+from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import SkeletonFileError
 from distretarget.io.gltf import Gltf
