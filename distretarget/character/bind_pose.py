@@ -62,16 +62,17 @@ def _mesh_space(meshes: Array, shown: Array, inverse_binds: Array) -> Array:
     said = shown @ inverse_binds
     extent = float(np.ptp(shown[:, :3, 3], axis=0).max())
     scale = float(np.median(_scales(said)))
-    spaces = (np.eye(4), *_spread(meshes))
+    spaces: tuple[Array, ...] = (np.eye(4), *_spread(meshes))
     known = [space for space in spaces if abs(_scales(space[None])[0] / scale - 1) < AGREE]
     for space in known:
         if _agree(said[:1], space, scale, extent)[0]:
             return space
-    agreeing = [(int(_agree(said, space, scale, extent).sum()), space) for space in (*known, *_spread(said))]
-    most, space = max(agreeing, key=lambda pair: pair[0])
+    likely: list[Array] = [*known, *_spread(said)]
+    counts = [int(_agree(said, space, scale, extent).sum()) for space in likely]
+    most = max(counts)
     if most >= SHARE * len(shown):
-        return space
-    first = said[0]
+        return likely[counts.index(most)]
+    first: Array = said[0]
     return min(known or [first], key=lambda each: float(np.linalg.norm(each[:3, :3] - first[:3, :3])))
 
 

@@ -14,7 +14,7 @@ from distretarget.character.bind_pose import are_regular, bind_poses
 from distretarget.character.character import Character, with_deform_bones
 from distretarget.character.joint_nodes import joint_nodes
 from distretarget.character.nodes import Nodes, Scene
-from distretarget.errors import FileError, cut, quoted
+from distretarget.errors import FileError, SkeletonError, cut, quoted
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
@@ -31,6 +31,7 @@ def character_of(scene: Scene) -> Character:
 
     Raises:
         FileError: the file has no such nodes, or too many.
+        SkeletonError: they are no skeleton.
     """
     scene, flat = _without_flat_scales(scene)
     above, joints, left_out = joint_nodes(scene)
@@ -41,7 +42,10 @@ def character_of(scene: Scene) -> Character:
     poses = [None] * len(above) + [binds.get(node) for node in joints]
     hidden = [scene.nodes.names[node] for node in line if flat[node]]
     warnings = (*scene.notes, *left_out, *_scale_warnings(scene, line, hidden))
-    return with_deform_bones(_character(scene, line, shown, _settled(shown, poses, size), len(above), warnings))
+    try:
+        return with_deform_bones(_character(scene, line, shown, _settled(shown, poses, size), len(above), warnings))
+    except SkeletonError as error:
+        raise error.in_file(scene.path) from None
 
 
 def _without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
@@ -121,7 +125,7 @@ def _local(base: Array, bind: Array, shown: Array, scale: Array, size: float) ->
 def _character(
     scene: Scene, line: Sequence[int], shown: Nodes, world: Array, above: int, warnings: tuple[str, ...]
 ) -> Character:
-    """The character of nodes that are so in the world in the bind pose, (nodes, 4, 4), `above` of them above the root."""
+    """The character of nodes that are at `world` in the bind pose, (nodes, 4, 4), `above` of them above the root."""
     linear = world[:, :3, :3]
     signs = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
     binds = Rotation.from_matrix(nearest_rotations(signs[:, None, None] * linear))

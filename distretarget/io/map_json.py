@@ -13,8 +13,8 @@ from distretarget.errors import FileError, MapError, MotionError, SkeletonFileEr
 from distretarget.io.files import read_text
 from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
+from distretarget.io.json_text import on_lines
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.target_file import pairs_to_json
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import pairs_of_map
 from distretarget.motion import Motion
@@ -22,7 +22,7 @@ from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import Target
 
-FORMAT, VERSION = "distretarget-map", 1
+HEADER: dict[str, object] = {"format": "distretarget-map", "version": 1}
 DIGITS = 9  # of the numbers of a rotation, behind the point
 QUATERNION = 4  # numbers of a rotation, x y z w
 
@@ -99,10 +99,10 @@ def parse_map(text: str, path: str | Path) -> MapFile:
     """Return the map in the text of a file as `load_map` does; `path` is for errors."""
     root = parse_json(path, text)
     entries = root.entries(entry_place)
-    if "format" not in entries or entries["format"].value != FORMAT:
+    if "format" not in entries or entries["format"].value != HEADER["format"]:
         return MapFile(_pairs(entries), path)
-    root.check_header(format=FORMAT, version=VERSION)
-    fields = root.fields(("format", "version", "map"), ("rest",))
+    root.check_header(**HEADER)
+    fields = root.fields((*HEADER, "map"), ("rest",))
     return MapFile(_pairs(fields["map"].entries(entry_place)), path, fields.read("rest", _rest, None))
 
 
@@ -135,10 +135,8 @@ def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
         if not (bending[joint] or ends[joint])
     }
     if rest is None:
-        return f"{pairs_to_json(pairs)}\n"
-    header = f'  "format": "{FORMAT}",\n  "version": {VERSION},\n'
-    turns = pairs_to_json(rest.rotations, "  ")
-    return f'{{\n{header}  "map": {pairs_to_json(pairs, "  ")},\n  "rest": {turns}\n}}\n'
+        return f"{on_lines(pairs, 1)}\n"
+    return f"{on_lines(HEADER | {'map': pairs, 'rest': dict(rest.rotations)}, 2)}\n"
 
 
 def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:

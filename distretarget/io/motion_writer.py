@@ -19,9 +19,8 @@ from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
 from distretarget.io.gltf import inside
-from distretarget.io.gltf_animation import Mode
 from distretarget.io.gltf_scene import gltf_scene
-from distretarget.io.gltf_writer import Parts, animated
+from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.npz import Arrays, Precision, npz
