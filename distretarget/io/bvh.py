@@ -14,20 +14,17 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import BvhError, SkeletonError
+from distretarget.errors import BvhError, SkeletonError, cut
 from distretarget.io.decimals import parse_numbers
 from distretarget.io.files import read_text
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
-from distretarget.numerics.vectors import extent, lengths
+from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
-
-Array = NDArray[np.float64]
 
 NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
 MAX_DEPTH = 400  # joints above a joint; bodies have about 40
 CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
-LONGEST_SHOWN = 60  # characters of a word in an error
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
 
 WORD = re.compile(r"[{}]|[^\s{}]+", re.ASCII)
@@ -39,7 +36,10 @@ BLANKS = " \t\v\f"
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """Return the motion of a BVH file as `parse_bvh` does.
+    """Return the motion of a BVH file.
+
+    A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
+    joints called `<parent>_End`, `<parent>_End2`, ...
 
     Raises:
         FileError: the file cannot be read as text.
@@ -49,14 +49,7 @@ def read_bvh(path: str | Path) -> Motion:
 
 
 def parse_bvh(text: str, path: str | Path) -> Motion:
-    """Return the motion in the text of a BVH file; `path` is for errors.
-
-    A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
-    joints called `<parent>_End`, `<parent>_End2`, ...
-
-    Raises:
-        BvhError: it is not a whole BVH file.
-    """
+    """Return the motion in the text of a BVH file as `read_bvh` does; `path` is for errors."""
     words = Words(path, text)
     skeleton = _take_skeleton(words)
     if not _take_motion_keyword(words):
@@ -106,8 +99,7 @@ def _skeleton_in(hierarchy: str) -> tuple[Skeleton, int]:
 
 def _new_skeleton(words: Words) -> Skeleton:
     joints = _take_hierarchy(words)
-    parents = [joint.parent for joint in joints]
-    end_sites = [joint.end_site for joint in joints]
+    parents, end_sites = [joint.parent for joint in joints], [joint.end_site for joint in joints]
     names = joint_names([joint.name for joint in joints], parents, end_sites)
     try:
         return Skeleton(
@@ -129,11 +121,9 @@ def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequenc
     unused: defaultdict[str, Iterator[str]] = defaultdict(lambda: itertools.chain([""], map(str, itertools.count(2))))
     complete: list[str] = []
     for name, parent, end_site in zip(names, parents, end_sites, strict=True):
-        if end_site:
-            numbered = (f"{complete[parent]}_End{number}" for number in unused[complete[parent]])
-            complete.append(next(end for end in numbered if end not in taken))
-        else:
-            complete.append(name)
+        above = complete[parent] if end_site else ""
+        numbered = (f"{above}_End{number}" for number in unused[above])
+        complete.append(next(end for end in numbered if end not in taken) if end_site else name)
     return tuple(complete)
 
 
@@ -141,21 +131,22 @@ def _twin(names: Sequence[str], parents: Sequence[int]) -> int:
     """The first joint whose names from the root down are those of an earlier joint, else the root."""
     paths: list[tuple[str, ...]] = []
     for name, parent in zip(names, parents, strict=True):
-        path = (*(paths[parent] if parent >= 0 else ()), name)
-        if path in paths:
-            return len(paths)
-        paths.append(path)
+        paths.append((*(paths[parent] if parent >= 0 else ()), name))
+        if paths[-1] in paths[:-1]:
+            return len(paths) - 1
     return 0
 
 
 def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     frame_time_text, values = _take_frames(words, sum(map(len, skeleton.channels)))
-    columns = _columns(skeleton)
-    rotations, joints = _rotations(skeleton, columns, values), np.append(0, _sliding(skeleton))
+    column = itertools.count()
+    columns = [{channel: next(column) for channel in channels} for channels in skeleton.channels]
+    joints = np.append(0, _sliding(skeleton))
     translations = _translations(skeleton, columns, joints, values)
     if extent(translations) > LARGEST:
         raise words.error(f"positions with their OFFSETs added go beyond {LARGEST:g}; use other units")
     moving = MovingBones.among(skeleton, joints, translations)
+    rotations = _rotations(skeleton, columns, values)
     return Motion(skeleton, np.ascontiguousarray(translations[:, 0]), rotations, frame_time_text, moving)
 
 
@@ -165,16 +156,12 @@ def _sliding(skeleton: Skeleton) -> NDArray[np.intp]:
     return np.flatnonzero(slides) + 1
 
 
-def _columns(skeleton: Skeleton) -> list[dict[str, int]]:
-    """Per joint, the column of each of its channels in the frames."""
-    column = itertools.count()
-    return [{channel: next(column) for channel in channels} for channels in skeleton.channels]
-
-
 def _translations(
     skeleton: Skeleton, columns: Sequence[Mapping[str, int]], joints: NDArray[np.intp], values: Array
 ) -> Array:
-    """(frames, joints, 3), the offsets of joints, replaced by their channels in the `values`, (frames, channels)."""
+    """(frames, joints, 3), the offsets of joints, replaced by their channels in the `values`, (frames, channels);
+    `columns` has where these are.
+    """
     translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
     for row, joint in enumerate(joints):
         for component, channel in enumerate(POSITION_CHANNELS):
@@ -213,19 +200,12 @@ def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values:
     return rotations
 
 
-# ---- the text
-
-
 class Words:
-    """Reads a text word by word. A brace is a word of its own; at the end of the text words are empty.
-
-    Attributes: `path`, for errors; `text`; `at`, the position up to which it has been read.
-    """
+    """Reads a text word by word. A brace is a word of its own; at the end of the text words are empty."""
 
     def __init__(self, path: str | Path, text: str) -> None:
-        self.path = path
-        self.text = text
-        self.at = 0
+        self.path, self.text = path, text
+        self.at = 0  # the position up to which it has been read
         self._word_at = 0
 
     def take(self) -> str:
@@ -256,9 +236,9 @@ class Words:
 
     def name(self) -> str:
         """The rest of the line, up to a brace; inner blanks stay."""
-        found = NAME.match(self.text, self.at)
-        self.at = found.end() if found else self.at
-        return found.group().strip(BLANKS) if found else ""
+        found = next(NAME.finditer(self.text, self.at))  # perhaps empty
+        self.at = found.end()
+        return found.group().strip(BLANKS)
 
     def number(self, what: str) -> float:
         """The next word as a number up to `LARGEST`."""
@@ -276,18 +256,14 @@ class Words:
 
     def refuse(self, found: str, expected: str) -> NoReturn:
         """Raise the error for a word that is not what was expected."""
-        shown = found if len(found) <= LONGEST_SHOWN else found[:LONGEST_SHOWN] + "..."
-        what = f"found {shown!r}" if found else "the file ends"
+        what = f"found {cut(found)!r}" if found else "the file ends"
         raise self.error(f"{what}, expected {expected}")
 
     def error(self, reason: str, at: int | None = None) -> BvhError:
         """An error at a position in the text, by default at the last word taken."""
-        return BvhError(self.path, self.line(self._word_at if at is None else at), reason)
-
-    def line(self, at: int) -> int:
-        """The number of the line at a position in the text; at its end, of the last line with words."""
-        before = self.text[:at] if at < len(self.text) else self.text.rstrip()
-        return 1 + len(LINE_END.findall(before))
+        at = self._word_at if at is None else at
+        before = self.text[:at] if at < len(self.text) else self.text.rstrip()  # at the end, the last line with words
+        return BvhError(self.path, 1 + len(LINE_END.findall(before)), reason)
 
 
 def _is_number(word: str) -> bool:
@@ -347,12 +323,10 @@ def _take_channels(words: Words) -> tuple[str, ...]:
     if words.peek().upper() != "CHANNELS":
         return ()
     words.take()
-    declared = words.count("the number of channels")
-    names: list[str] = []
+    declared, names = words.count("the number of channels"), []
     while words.peek().upper() not in KEYWORDS:
         word = words.take()
-        name = CHANNELS.get(word.upper())
-        if name is None:
+        if not (name := CHANNELS.get(word.upper())):
             words.refuse(word, f"a channel, one of {', '.join(CHANNELS.values())}")
         if name in names:
             raise words.error(f"found {word!r} twice, expected each channel once in a joint")

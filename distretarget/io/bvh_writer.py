@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -11,7 +12,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, SkeletonError, counted
@@ -21,50 +21,44 @@ from distretarget.io.files import write_whole
 from distretarget.motion import Motion
 from distretarget.numerics.euler import angle_state, euler_angles, write_channel_angles
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import extent
+from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
-Array = NDArray[np.float64]
-
 ANGLE_DECIMALS = 6  # decimals of an angle in degrees
+SURROGATES = re.compile(r"[\ud800-\udfff]")  # they hold bytes that are not UTF-8
 
 
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
-    """Write a motion to a BVH file, whole or not at all; see `format_bvh`.
-
-    Raises:
-        FileError: the file exists and `overwrite` is false, or it cannot be written.
-        SkeletonError, MotionError: BVH cannot hold the motion; see `format_bvh`.
-    """
-    write_whole(path, bvh_parts(motion), overwrite)
-
-
-def format_bvh(motion: Motion) -> str:
-    """The BVH text of a motion.
+    """Write a motion to a BVH file, whole or not at all.
 
     Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least 6. The
     root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two. Angles are continuous
     from frame to frame. A body that looks to -Z, as in VRM 0, is turned round to +Z.
 
     Raises:
+        FileError: the file exists and `overwrite` is false, or it cannot be written.
         SkeletonError: a name that BVH cannot hold.
         MotionError: a value that is not finite.
     """
+    write_whole(path, bvh_parts(motion), overwrite)
+
+
+def format_bvh(motion: Motion) -> str:
+    """Return the BVH text of a motion; what is in it, and errors, as in `write_bvh`."""
     return "".join(bvh_parts(motion))
 
 
 def bvh_parts(motion: Motion) -> Iterator[str]:
-    """The text of `format_bvh` in parts, each of which is made when it is taken."""
+    """Return the text of `format_bvh` in parts, each of which is made when it is taken."""
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
-    head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
-    lines = [*_hierarchy_lines_of(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)
     paths = [motion.root_positions, *([motion.moving.translations] if motion.moving else [])]
     if not np.isfinite([extent(path) for path in paths]).all():
         raise MotionError("a position is not finite and cannot be written")
+    head = f"{_hierarchy(motion.skeleton)}MOTION\nFrames: {len(motion)}\nFrame Time: {motion.frame_time_text}\n"
     rows = map(rows_text, _channel_values(motion, decimals), itertools.repeat(decimals))
-    return itertools.chain(["\n".join([*lines, ""])], rows)
+    return itertools.chain([head], rows)
 
 
 def _with_channels(motion: Motion) -> Motion:
@@ -84,23 +78,18 @@ def _with_channels(motion: Motion) -> Motion:
     return replace(motion, skeleton=replace(motion.skeleton, channels=tuple(channels)))
 
 
-@lru_cache(maxsize=4)
-def _hierarchy_lines_of(skeleton: Skeleton) -> tuple[str, ...]:
-    """The lines of a HIERARCHY, which all clips on one skeleton share."""
-    return tuple(_hierarchy_lines(skeleton))
-
-
-def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
-    """The HIERARCHY, joints depth first."""
-    depths = skeleton.depths
+@lru_cache(maxsize=4)  # clips on one skeleton share it
+def _hierarchy(skeleton: Skeleton) -> str:
+    """The text of a HIERARCHY, joints depth first."""
+    order, depths = skeleton.depth_first, skeleton.depths
     if (deepest := int(depths.max())) > MAX_DEPTH:
         raise SkeletonError(f"a joint is inside {deepest} others; BVH files have {MAX_DEPTH} at most")
-    order = skeleton.depth_first
     following = [*depths[list(order[1:])], 0]
-    yield "HIERARCHY"
+    lines = ["HIERARCHY"]
     for joint, next_depth in zip(order, following, strict=True):
-        yield from ("  " * depths[joint] + line for line in _joint_lines(skeleton, joint))
-        yield from ("  " * depth + "}" for depth in range(depths[joint], next_depth - 1, -1))
+        lines += ["  " * depths[joint] + line for line in _joint_lines(skeleton, joint)]
+        lines += ["  " * depth + "}" for depth in range(depths[joint], next_depth - 1, -1)]
+    return "\n".join([*lines, ""])
 
 
 def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
@@ -168,7 +157,7 @@ def refusals(skeleton: Skeleton) -> Iterator[str]:
     if spaced := [name for name in names if ":" in name]:
         plain = spaced[0].rpartition(":")[2]
         yield f"three.js cannot play joints with names like {spaced[0]!r}; --strip-namespace writes {plain!r}"
-    if unknown := [name for name in names if not name.isascii() and not _is_utf8(name)]:
+    if unknown := [name for name in names if SURROGATES.search(name)]:
         yield f"bvhio and pybvh cannot read names that are not UTF-8, as {unknown[0]!r}; rename the target's joints"
     if odd := [joint for joint in joints if not _is_usual(skeleton, joint)]:
         found = counted(len(skeleton.channels[odd[0]]), "channel")
@@ -176,14 +165,6 @@ def refusals(skeleton: Skeleton) -> Iterator[str]:
             "pybvh cannot read the result: it expects three rotations of each joint and positions of the root alone, "
             f"and {skeleton.names[odd[0]]!r} has {found}"
         )
-
-
-def _is_utf8(name: str) -> bool:
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _is_usual(skeleton: Skeleton, joint: int) -> bool:

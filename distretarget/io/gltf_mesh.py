@@ -15,9 +15,9 @@ from distretarget.character.nodes import Skin
 from distretarget.errors import DistretargetError, FileError
 from distretarget.io.gltf import Gltf
 from distretarget.io.json_node import Fields, Node
+from distretarget.numerics.vectors import Array
 from distretarget.skin.mesh import Material
 
-Array = NDArray[np.float64]
 Triangles = NDArray[np.intp]
 
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
@@ -60,10 +60,7 @@ def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: Skin | None
     if skin:
         joints, weights = _influences(gltf, primitives[0].node, attributes, len(vertices), len(bones))
     triangles = [_triangles(gltf, primitive, len(vertices)) for primitive in primitives]
-    materials = [
-        np.full(len(some), gltf.index("materials", primitive["material"]) if "material" in primitive else -1)
-        for some, primitive in zip(triangles, primitives, strict=True)
-    ]
+    materials = [gltf.index("materials", each["material"]) if "material" in each else -1 for each in primitives]
     return MeshPart(
         vertices,
         bones,
@@ -71,7 +68,7 @@ def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: Skin | None
         joints,
         weights,
         np.concatenate(triangles),
-        np.concatenate(materials),
+        np.repeat(materials, [len(some) for some in triangles]),
         _uv(gltf, attributes, len(vertices)),
     )
 
