@@ -1,21 +1,20 @@
-"""Reading BVH files: their words, joints and numbers, each checked, become a motion. Errors name the line."""
+"""Reading BVH files: their joints and numbers, each checked, become a motion. Errors name the line."""
 
 from __future__ import annotations
 
 import itertools
-import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import BvhError, SkeletonError, cut
-from distretarget.io.decimals import parse_numbers
+from distretarget.errors import BvhError, SkeletonError
+from distretarget.io.bvh_text import Words, is_number, parse_numbers
 from distretarget.io.files import read_text
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
@@ -26,13 +25,6 @@ NOISE = 0.01  # position channels that stay this close to zero are noise [length
 MAX_DEPTH = 400  # joints above a joint; bodies have about 40
 CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
-
-WORD = re.compile(r"[{}]|[^\s{}]+", re.ASCII)
-NAME = re.compile(r"[^{}\r\n\0]*")
-LINE_END = re.compile(r"\r\n|\r|\n")
-NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-COUNT = re.compile(r"\d{1,18}", re.ASCII)
-BLANKS = " \t\v\f"
 
 
 def read_bvh(path: str | Path) -> Motion:
@@ -200,82 +192,6 @@ def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values:
     return rotations
 
 
-class Words:
-    """Reads a text word by word. A brace is a word of its own; at the end of the text words are empty."""
-
-    def __init__(self, path: str | Path, text: str) -> None:
-        self.path, self.text = path, text
-        self.at = 0  # the position up to which it has been read
-        self._word_at = 0
-
-    def take(self) -> str:
-        """The next word."""
-        found = WORD.search(self.text, self.at)
-        self._word_at, self.at = found.span() if found else (len(self.text), len(self.text))
-        return found.group() if found else ""
-
-    def peek(self) -> str:
-        """The next word, without taking it."""
-        found = WORD.search(self.text, self.at)
-        return found.group() if found else ""
-
-    def keyword(self, *expected: str) -> str:
-        """The next word in upper case, which must be the first word of one of these phrases."""
-        word = self.take()
-        if word.upper() not in [phrase.split()[0].upper() for phrase in expected]:
-            self.refuse(word, " or ".join(expected))
-        return word.upper()
-
-    def label(self, label: str) -> None:
-        """Pass a label such as `Frame Time:`; blanks, line ends and case do not matter."""
-        pattern = r"\s*".join(map(re.escape, ["", *label.split(), ":"]))
-        found = re.compile(pattern, re.ASCII | re.IGNORECASE).match(self.text, self.at)
-        if not found:
-            self.refuse(self.take(), f"{label}:")
-        self.at = found.end()
-
-    def name(self) -> str:
-        """The rest of the line, up to a brace; inner blanks stay."""
-        found = next(NAME.finditer(self.text, self.at))  # perhaps empty
-        self.at = found.end()
-        return found.group().strip(BLANKS)
-
-    def number(self, what: str) -> float:
-        """The next word as a number up to `LARGEST`."""
-        word = self.take()
-        if not _is_number(word):
-            self.refuse(word, f"{what}, a finite number, at most {LARGEST:g}")
-        return float(word)
-
-    def count(self, what: str) -> int:
-        """The next word as a whole number, 0 or more."""
-        word = self.take()
-        if not COUNT.fullmatch(word):
-            self.refuse(word, f"{what}, a whole number")
-        return int(word)
-
-    def refuse(self, found: str, expected: str) -> NoReturn:
-        """Raise the error for a word that is not what was expected."""
-        what = f"found {cut(found)!r}" if found else "the file ends"
-        raise self.error(f"{what}, expected {expected}")
-
-    def error(self, reason: str, at: int | None = None) -> BvhError:
-        """An error at a position in the text, by default at the last word taken."""
-        at = self._word_at if at is None else at
-        before = self.text[:at] if at < len(self.text) else self.text.rstrip()  # at the end, the last line with words
-        return BvhError(self.path, 1 + len(LINE_END.findall(before)), reason)
-
-
-def _is_number(word: str) -> bool:
-    """Whether a word is a number up to `LARGEST` as BVH files write them."""
-    return NUMBER.fullmatch(word) is not None and abs(float(word)) <= LARGEST
-
-
-def is_name(word: str) -> bool:
-    """Whether a name written after JOINT is read back the same."""
-    return bool(word) and NAME.fullmatch(word) is not None and word == word.strip(BLANKS)
-
-
 class _JointText(NamedTuple):
     """A joint or End Site in a HIERARCHY; `parent` counts in the order of the text, and is -1 for the root."""
 
@@ -379,7 +295,7 @@ def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
     """All numbers to the end of the text, slowly, to name the first word that is not a number up to `LARGEST`."""
     numbers: list[float] = []
     while word := words.take():
-        if not _is_number(word):
+        if not is_number(word):
             words.refuse(word, f"a finite number, at most {LARGEST:g}, or the end of the file")
         numbers.append(float(word))
     return np.array(numbers)

@@ -36,7 +36,7 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     Raises:
         FileError, SkeletonFileError: the file is not valid, or has no such animation.
     """
-    nodes = _nodes(gltf)
+    nodes = gltf_nodes(gltf)
     names = animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
@@ -55,7 +55,8 @@ def animation_names(gltf: Gltf) -> tuple[str, ...]:
     return tuple(entry.entries().read("name", Node.text, "") for entry in gltf.entries("animations"))
 
 
-def _nodes(gltf: Gltf) -> Nodes:
+def gltf_nodes(gltf: Gltf) -> Nodes:
+    """Return the nodes of a file; a SkeletonFileError if they are not valid."""
     entries = gltf.entries("nodes")
     names, children = [], []
     translations, rotations, scales = (np.empty((len(entries), len(rest))) for rest in REST.values())

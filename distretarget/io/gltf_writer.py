@@ -12,6 +12,7 @@ import numpy as np
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, JSON_CHUNK, MAGIC, Gltf
+from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.json_node import Fields, Node, without_collection
 from distretarget.io.json_text import Edit, Member, added, changed, compact, edited, members
 from distretarget.numerics.vectors import Array
@@ -77,19 +78,18 @@ class _Numbers:
 def animated(
     gltf: Gltf,
     animations: Sequence[Animation],
-    nodes: Nodes,
     mode: Mode = "add",
     as_binary: bool = True,
     embedded: Callable[[Node], bytes] | None = None,
 ) -> Parts:
     """Return the content of a file with animations, in parts: as a GLB, or as JSON if not `as_binary`. The mode says
-    whether they are added to those in the file, or replace them. `nodes` are all of the file, as it shows them;
-    `embedded` reads the file that a URI names, to put it into this one; without it URIs stay.
+    whether they are added to those in the file, or replace them. `embedded` reads the file that a URI names, to put it
+    into this one; without it URIs stay.
 
     Raises:
         FileError: it would be too large for a GLB.
     """
-    numbers = _Numbers(gltf, as_binary)
+    nodes, numbers = gltf_nodes(gltf), _Numbers(gltf, as_binary)
     entries = [*_animation_entries(gltf, animations, numbers, nodes, mode)]
     content = numbers.content
     with without_collection():

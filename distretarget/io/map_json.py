@@ -29,17 +29,13 @@ QUATERNION = 4  # numbers of a rotation, x y z w
 
 @dataclass(frozen=True)
 class RestPose:
-    """A pose in which the source's body stands, for alignment with the target, and the path of its file, for errors."""
+    """A pose in which the source's body stands, for alignment with the target."""
 
     rotations: Mapping[str, Sequence[float]]  # by joint, relative to its parent, x y z w
-    path: str | Path
+    path: str | Path  # of its file, for errors
 
     def on(self, skeleton: Skeleton) -> Motion:
-        """Return the pose of a body, as a motion of one frame.
-
-        Raises:
-            FileError: the body has other joints, or does not stand in this pose.
-        """
+        """Return the pose of a body, one frame; a FileError if it has other joints, or does not stand so."""
         keys = {skeleton.keys[joint] for joint in skeleton.joints}
         if keys != self.rotations.keys():
             raise FileError(
@@ -70,21 +66,15 @@ def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile
     the source's rig, replaces the rest pose of the map.
 
     Raises:
-        FileError: a file cannot be read, or `rest` has no frames.
+        FileError: a file cannot be read, or `rest` has no frames, or nobody stands in the first.
         SkeletonFileError: the map is not an object {"target joint": "source joint" or null}, nor one of the full form.
         BvhError: `rest` is no valid BVH file.
     """
     map_file = parse_map(read_text(path), path) if path else MapFile({}, "")
-    return replace(map_file, rest=load_rest(rest)) if rest else map_file
+    return replace(map_file, rest=_first_frame(rest)) if rest else map_file
 
 
-def load_rest(path: str | Path) -> RestPose:
-    """Return the first frame of a motion file as a rest pose.
-
-    Raises:
-        FileError: the file cannot be read, or has no frames, or nobody stands in the first.
-        BvhError: the file is no valid BVH file.
-    """
+def _first_frame(path: str | Path) -> RestPose:
     motion, _ = parse_motion(load_file(path))
     if not len(motion):
         raise FileError(path, "has no frames, expected one in which the body stands")
