@@ -23,10 +23,8 @@ SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times 
 
 def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -> int | None:
     """Return the number of the animation named `clip`, or of the only one; None where a file has none and none is
-    asked for. "#2" stands for the second, for animations without a name of their own.
-
-    Raises:
-        FileError: there is no such animation, or there are several and none is asked for.
+    asked for. "#2" stands for the second, for animations without a name of their own. A FileError if there is no such
+    animation, or if there are several and none is asked for.
     """
     times = Counter(names)
     shown = [name if name and times[name] == 1 else f"#{number}" for number, name in enumerate(names, start=1)]

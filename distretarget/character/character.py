@@ -77,10 +77,8 @@ class Character:
         return np.append(self.scales, 1.0)[self.shown.parents]
 
     def motion(self, animation: Animation, size: int) -> Motion:
-        """Return an animation of the nodes as a motion of the skeleton; `size` is that of the file [bytes].
-
-        Raises:
-            FileError: it has too many poses for a file of this size.
+        """Return an animation of the nodes as a motion of the skeleton, or raise a FileError if it has too many poses
+        for a file of this `size` [bytes].
         """
         frames, count = animation.frames, len(self.nodes)
         if frames * count > max(FREE_POSES, size):

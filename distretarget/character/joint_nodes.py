@@ -22,9 +22,7 @@ def joint_nodes(scene: Scene) -> tuple[list[int], list[int], tuple[str, ...]]:
 
     Joints are the nodes that skins use, and the bones of a humanoid, and those between them. Without skins and humanoid
     they are those with names of the parts of a body, or else those that an animation turns.
-
-    Raises:
-        FileError: the file has no such nodes, or too many, or they hang from no common node.
+    A FileError if there are none, or too many, or if they hang from no common node.
     """
     nodes = scene.nodes
     wanted, left_out = _wanted(scene)

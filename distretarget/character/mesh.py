@@ -44,10 +44,7 @@ def skinned_mesh(
     the file.
 
     Each vertex is where its bones bring it while the skeleton is in its rest pose. Nodes that are no joints move with
-    the nearest joint above them.
-
-    Raises:
-        FileError: a vertex is too far away.
+    the nearest joint above them. A FileError if a vertex is too far away.
     """
     count = sum(len(part.triangles) for part in parts)
     step = max(-(-count // MOST_TRIANGLES), 1)

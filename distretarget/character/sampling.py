@@ -80,12 +80,8 @@ def sampled(
     path: str | Path, name: str, curves: Mapping[str, Mapping[int, Curve]], fps: float | None, most: int
 ) -> Animation:
     """Return an animation's curves, by property and node, sampled at `fps` frames/s, else at the rate of its keys
-    (`own_rate`); one that is too long for this and whose keys are equally far apart has these as its frames.
-
-    `most` bounds the samples: the size of the file [bytes].
-
-    Raises:
-        FileError: nothing is animated, or it is too long for this frame rate.
+    (`own_rate`); one that is too long for this and whose keys are equally far apart has these as its frames. The size
+    of the file bounds the samples, `most` [bytes]. A FileError if nothing is animated, or if it is too long.
     """
     every = [curve for of_nodes in curves.values() for curve in of_nodes.values()]
     if not every:

@@ -53,10 +53,8 @@ def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
     """Return the skeleton in the HIERARCHY of a BVH file; the MOTION may be missing or broken.
 
     Where joints below the root have position channels, their OFFSETs may not be their bones; then the frames, if there
-    are any, give the bones (`Motion.rigid_skeleton`).
-
-    Raises:
-        BvhError: it has no whole HIERARCHY, or broken frames where they are needed.
+    are any, give the bones (`Motion.rigid_skeleton`). A BvhError if there is no whole HIERARCHY, or where broken frames
+    are needed.
     """
     words = Words(path, text)
     skeleton = _take_skeleton(words)
@@ -269,10 +267,8 @@ def _take_frame_count(words: Words) -> int:
 
 
 def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]:
-    """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file.
-
-    Raises:
-        BvhError: a word is not a number up to `LARGEST`, or there are not as many numbers as declared.
+    """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file; a BvhError
+    if a word is not a number up to `LARGEST`, or if there are not as many numbers as declared.
     """
     declared, at = _take_frame_count(words), words.at
     words.label("Frame Time")

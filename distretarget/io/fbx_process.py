@@ -135,7 +135,7 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
 
     number = {node.typed_id: index for index, node in enumerate(nodes)}
     parents = (_held(node.parent) for node in nodes)
-    skins = [_bound(skin, number) for skin in _each(scene.skin_deformers)]
+    skins = [_clusters(skin, number) for skin in _each(scene.skin_deformers)]
     joints = [pair for skin in skins for pair in skin]
     poses = [pose for pose in _each(scene.poses) if pose.is_bind_pose]
     posed = [(_held(bone.bone_node), bone.bone_to_world) for pose in poses for bone in _each_part(pose.bone_poses)]
@@ -147,7 +147,7 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
         "idle": np.array([_idle_rotations(node) for node in nodes]).reshape(-1, 2, 3),
         "bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
         "joints": np.array([joint for joint, _ in joints], np.int64),
-        "binds": _matrices(bind for _, bind in joints),
+        "binds": _matrices(cluster.bind_to_world for _, cluster in joints),
         "counts": np.array([len(skin) for skin in skins], np.int64),
         "posed": np.array([node for node, _ in found], np.int64),
         "poses": _matrices(matrix for _, matrix in found),
@@ -161,10 +161,10 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
     return arrays, header
 
 
-def _bound(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int, Any]]:
-    """The joints of a skin, each with its world matrix when it was bound."""
-    clusters = [(_held(cluster.bone_node), cluster.bind_to_world) for cluster in _each(skin.clusters)]
-    return [(number[bone.typed_id], bind) for bone, bind in clusters if bone is not None and bone.typed_id in number]
+def _clusters(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int, ufbx.SkinCluster]]:
+    """The bones of a skin, each with what it moves."""
+    pairs = [(_held(cluster.bone_node), cluster) for cluster in _each(skin.clusters)]
+    return [(number[bone.typed_id], each) for bone, each in pairs if bone is not None and bone.typed_id in number]
 
 
 def _meshes(nodes: list[ufbx.Node]) -> dict[str, Any]:
@@ -193,25 +193,18 @@ def _mesh(node: ufbx.Node, number: dict[int, int]) -> tuple[Any, ...] | None:
     vertices = np.array(memoryview(mesh.vertices)).reshape(-1, 3)
     skin = next(_each(mesh.skin_deformers), None)
     if skin is None:
-        every = np.arange(len(vertices))
-        bones, matrices, none = [number[node.typed_id]], _matrices([node.geometry_to_node]), np.zeros_like(every)
-        return vertices, _triangles(mesh), bones, matrices, every, none, np.ones(len(vertices))
-    clusters = [(_held(cluster.bone_node), cluster) for cluster in _each(skin.clusters)]
-    moving = [(bone, cluster) for bone, cluster in clusters if bone is not None and len(cluster.vertices)]
-    known = [(number[bone.typed_id], cluster) for bone, cluster in moving if bone.typed_id in number]
-    moved = [np.array(list(cluster.vertices), np.int64) for _, cluster in known]
-    weights = [np.array(memoryview(cluster.weights)) for _, cluster in known]
-    if not known:
+        bones, matrices = [number[node.typed_id]], [node.geometry_to_node]
+        moved, weights = [np.arange(len(vertices))], [np.ones(len(vertices))]
+    else:
+        known = [(bone, cluster) for bone, cluster in _clusters(skin, number) if len(cluster.vertices)]
+        bones, matrices = [bone for bone, _ in known], [cluster.geometry_to_bone for _, cluster in known]
+        moved = [np.array(list(cluster.vertices), np.int64) for _, cluster in known]
+        weights = [np.array(memoryview(cluster.weights)) for _, cluster in known]
+    if not bones:
         return None
-    return (
-        vertices,
-        _triangles(mesh),
-        [bone for bone, _ in known],
-        _matrices(cluster.geometry_to_bone for _, cluster in known),
-        np.concatenate(moved),
-        np.repeat(np.arange(len(known)), [len(each) for each in moved]),
-        np.concatenate(weights),
-    )
+    movers = np.repeat(np.arange(len(bones)), [len(each) for each in moved])
+    influences = np.concatenate(moved), movers, np.concatenate(weights)
+    return vertices, _triangles(mesh), bones, _matrices(matrices), *influences
 
 
 def _triangles(mesh: ufbx.Mesh) -> NDArray[np.int64]:
@@ -299,12 +292,7 @@ def _sampled(
     anim, parts = _held(stack.anim), [nodes[index] for index in chosen]
     samples = np.empty((len(times), len(parts), 10))
     for frame, time in enumerate(times.tolist()):
-        row: list[float] = []
-        for node in parts:
-            transform = ufbx.evaluate_transform(anim, node, time)
-            row += transform.translation
-            row += transform.rotation
-            row += transform.scale
+        row = [_ten(ufbx.evaluate_transform(anim, node, time)) for node in parts]
         samples[frame] = np.reshape(row, (-1, 10))
     return np.array(chosen, np.int64), samples, 1.0 / rate
 

@@ -101,11 +101,8 @@ class Gltf:
 
     def numbers(self, reference: Node, kind: str, components: tuple[int, ...] = tuple(COMPONENTS)) -> Array:
         """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; integers that are normalized
-        become fractions.
-
-        Raises:
-            SkeletonFileError: the accessor has another kind or other components, leads out of its buffer, or has
-                numbers that are not finite.
+        become fractions. A SkeletonFileError if the accessor has another kind or other components, leads out of its
+        buffer, or has numbers that are not finite.
         """
         fields = self.entry("accessors", reference)
         place, key = fields.node, (fields.node.place, kind)

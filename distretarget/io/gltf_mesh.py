@@ -27,10 +27,8 @@ DRACO = "KHR_draco_mesh_compression"
 
 
 def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
-    """Yield the meshes at the nodes of a file, without morph targets; primitives that share vertices are one part.
-
-    Raises:
-        FileError, SkeletonFileError: a mesh is compressed or not valid.
+    """Yield the meshes at the nodes of a file, without morph targets; primitives that share vertices are one part. A
+    FileError or SkeletonFileError if a mesh is compressed or not valid.
     """
     for node, entry in enumerate(gltf.entries("nodes")):
         fields = entry.entries()

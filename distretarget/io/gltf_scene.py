@@ -31,10 +31,8 @@ VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbP
 
 def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
     """Return what a glTF file says of a character, with the animation named `clip`, or the only one, at `fps` frames/s
-    or its own keys; without an animation if not `animated`.
-
-    Raises:
-        FileError, SkeletonFileError: the file is not valid, or has no such animation.
+    or its own keys; without an animation if not `animated`. A FileError or SkeletonFileError if the file is not valid,
+    or has no such animation.
     """
     nodes = gltf_nodes(gltf)
     names = animation_names(gltf)

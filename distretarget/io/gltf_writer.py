@@ -84,10 +84,7 @@ def animated(
 ) -> Parts:
     """Return the content of a file with animations, in parts: as a GLB, or as JSON if not `as_binary`. The mode says
     whether they are added to those in the file, or replace them. `embedded` reads the file that a URI names, to put it
-    into this one; without it URIs stay.
-
-    Raises:
-        FileError: it would be too large for a GLB.
+    into this one; without it URIs stay. A FileError if it would be too large for a GLB.
     """
     nodes, numbers = gltf_nodes(gltf), _Numbers(gltf, as_binary)
     entries = [*_animation_entries(gltf, animations, numbers, nodes, mode)]

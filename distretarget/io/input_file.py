@@ -74,10 +74,8 @@ class InputFile:
 
 
 def load_file(path: str | Path) -> InputFile:
-    """Read a file, and those that it names if it is a .gltf file.
-
-    Raises:
-        FileError, SkeletonFileError: a file cannot be read, or the file names one outside its folder.
+    """Read a file, and those that it names if it is a .gltf file; a FileError or SkeletonFileError if one cannot be
+    read, or if it names one outside its folder.
     """
     return with_files_beside(InputFile(read_bytes(path), path))
 

@@ -29,10 +29,8 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     errors, and names the root.
 
     Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
-    They are in the order in which a BVH file has them.
-
-    Raises:
-        BvhError: a vertex is not three numbers, or there is no vertex.
+    They are in the order in which a BVH file has them. A BvhError if a vertex is not three numbers, or if there is
+    none.
     """
     vertices = np.unique(_vertices(text, path), axis=0)
     points = vertices[spread_out(vertices, MOST_POINTS)]
@@ -54,10 +52,8 @@ def parse_obj(text: str, path: str | Path) -> Motion:
 
 def parse_obj_mesh(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
     """Return the vertices, (vertices, 3), and the triangles, (triangles, 3), in the text of an OBJ file; faces of more
-    corners as fans. `path` is for errors.
-
-    Raises:
-        BvhError: a vertex is not three numbers, there is no vertex, or a face names vertices that are not there.
+    corners as fans. `path` is for errors: a BvhError if a vertex is not three numbers, if there is none, or if a face
+    names vertices that are not there.
     """
     vertices, triangles, before = _vertices(text, path), [], 0
     for number, (kind, *words) in _lines(text):

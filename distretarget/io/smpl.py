@@ -119,10 +119,8 @@ class SmplBody:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> SmplBody:
-        """Return the body of a skeleton with the joints of SMPL, under any names and in any rest pose.
-
-        Raises:
-            SkeletonError: it lacks one.
+        """Return the body of a skeleton with the joints of SMPL, under any names and in any rest pose, or raise a
+        SkeletonError if it lacks one.
         """
         body = Body.of(skeleton)
         if body.anatomy is None or body.at_rest is None:
@@ -207,11 +205,8 @@ def _to_y_up(turns: Array) -> Rotation:
 
 
 def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) -> Motion:
-    """Return the motion of the parameters in a file, some of which have `poses`, (frames, 3 joints) [rad], in parts.
-
-    Raises:
-        FileError: they are not such parameters.
-        SkeletonError: the skeleton lacks a joint of SMPL.
+    """Return the motion of the parameters in a file, some of which have `poses`, (frames, 3 joints) [rad], in parts. A
+    FileError if they are not such parameters, a SkeletonError if the skeleton lacks a joint of SMPL.
     """
     whole = ["poses"] if "poses" in arrays else [name for name in PARTS if name in arrays]
     poses = np.concatenate([arrays.numbers(name, "frames", "3 joints") for name in whole], axis=1)
