@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.named_anatomy import by_names
-from distretarget.character.bind_pose import are_regular, bind_poses
 from distretarget.character.character import Character, with_deform_bones
-from distretarget.character.joint_nodes import joint_nodes
+from distretarget.character.joints import are_regular, bind_poses, joint_nodes
 from distretarget.character.nodes import Nodes, Scene
 from distretarget.errors import FileError, SkeletonError, cut, quoted
 from distretarget.numerics.rotations import nearest_rotations
