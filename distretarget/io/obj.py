@@ -16,8 +16,7 @@ from distretarget.io.bvh import NUMBER
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
-from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.surface import surface_of
+from distretarget.skin.capsules import SEGMENTS, Capsules, surface_of
 
 Array = NDArray[np.float64]
 

@@ -15,12 +15,11 @@ from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.soles import Sole
 from distretarget.distances import DistanceProblem, distance_problem
-from distretarget.ik.rigid_parts import part_of_joint
+from distretarget.ik.poses import part_of_joint
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots
-from distretarget.objectives.dropped import Dropped
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -35,6 +34,19 @@ class LegPair:
     target: Leg
     source_sole: Sole
     target_sole: Sole
+
+
+@dataclass(frozen=True, eq=False)
+class Drop:
+    """A contact that does not count, in some frames."""
+
+    parts: tuple[Joints, ...]  # the target's joints of its two parts
+    frames: NDArray[np.bool_]  # (frames,)
+
+    def of(self, a: Joints, b: Joints) -> NDArray[np.bool_]:
+        """(pairs,), whether joints a and b are one of each part."""
+        one, other = self.parts
+        return (np.isin(a, one) & np.isin(b, other)) | (np.isin(a, other) & np.isin(b, one))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,7 +75,7 @@ class Clip:
     distances: DistanceProblem  # the points that source and target share, with their path lengths
     roots: Joints  # (joints,), the topmost joint of the rigid part that each joint belongs to
     parts: Joints  # (joints,), the rigid part that carries the bones below each joint
-    dropped: Dropped | None = None  # contacts that the user drops
+    drops: tuple[Drop, ...] = ()  # contacts that the user drops
 
     @classmethod
     def of(cls, matching: Matching, scale: RootScale) -> Clip:
@@ -101,8 +113,8 @@ class Clip:
     def __getitem__(self, frames: slice) -> Clip:
         source, copy = self.source[frames], self.copy[frames]
         root, shots, arms = self.root[frames], self.shots[frames], self.raised_arms[frames]
-        dropped = self.dropped and self.dropped[frames]
-        return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms, dropped=dropped)
+        drops = tuple(replace(drop, frames=drop.frames[frames]) for drop in self.drops)
+        return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms, drops=drops)
 
     @property
     def skeleton(self) -> Skeleton:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem
-from distretarget.ik.rigid_parts import part_of_joint, posed_motion
+from distretarget.ik.poses import part_of_joint, posed_motion
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.time_series import averaged

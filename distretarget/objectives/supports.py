@@ -68,28 +68,26 @@ class Supports:
         return zip(springs.a.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)
 
     def __getitem__(self, frames: slice) -> Supports:
-        floor, springs = self.floor.of_frames(frames), self.scene_springs.of_frames(frames)
         return replace(
             self,
             weights=self.weights[frames],
             places=self.places[frames],
-            floor=floor,
-            scene_springs=springs,
+            floor=self.floor.of_frames(frames),
+            scene_springs=self.scene_springs.of_frames(frames),
             asked_springs=self.asked_springs.of_frames(frames),
         )
 
 
 def no_supports(frames: int) -> Supports:
     """Return supports of a clip in which nothing rests."""
-    none, weights, places = np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3))
-    floor, springs = no_floor(frames), no_springs(frames)
+    none, springs = np.zeros(0, np.intp), no_springs(frames)
     return Supports(
         joints=none,
         regions=none,
         feet=0,
-        weights=weights,
-        places=places,
-        floor=floor,
+        weights=np.zeros((frames, 0)),
+        places=np.zeros((frames, 0, 3)),
+        floor=no_floor(frames),
         scene_springs=springs,
         asked_springs=springs,
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.loops import clear
 from distretarget.skin.balls import NEVER, Balls
-from distretarget.skin.closest import LEAST
+from distretarget.skin.capsules import LEAST
 from distretarget.skin.meetings import Placed, find_meetings, gap_of, place
 
 Array = NDArray[np.float64]
