@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.ik.spg import Effort
@@ -21,9 +20,9 @@ from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.euler import restrict
 from distretarget.numerics.kinematics import turn_parts
 from distretarget.numerics.rotations import best_rotation
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skeleton import Skeleton
 
-Array = NDArray[np.float64]
 Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a function on items, results in order
 Progress = Callable[[int], Any]
 
@@ -93,18 +92,18 @@ def solve_in_chunks(
     return Poses(v, log)
 
 
-def part_of_joint(skeleton: Skeleton, roots: NDArray[np.intp]) -> NDArray[np.intp]:
+def part_of_joint(skeleton: Skeleton, roots: Numbers) -> Numbers:
     """(joints,), the number of the part that carries the bones below each joint.
 
     `roots`, (joints,), is the topmost joint of each joint's part. Parts are numbered from the skeleton's root down. A
     leaf carries no bone and gets the number of its parent.
     """
     carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
-    numbers: NDArray[np.intp] = np.unique(roots[np.maximum(carriers, 0)], return_inverse=True)[1]
+    numbers: Numbers = np.unique(roots[np.maximum(carriers, 0)], return_inverse=True)[1]
     return numbers
 
 
-def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
+def subtree_lengths(skeleton: Skeleton, carried: Numbers) -> Array:
     """(joints,), the summed length of each joint's own bone and of all bones below it [file units].
 
     Only bones that lead to one of the joints `carried` count; tails, props and helper joints do not.
@@ -117,7 +116,7 @@ def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
     return sums
 
 
-def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions: Array) -> Motion:
+def posed_motion(copy: Motion, v: Array, parts: Numbers, root_positions: Array) -> Motion:
     """The motion whose parts deviate from the rotation copy by `v`, (frames, parts + 1, 3) [rad].
 
     Leaves keep the world rotations of the copy, since they carry no bone, unless they never turn against their parents.
@@ -134,14 +133,14 @@ def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions
     return motion_of_world(copy.skeleton, len(copy), copy.frame_time_text, pose)
 
 
-def _turning_leaves(copy: Motion) -> NDArray[np.intp]:
+def _turning_leaves(copy: Motion) -> Numbers:
     """The leaves that turn against their parents in any frame."""
     leaves = np.array([joint for joint, below in enumerate(copy.skeleton.children) if not below])
     turn = np.abs(copy.rotations[:, leaves, :3]).max(axis=(0, 2), initial=0.0)
     return np.asarray(leaves[turn >= LEAST_TURN])
 
 
-def fit_rotations(copy: Motion, points: Array, joints: NDArray[np.intp], roots: NDArray[np.intp]) -> Motion:
+def fit_rotations(copy: Motion, points: Array, joints: Numbers, roots: Numbers) -> Motion:
     """Rotate the bones of the rotation copy towards points, from the root down.
 
     Each rigid part gets the rotation that brings its bones closest to the points at their ends: the least rotation for
@@ -178,7 +177,7 @@ def fit_rotations(copy: Motion, points: Array, joints: NDArray[np.intp], roots: 
     return Motion(skeleton, copy.root_positions, local, copy.frame_time_text)
 
 
-def _carried_points(skeleton: Skeleton, roots: NDArray[np.intp], joints: set[int]) -> list[list[int]]:
+def _carried_points(skeleton: Skeleton, roots: Numbers, joints: set[int]) -> list[list[int]]:
     """For the root of each rigid part, those of `joints` at the ends of the part's bones and away from it."""
     carried: list[list[int]] = [[] for _ in roots]
     for joint in range(1, len(skeleton)):

@@ -12,13 +12,11 @@ from dataclasses import asdict, dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.checks import brief
 from distretarget.errors import SettingsError
 from distretarget.numerics.time_series import Shots, by_shot, largest, median_of_three, smoothstep, widened
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
 
 FADE = 0.05  # [D] a contact fades out from `reach` to `reach` plus this
 # A pair is in contact up to `NEARER` times its D in a body with hanging arms, and in none from `AS_FAR` times it on.

@@ -11,22 +11,19 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot, widened
-from distretarget.numerics.vectors import cross, lengths, normalised
+from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.asked_springs import off_by, pair_of
 from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
 from distretarget.skin.limbs import Limb, bent, reaching
-
-Array = NDArray[np.float64]
 
 FOREARM = 0.5  # what touches a forearm moves by about this share of what its wrist does
 STEPS = np.linspace(0.0, 0.5, 26)  # how far arms are brought out of the trunk, at most [body units]
@@ -103,7 +100,7 @@ def _moving(
     return arms if arms or planted else found
 
 
-def _way_out(skin: BodySkin, posed: Array, parts: NDArray[np.intp], front: Array) -> Array:
+def _way_out(skin: BodySkin, posed: Array, parts: Numbers, front: Array) -> Array:
     """(frames,), how far the balls of limbs' parts have to go along `front`, (frames, 3), to leave the trunk or the
     head, unless they are to touch it [body units].
     """

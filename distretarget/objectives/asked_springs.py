@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.contact_entries import Contact, Distance, Plant
@@ -22,17 +21,13 @@ from distretarget.ik.springs import Springs, joined
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
-from distretarget.numerics.vectors import lengths, level, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import LEAST_WEIGHT, STIFFNESS, Supports
 from distretarget.skin.meetings import nearest_skin
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
 
 STEADY = 0.3  # what is to be between joints is averaged over this time before and after [s]
 FACING = 0.1  # and where skins face each other over this [s]
@@ -132,7 +127,7 @@ def _asked_gap(wishes: Wishes, wish: Wish, skins: Skins) -> Array:
     return np.maximum(gaps, 0.0) if len(on) else np.zeros(len(clip))
 
 
-def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: NDArray[np.intp], gap: Array) -> Array:
+def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
     """(frames, 3), how far the first part of a contact has to go for this gap between the skins [body units]; `on` are
     the pairs of segments between the two.
     """
@@ -142,7 +137,7 @@ def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: NDArray[
     return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
 
 
-def _nearest_way(motion: Motion, parts: Sequence[Joints]) -> Array:
+def _nearest_way(motion: Motion, parts: Sequence[Numbers]) -> Array:
     """(frames, 3), the way from the second of two parts to the first between the joints that are nearest in a frame."""
     ways = motion.positions[:, parts[0], None] - motion.positions[:, None, parts[1]]
     ways = ways.reshape(len(motion), -1, 3)
@@ -185,7 +180,7 @@ def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
 # ---- parts that are planted on the world, on props and on other performers, and parts that are let go
 
 
-def _let_go(supports: Supports, joints: Joints, firmness: Array) -> Supports:
+def _let_go(supports: Supports, joints: Numbers, firmness: Array) -> Supports:
     """The supports without those at some joints, where `firmness`, (frames,), is 1."""
     at = np.isin(supports.joints, joints)
     return replace(supports, weights=np.where(at, supports.weights * (1.0 - firmness[:, None]), supports.weights))
@@ -216,7 +211,7 @@ def _goal(
     supports: Supports,
     clip: Clip,
     wish: Wish,
-    columns: Joints,
+    columns: Numbers,
     copy: Array,
     undersides: Undersides | None,
     skins: Skins | None,

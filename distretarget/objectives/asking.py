@@ -10,20 +10,15 @@ from itertools import combinations
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, widened
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, normalised
 from distretarget.objectives.clip import Clip, Drop
 from distretarget.objectives.supports import BLEND as FOOT_BLEND
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
 
 NO_OTHERS: Mapping[str, Carrier] = {}
 TURNED = ("head", "hand", "foot")  # parts whose direction can be kept
@@ -54,7 +49,7 @@ class Wish:
     """An entry that changes something, on a clip."""
 
     entry: Entry
-    joints: tuple[Joints, ...]  # the target's joints of each part
+    joints: tuple[Numbers, ...]  # the target's joints of each part
     frames: Flags  # (frames,)
     weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
     lead: int  # it sets in and lets go over so many frames
@@ -140,7 +135,7 @@ class Wishes:
         return cm / centimetres(self.clip.unit) / self.clip.unit
 
 
-def _without_neck(body: Body, part: Joints) -> Joints:
+def _without_neck(body: Body, part: Numbers) -> Numbers:
     """The joints of a part without the neck's, if it is the head: that is what is to be touched."""
     head = body.anatomy.roles.get("head") if body.anatomy else None
     return part if head is None or head not in part else np.intersect1d(part, [*body.skeleton.subtree(head)])
@@ -153,7 +148,7 @@ def _eased(on: Flags, frames: int) -> Array:
 
 
 def _carrier_of(
-    contacts: ContactList, clip: Clip, entry: Entry, part: Joints, others: Mapping[str, Carrier]
+    contacts: ContactList, clip: Clip, entry: Entry, part: Numbers, others: Mapping[str, Carrier]
 ) -> Carrier | None:
     """What a part is planted on, if it is a joint or a prop."""
     if not isinstance(entry, Plant) or not isinstance(entry.on, str) or entry.on in get_args(Ground):
@@ -177,7 +172,7 @@ def _carrier_of(
     return Carrier(joint=int(own[0]))
 
 
-def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, name: str) -> Joints:
+def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, name: str) -> Numbers:
     """The target's joints of a part that an entry names."""
     regions = not isinstance(entry, Distance)
     joints = _find_joints(clip, name, regions=regions)
@@ -189,7 +184,7 @@ def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, nam
     return joints
 
 
-def _find_joints(clip: Clip, name: str, *, regions: bool) -> Joints | None:
+def _find_joints(clip: Clip, name: str, *, regions: bool) -> Numbers | None:
     """The target's joints of a region; or its joint of this name, or that which the source's drives; None for none."""
     if regions and name in clip.regions.names:
         return np.flatnonzero(clip.regions.of_joint == clip.regions.names.index(name))
@@ -221,7 +216,7 @@ def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
     return (numbers >= span[0]) & (numbers <= span[1])
 
 
-def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[Joints, ...]) -> None:
+def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[Numbers, ...]) -> None:
     """Check that the parts of an entry suit it."""
     key = entry.key
     if len(joints) > 1 and set(joints[0].tolist()) & set(joints[1].tolist()):

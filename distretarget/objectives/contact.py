@@ -23,7 +23,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.axes import perpendicular
 from distretarget.body.legs import pelvis_joint
@@ -35,15 +34,13 @@ from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots, averaged, slices_of, widened
-from distretarget.numerics.vectors import cross, lengths, normalised
+from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts, NearPairs, write_pair_spring
 from distretarget.objectives.floor import Floor, add_floor, floor_energy
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
-
-Array = NDArray[np.float64]
 
 BASE_STIFFNESS = 0.04  # of a part's rotation, per body unit of its bones
 ADDED_LENGTH = 1.0  # added to the length of a part's bones, so that hands, fingers and eyes are stiff too [body units]
@@ -98,7 +95,7 @@ def smooth_flips(v: Array, held: Array, shots: Shots, frame_time: float) -> None
             shot[:, parts] += share * (averaged(lasting, reach) - shot[:, parts])
 
 
-def smooth_landings(v: Array, parts: NDArray[np.intp], shots: Shots, frame_time: float) -> None:
+def smooth_landings(v: Array, parts: Numbers, shots: Shots, frame_time: float) -> None:
     """Smooth the floor impacts of `parts`, which only the floor moves, in poses (frames, parts + 1, 3), in place."""
     for shot in map(v.__getitem__, slices_of(shots)):
         moved = parts[shot[:, parts].any(axis=(0, 2))]

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import Regions
 from distretarget.body.arms import hanging_distances
@@ -19,12 +18,9 @@ from distretarget.body.legs import Legs, passing_regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.time_series import Shots
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip, Drop
-
-Array = NDArray[np.float64]
-Joints = NDArray[np.intp]
 
 LEAST_PATH = 5  # |P| of a pair: joints that are close along the tree make no contact
 STIFFNESS = 400.0  # of a pair, over reach / D, with `strength` 1
@@ -37,14 +33,14 @@ DIRECTION_RANGE = 0.08  # pairs closer than about this keep their direction as w
 class CandidatePairs:
     """The pairs of points that count as a self-contact when they come close, being far apart along the tree."""
 
-    u: Joints  # (pairs,), the first point
-    v: Joints  # (pairs,), the second point
-    a: Joints  # (pairs,), the target's joint at u
-    b: Joints  # (pairs,), the target's joint at v
+    u: Numbers  # (pairs,), the first point
+    v: Numbers  # (pairs,), the second point
+    a: Numbers  # (pairs,), the target's joint at u
+    b: Numbers  # (pairs,), the target's joint at v
     tau1: Array  # (pairs,), path lengths on the source [source file units]
     ratio: Array  # (pairs,), tau2 / tau1 [body units / source file unit]
     hanging: Array  # (pairs,), D in the source with hanging arms; infinite where that is not known
-    passing: NDArray[np.bool_]  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
+    passing: Flags  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
 
 
 def candidate_pairs(
@@ -53,7 +49,7 @@ def candidate_pairs(
     legs: Legs | None,
     unit: float,
     hanging: Array | None,
-    points: NDArray[np.bool_],
+    points: Flags,
 ) -> CandidatePairs:
     """Return all pairs of points that lie in two non-adjacent regions of the target and have a path size |P| of at
     least `LEAST_PATH`. `legs` are the target's, `unit` is its body unit [file units], and `hanging`, if known, is
@@ -75,10 +71,10 @@ def candidate_pairs(
 class NearPairs(NamedTuple):
     """The contact pairs of a block of frames; `write_pair_spring` makes their springs."""
 
-    a: Joints  # (pairs,), the target's joint at u
-    b: Joints  # (pairs,), the target's joint at v
-    u: Joints  # (pairs,), the first point
-    v: Joints  # (pairs,), the second point
+    a: Numbers  # (pairs,), the target's joint at u
+    b: Numbers  # (pairs,), the target's joint at v
+    u: Numbers  # (pairs,), the first point
+    v: Numbers  # (pairs,), the second point
     ratio: Array  # (pairs,), tau2 / tau1 [body units / file unit]
     source: Array  # (frames, points, 3), the points of the source [file units]
     copy: Array  # (frames, points, 3), the points of the rotation copy [body units]
@@ -100,7 +96,7 @@ class Contacts:
     drops: tuple[Drop, ...] = ()  # contacts that do not count
 
     @classmethod
-    def of(cls, clip: Clip, settings: ContactSettings, points: NDArray[np.bool_] | None = None) -> Contacts:
+    def of(cls, clip: Clip, settings: ContactSettings, points: Flags | None = None) -> Contacts:
         """Return it for all contact pairs of a clip, or for those of two of the `points`, (points,)."""
         distances = clip.distances
         points = np.ones(len(distances), bool) if points is None else points
@@ -179,7 +175,7 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
     A[2, 0], A[2, 1], A[2, 2] = along * dx * dz, along * dy * dz, along * dz * dz + across
 
 
-def come_near(a: Array, b: Array, u: Joints, v: Joints, reach: Array) -> NDArray[np.bool_]:
+def come_near(a: Array, b: Array, u: Numbers, v: Numbers, reach: Array) -> Flags:
     """(pairs,), whether points u of `a` and v of `b`, (frames, points, 3), ever come closer than `reach`, (pairs,)."""
     near = np.zeros(len(u), np.bool_)
     _mark_near(a, b, u, v, reach, near)
@@ -199,12 +195,12 @@ def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
                 break
 
 
-def normalised_distances(a: Array, b: Array, u: Joints, v: Joints, tau: Array) -> Array:
+def normalised_distances(a: Array, b: Array, u: Numbers, v: Numbers, tau: Array) -> Array:
     """D: (frames, pairs), distances between points u of `a` and v of `b`, (frames, points, 3), over path lengths."""
     return lengths(a[:, u] - b[:, v]) / tau
 
 
-def pair_stiffness(f: Array, D: Array, ends: tuple[Joints, Joints], points: int, settings: ContactSettings) -> Array:
+def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: int, settings: ContactSettings) -> Array:
     """w: (frames, pairs), the stiffness of pairs with activations f and normalised distances D, (frames, pairs), whose
     `ends`, (pairs,) each, are numbers of `points` points.
 

@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg
@@ -37,11 +36,9 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied, widened
-from distretarget.numerics.vectors import lengths, level
+from distretarget.numerics.vectors import Array, Flags, lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
-
-Array = NDArray[np.float64]
 
 REST_BLEND = 0.06  # where feet stand on their mesh, the hips bend over this time from the height of one rest [s]
 FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, metric 4.1) [leg lengths]
@@ -227,7 +224,7 @@ def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
     return by_shot(on_floor, clip.shots, np.stack(heights, axis=1), np.stack(steady_heights, axis=1), rest)
 
 
-def _on_floor(heights: Array, steady_heights: Array, rests: NDArray[np.bool_], length: float) -> Array:
+def _on_floor(heights: Array, steady_heights: Array, rests: Flags, length: float) -> Array:
     """(frames, legs), the levels of one shot of soles with these `heights`, steadied as well, which rest or not;
     (frames, legs) each. `length` is that of a leg.
     """

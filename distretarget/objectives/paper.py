@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.contact_entries import ContactList, Distance
@@ -26,10 +25,9 @@ from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.asking import Wishes
 from distretarget.objectives.clip import Clip
-
-Array = NDArray[np.float64]
 
 POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
 POINT_ITERATIONS = 2000  # at most, per frame
@@ -75,8 +73,8 @@ def _fitted_poses(clip: Clip, postures: Postures) -> Array:
 class AskedDistances(NamedTuple):
     """Pairs of points whose distances are asked for: they replace delta and pi, Eq. (2)."""
 
-    u: NDArray[np.intp]  # (pairs,), the first point
-    v: NDArray[np.intp]  # (pairs,), the second point
+    u: Numbers  # (pairs,), the first point
+    v: Numbers  # (pairs,), the second point
     delta: Array  # (pairs,), their distance [body sizes]
     pi: Array  # (pairs,), their priority
     own: Array  # (pairs,), their priority where nothing is asked
@@ -214,7 +212,7 @@ def aligned(x: Array, onto: Array) -> Array:
 class Terms(NamedTuple):
     """The stress of one frame."""
 
-    points: NDArray[np.intp]  # (points,), the joint at each point
+    points: Numbers  # (points,), the joint at each point
     delta: Array  # (points, points), target distances [body sizes]
     pi: Array  # (points, points), priorities
     x: Array  # (3, points), scratch
@@ -231,7 +229,7 @@ class Given(NamedTuple):
     ratio: Array  # (points, points), tau2 / tau1 [body sizes / source file unit]
     terms: Terms  # those of one frame, scratch
     asked: AskedDistances  # distances in place of the source's
-    springs: NDArray[np.intp]  # (asked,), the spring of each of them
+    springs: Numbers  # (asked,), the spring of each of them
 
 
 class Posed(NamedTuple):
@@ -241,7 +239,7 @@ class Posed(NamedTuple):
     copy: Motion
     root: Array
     distances: DistanceProblem
-    parts: NDArray[np.intp]
+    parts: Numbers
 
 
 def solve_poses(
@@ -283,7 +281,7 @@ def _terms(distances: DistanceProblem) -> Terms:
     return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
 
 
-def _springs_of(asked: AskedDistances, terms: Terms) -> NDArray[np.intp]:
+def _springs_of(asked: AskedDistances, terms: Terms) -> Numbers:
     """(asked,), the spring of each asked pair; -1 for none."""
     a, b = np.sort(terms.points[np.stack([asked.u, asked.v])], axis=0)
     on = (terms.springs.a == a[:, None]) & (terms.springs.b == b[:, None])

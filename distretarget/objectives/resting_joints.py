@@ -18,20 +18,16 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, smoothed, spans_of, widened
-from distretarget.numerics.vectors import lengths, level
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
 Environment = Literal["body", "scaled"]
 
 LITTLE = 1e-6  # weight of frames that hardly count
@@ -46,8 +42,8 @@ SEAT = 10.0  # weight of a resting region of the trunk, which only the root can 
 class RestingJoints:
     """Joints other than the feet's that rest on the world."""
 
-    joints: Joints  # (joints,), of the target
-    regions: Joints  # (joints,), the body region of each
+    joints: Numbers  # (joints,), of the target
+    regions: Numbers  # (joints,), the body region of each
     in_trunk: Flags  # (joints,), whether each belongs to the trunk
     rests: Flags  # (frames, joints), whether each rests
     places: Array  # (frames, joints, 3), the place of each while it rests [target file units]
@@ -120,7 +116,7 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
     return by_shot(smooth, clip.shots, sums / np.maximum(count, 1.0)[:, None], count)
 
 
-def _limb_bases(clip: Clip) -> Joints:
+def _limb_bases(clip: Clip) -> Numbers:
     """(joints,), for each of `clip.limb_joints` the source joint where its limb begins; in the trunk its own driver."""
     of_joint, skeleton, drivers = clip.regions.of_joint, clip.skeleton, clip.drivers
     trunk = [number for number, name in enumerate(clip.regions.names) if name in TRUNK_REGIONS]
@@ -168,7 +164,7 @@ def _farther_out(clip: Clip, joint: int) -> list[int]:
 def _resting_places(
     clip: Clip,
     feet: Supports,
-    targets: Joints,
+    targets: Numbers,
     on_floor: Flags,
     rests: Flags,
     environment: Environment,
@@ -193,7 +189,9 @@ def _resting_places(
     return places
 
 
-def _rises(clip: Clip, feet: Supports, undersides: Undersides, targets: Joints, on_floor: Flags, rests: Flags) -> Array:
+def _rises(
+    clip: Clip, feet: Supports, undersides: Undersides, targets: Numbers, on_floor: Flags, rests: Flags
+) -> Array:
     """(frames, joints), how much higher than the source's, scaled, joints rest [target file units]: as much as brings
     their skin up to the floor, or down to the gap of the source's, on average over each rest; 0 if not on the floor.
     """

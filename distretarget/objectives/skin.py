@@ -13,7 +13,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
@@ -24,7 +23,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.parallel import blocks_of, in_threads
 from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
-from distretarget.numerics.vectors import lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts
@@ -35,9 +34,6 @@ from distretarget.skin.displacement import REACH, displacements
 from distretarget.skin.limbs import Limb, bent, shares_of
 from distretarget.skin.meetings import segment_gaps
 from distretarget.skin.tangents import LEAST_SHARE, Displaced
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
@@ -94,7 +90,7 @@ class BodySkin:
             unit=body.unit,
         )
 
-    def between(self, one: Numbers | NDArray[np.bool_], other: Numbers | NDArray[np.bool_]) -> Numbers:
+    def between(self, one: Numbers | Flags, other: Numbers | Flags) -> Numbers:
         """Return the pairs of segments of two parts of the body, given by their joints."""
         a, b = (np.setdiff1d(self.of_joint[joints], [-1]) for joints in (one, other))
         first, second = self.balls.pairs.T

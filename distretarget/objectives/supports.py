@@ -13,15 +13,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation
 from distretarget.ik.springs import Springs, no_springs
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import clear
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.floor import Floor, no_floor
-
-Array = NDArray[np.float64]
 
 STIFFNESS = 5000.0  # k, far above all other stiffnesses
 RESTS = 0.99  # a joint of this weight or more rests
@@ -46,8 +44,8 @@ class Supports:
         asked_springs: springs of contacts and distances that the user asks for [body units].
     """
 
-    joints: NDArray[np.intp]
-    regions: NDArray[np.intp]
+    joints: Numbers
+    regions: Numbers
     feet: int
     weights: Array
     places: Array
@@ -132,7 +130,7 @@ def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, sc
 
 
 @inlined()
-def _resting_in_region(weights: Array, regions: NDArray[np.intp], support: int) -> int:
+def _resting_in_region(weights: Array, regions: Numbers, support: int) -> int:
     """The number of joints of the same region that rest in a frame, this one included."""
     count = 0
     for other in range(len(weights)):

@@ -9,13 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, Capsules, gap_at, write_axis
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 SPACING = 1.2  # between the balls of a limb [radii]
 MOST_BALLS = 7  # of a capsule

@@ -7,16 +7,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import cross, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, normalised
 from distretarget.skeleton import HALF_TURN
-
-Array = NDArray[np.float64]
 
 # The parts of a body whose surfaces can touch.
 LIMB_SEGMENTS = ("hand", "forearm", "upper arm", "thigh", "shin", "foot")
@@ -47,15 +44,15 @@ class Capsules:
         segments: (capsules,), the part of the body that each belongs to, a number of `SEGMENTS`.
     """
 
-    joints: NDArray[np.intp]
+    joints: Numbers
     ends: Array
     radii: Array
-    segments: NDArray[np.intp]
+    segments: Numbers
 
     def __len__(self) -> int:
         return len(self.joints)
 
-    def __getitem__(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> Capsules:
+    def __getitem__(self, chosen: Numbers | Flags) -> Capsules:
         return Capsules(self.joints[chosen], self.ends[chosen], self.radii[chosen], self.segments[chosen])
 
     def turned_round(self) -> Capsules:
@@ -140,7 +137,7 @@ def gap_at(p, radius, axis, radii):  # type: ignore[no-untyped-def]
 RINGS, AROUND = 5, 16  # of each round end, its pole included, and points of each ring
 
 
-def surface_of(ends: Array, radii: Array) -> tuple[Array, NDArray[np.intp]]:
+def surface_of(ends: Array, radii: Array) -> tuple[Array, Numbers]:
     """Return the points, (points, 3), and triangles, (triangles, 3), of the surface of a tapered capsule, given by the
     ends of its axis, (2, 3), and the radius at each, (2,).
     """

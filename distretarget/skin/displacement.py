@@ -14,16 +14,14 @@ doi:10.1145/1243980.1243986).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import clear, copy_to
 from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.vectors import Array
 from distretarget.skin.balls import Balls
 from distretarget.skin.meetings import room_for
 from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place_displaced, push, tangents_for
-
-Array = NDArray[np.float64]
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
 AFRESH = 4  # the same without those of the frame before

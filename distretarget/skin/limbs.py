@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled
 from distretarget.numerics.kinematics import multiply
 from distretarget.numerics.rotations import least_rotation
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
 LEAST = 1e-9  # smaller angles are none [rad]

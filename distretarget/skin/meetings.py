@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skin.balls import NEVER, Balls
 from distretarget.skin.capsules import gap_at, write_axis
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 
 class Placed(NamedTuple):
@@ -138,7 +135,7 @@ def _write_gaps(balls, posed, farthest, placed, gaps):  # type: ignore[no-untype
             gaps[frame, pair] = least
 
 
-def nearest_skin(balls: Balls, posed: Array, pairs: NDArray[np.intp]) -> tuple[Array, Array]:
+def nearest_skin(balls: Balls, posed: Array, pairs: Numbers) -> tuple[Array, Array]:
     """Return the least gap of some `pairs` of segments in each frame, (frames,), and the direction there from the
     capsules to the balls, (frames, 3). Capsules end at `posed`, (frames, capsules, 2, 3); gaps are as in
     `segment_gaps`.
