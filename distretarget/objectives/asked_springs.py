@@ -192,10 +192,11 @@ def _planted(
     """The supports with a part that is planted where `firmness`, (frames,), is 1."""
     columns = np.flatnonzero(np.isin(supports.joints[: supports.feet], wish.joints[0]))
     if not len(columns):
-        joint = int(wish.joints[0][0])
-        if joint not in supports.joints:
-            supports = _with_joint(supports, clip, joint)
-        columns = np.flatnonzero(supports.joints == joint)
+        first = wish.joints[0][:1]
+        if not np.isin(first, supports.joints):
+            nowhere = np.zeros((len(clip), 1))
+            supports = supports.with_joints(first, clip.regions.of_joint[first], nowhere, clip.copy_on_path(first))
+        columns = np.flatnonzero(supports.joints == first)
     joints, on = supports.joints[columns], np.flatnonzero(wish.frames)
     copy = clip.copy_on_path(joints)
     goal = _goal(supports, clip, wish, columns, copy, undersides, skins)
@@ -249,14 +250,3 @@ def _carried(carrier: Carrier, copy: Array, on: Flags, thick: float) -> Array:
 def _turns_of(motion: Motion, joint: int) -> Rotation:
     """The rotations of a joint in the world."""
     return Rotation.from_quat(motion.world_rotations_of(joint))
-
-
-def _with_joint(supports: Supports, clip: Clip, joint: int) -> Supports:
-    """The supports with one more joint, which rests nowhere."""
-    return replace(
-        supports,
-        joints=np.append(supports.joints, joint),
-        regions=np.append(supports.regions, clip.regions.of_joint[joint]),
-        weights=np.concatenate([supports.weights, np.zeros((len(clip), 1))], axis=1),
-        places=np.concatenate([supports.places, clip.copy_on_path(np.array([joint]))], axis=1),
-    )

@@ -207,22 +207,9 @@ def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: in
     An activation is divided by sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point: a point
     close to a cluster of points is pulled about as strongly as one close to a single point.
     """
-    w = np.empty_like(f)
-    _write_stiffness(f, D, *ends, settings.strength * STIFFNESS, settings.reach, np.empty(points), w)
-    return w
-
-
-@compiled()
-def _write_stiffness(f, D, u, v, stiffness, reach, sums, w):  # type: ignore[no-untyped-def]
-    """Write w = stiffness f / sqrt((1 + F_u) (1 + F_v)) reach / (D + TOUCH); `sums`, (points,), is scratch."""
-    for frame in range(len(f)):
-        for point in range(len(sums)):
-            sums[point] = 1.0
-        for s in range(len(u)):
-            sums[u[s]] += f[frame, s]
-            sums[v[s]] += f[frame, s]
-        for s in range(len(u)):
-            w[frame, s] = 0.0
-            if f[frame, s] > 0.0:
-                shared = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
-                w[frame, s] = stiffness * shared * reach / (D[frame, s] + TOUCH)
+    sums = np.ones((points, len(f)))
+    for activation, *pair in zip(f.T, *ends, strict=True):
+        for point in pair:
+            sums[point] += activation
+    shared = f / np.sqrt(sums[ends[0]] * sums[ends[1]]).T
+    return settings.strength * STIFFNESS * shared * settings.reach / (D + TOUCH)

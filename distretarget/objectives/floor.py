@@ -61,8 +61,7 @@ def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Fle
     """
     if undersides is None or not clip.legs:
         return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
-    names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
-    joints = clip.limb_joints[np.isin(names, WITHOUT_SIDE)]
+    joints = clip.limb_joints[clip.regions.inside(*WITHOUT_SIDE)[clip.limb_joints]]
     floor, rests = _height_of_floor(clip) - undersides.soles[1], weights.max(axis=1, initial=0.0) > 0.0
     reach = np.array([undersides.target.reach(joint) for joint in joints.tolist()])
     near = (clip.copy_on_path(joints) @ clip.up - floor < reach) & rests[:, None]
