@@ -76,7 +76,7 @@ def _moved(motion: Motion, wishes: Wishes, limbs: Sequence[Limb], moved: Array, 
     average = partial(averaged, reach=round(steady / clip.frame_time))
     moved = by_shot(average, clip.shots, moved) * (wishes.share > 0.0)[:, None, None]
     displaced = np.stack([reaching(motion, limb, moved[:, n]) for n, limb in enumerate(limbs)], axis=1)
-    return bent(motion, tuple(limbs), displaced)
+    return bent(motion, limbs, displaced)
 
 
 def _moving(
