@@ -52,7 +52,7 @@ from distretarget.motion import Motion as Motion
 from distretarget.motion import MotionArrays as MotionArrays
 from distretarget.motion import MovingBones as MovingBones
 from distretarget.numerics.kinematics import forward_kinematics as forward_kinematics
-from distretarget.objectives.settings import ContactSettings as ContactSettings
+from distretarget.objectives.activation import ContactSettings as ContactSettings
 from distretarget.objectives.supports import Supports as Supports
 from distretarget.pipeline.found_contacts import find_contacts as find_contacts
 from distretarget.pipeline.options import Options as Options
