@@ -42,12 +42,12 @@ from distretarget.matching.matching import Matching as Matching
 from distretarget.matching.matching import match as match
 from distretarget.measure.comparison import Comparison as Comparison
 from distretarget.measure.diff import Diff as Diff
+from distretarget.measure.diff import SceneDiff as SceneDiff
 from distretarget.measure.diff import diff as diff
+from distretarget.measure.diff import diff_scenes as diff_scenes
+from distretarget.measure.gaps import Gap as Gap
 from distretarget.measure.metrics import METRICS as METRICS
 from distretarget.measure.metrics import Metric as Metric
-from distretarget.measure.scene_gaps import Gap as Gap
-from distretarget.measure.scene_gaps import SceneDiff as SceneDiff
-from distretarget.measure.scene_gaps import diff_scenes as diff_scenes
 from distretarget.motion import Motion as Motion
 from distretarget.motion import MotionArrays as MotionArrays
 from distretarget.motion import MovingBones as MovingBones
