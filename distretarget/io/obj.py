@@ -17,8 +17,7 @@ from distretarget.io.bvh_text import NUMBER
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
-from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.surface import surface_of
+from distretarget.skin.capsules import SEGMENTS, Capsules, surface_of
 
 CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which others may follow, as in 3/1/2
 MOST_POINTS = 100  # vertices that are kept, spread evenly
