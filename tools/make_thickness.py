@@ -23,9 +23,8 @@ from anny_characters import Rig, base_mesh, in_t_pose, mesh_of, mixamo, moved, r
 
 from distretarget import Skeleton
 from distretarget.body.body import Body
-from distretarget.body.build import BUILDS, Build
+from distretarget.body.build import BUILDS, Build, capsules_of
 from distretarget.body.part_frames import HEAD, frames
-from distretarget.body.thickness import capsules_of
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
@@ -17,9 +16,8 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import level
+from distretarget.numerics.vectors import Array, level
 
-Array = NDArray[np.float64]
 RootFollows = Literal["pelvis", "source", "nothing"]
 
 BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]

@@ -7,12 +7,19 @@ from functools import cached_property
 from types import NoneType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
-from distretarget.body.arms import Arm, find_arms, with_hanging_arms
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
-from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
+from distretarget.body.limbs import (
+    Arm,
+    Legs,
+    find_arms,
+    find_legs,
+    foot_bone,
+    leg_length,
+    pelvis_joint,
+    with_hanging_arms,
+)
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
@@ -22,9 +29,8 @@ from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
 UP_FROM_MOTION = 0.3  # ... or than this where the rest pose does not show which axis is up [cosine]

@@ -18,7 +18,6 @@ from distretarget.body.conventions import (
     without_digits,
     words,
 )
-from distretarget.body.humanoid import by_humanoid
 from distretarget.skeleton import Skeleton
 
 # Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
@@ -46,19 +45,13 @@ Trunk = tuple[int, Sequence[int], Sequence[int], int | None]
 """Hips, spine, neck and head; no head where no joint has a name of the head."""
 
 
-def by_names(skeleton: Skeleton) -> Anatomy | None:
-    """Return the anatomy that names and tree show, whatever the offsets; None where they show too little.
-
-    A skeleton with a `humanoid` has the anatomy that this states. Otherwise the names must show the two long bones of
-    both arms or of both legs, hips and, unless the body is legs alone, a trunk above them. A part has a role only if a
-    joint has a known name for it; spine and neck need no known names.
-    """
-    return by_humanoid(skeleton) if skeleton.humanoid else by_tree(NamedTree.of(skeleton))
-
-
 @lru_cache(maxsize=64)
 def by_tree(tree: NamedTree) -> Anatomy | None:
-    """Return the anatomy that a tree of names shows; found once for all clips of a rig."""
+    """Return the anatomy that a tree of names shows; None where it shows too little. Found once for all clips of a rig.
+
+    The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
+    trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
+    """
     return _Rig(tree.parents, name_meanings(tree)).anatomy()
 
 

@@ -7,19 +7,18 @@ thicker.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.body.anatomy import FINGERS, SIDES
+from distretarget.body.anatomy import FINGERS, SIDES, Anatomy
 from distretarget.body.axes import axes_of
 from distretarget.body.body import Body
-from distretarget.body.segments import FINGER_GROUPS, Segments, find_segments
-from distretarget.numerics.vectors import level, normalised
-
-Array = NDArray[np.float64]
+from distretarget.body.limbs import Legs
+from distretarget.body.segments import FINGER_GROUPS, find_segments
+from distretarget.numerics.vectors import Array, Numbers, level, normalised
+from distretarget.skeleton import Skeleton
 
 LIMBS = {  # the joints at the ends of the bone of each part
     "upper arm": ("UpperArm", "LowerArm"),
@@ -73,29 +72,35 @@ def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
     size = _Size.of(body)
     if size is None:
         return
-    segments = find_segments(body)
     yield "trunk", size.trunk
-    yield from _head(body, size, head)
+    yield from _head(size, head)
+    carriers = find_segments(body).carriers
     for side in SIDES:
-        for part, (upper, lower) in LIMBS.items():
-            if (start := size.roles.get(side + upper)) is not None:
-                end = size.roles.get(side + lower, body.skeleton.farthest.item(start))
-                along = size.positions[end] - size.positions[start]
-                if along.any():
-                    axes = size.across(along, side)
-                    yield (
-                        f"{side} {part}",
-                        Frame(size.positions[start], axes, _norm(along), size.size, [(start, -np.inf)]),
-                    )
-        yield from _hand(size, side, segments, body)
-        yield from _foot(size, side, body)
+        yield from _limbs(size, side)
+        yield from _hand(size, side, carriers)
+        yield from _foot(size, side)
+
+
+def proportions(body: Body) -> tuple[float, float] | None:
+    """Return the length of a body's legs and how far the top of its head is over its shoulders [sizes]; None where
+    bones do not show both.
+    """
+    size = _Size.of(body) if body.anatomy else None
+    shoulders = size.anatomy.pair("UpperArm") if size else []
+    if size is None or not shoulders or not body.legs or not (reach := _head_reach(size)):
+        return None
+    x, up = size.positions, size.axes[:, 1]
+    neck = x[size.anatomy.roles["head"]] - x[shoulders].mean(axis=0)
+    return body.leg_length / size.size, reach + float(neck @ up) / size.size
 
 
 @dataclass(frozen=True, eq=False)
 class _Size:
     """A body in its reference pose, and its size, that of leg and trunk [file units]."""
 
-    roles: Mapping[str, int]
+    skeleton: Skeleton
+    anatomy: Anatomy
+    legs: Legs | None
     positions: Array
     axes: Array
     size: float
@@ -104,12 +109,12 @@ class _Size:
     @classmethod
     def of(cls, body: Body) -> _Size | None:
         """Return those of a body; None for one without extent."""
-        assert body.anatomy is not None
-        roles, x, axes = body.anatomy.roles, body.reference.positions, body.reference.axes
-        spine = (roles["hips"], *body.anatomy.spine)
-        tops = _both(roles, "UpperArm") or [joint for joint in (*body.anatomy.neck, roles.get("head")) if joint][:1]
-        low = x[_both(roles, "UpperLeg") or [roles["hips"]]].mean(axis=0)
-        along = x[tops or [spine[-1]]].mean(axis=0) - low
+        anatomy, x, axes = body.anatomy, body.reference.positions, body.reference.axes
+        assert anatomy is not None
+        spine = (anatomy.roles["hips"], *anatomy.spine)
+        tops = anatomy.pair("UpperArm") or [*anatomy.neck, *anatomy.joints("head")][:1] or [spine[-1]]
+        low = x[anatomy.pair("UpperLeg") or [spine[0]]].mean(axis=0)
+        along = x[tops].mean(axis=0) - low
         leg, trunk = body.leg_length, _norm(along)
         size = leg + trunk if leg and trunk else leg / LEG + trunk / (1.0 - LEG)
         if not size:
@@ -119,7 +124,7 @@ class _Size:
         shares = np.maximum.accumulate([PELVIS, *((x[list(spine[1:])] - low) @ up / trunk)])
         shares[0] = -np.inf
         frame = Frame(low, np.stack([up, left, forward], axis=1), trunk, size, list(zip(spine, shares, strict=True)))
-        return cls(roles, x, axes, size, frame)
+        return cls(body.skeleton, anatomy, body.legs, x, axes, size, frame)
 
     def across(self, along: Array, side: str, wide: Array | None = None) -> Array:
         """The axes of a part of a limb: along it, to its side, and forwards; or along it, along `wide`, and up from
@@ -135,23 +140,11 @@ class _Size:
         return np.stack([along, sign * np.cross(high, along), high], axis=1)
 
 
-def proportions(body: Body) -> tuple[float, float] | None:
-    """Return the length of a body's legs and how far the top of its head is over its shoulders [sizes]; None where
-    bones do not show both.
-    """
-    size = _Size.of(body) if body.anatomy else None
-    shoulders = _both(size.roles, "UpperArm") if size else []
-    if size is None or not shoulders or not body.legs or not (reach := _head_reach(body, size)):
-        return None
-    neck = size.positions[size.roles["head"]] - size.positions[shoulders].mean(axis=0)
-    return body.leg_length / size.size, reach + float(neck @ size.axes[:, 1]) / size.size
-
-
-def _head_reach(body: Body, size: _Size) -> float:
+def _head_reach(size: _Size) -> float:
     """How far the top of the head is over its joint [sizes]; 0 where neither an End Site nor a joint named for it, such
     as "HeadTop_End", shows it.
     """
-    skeleton, head = body.skeleton, size.roles.get("head")
+    skeleton, head = size.skeleton, size.anatomy.roles.get("head")
     if head is None:
         return 0.0
     names, below = skeleton.names, skeleton.children[head]
@@ -160,35 +153,44 @@ def _head_reach(body: Body, size: _Size) -> float:
     return float(up.max(initial=0.0)) / size.size
 
 
-def _head(body: Body, size: _Size, usual: float) -> Iterator[tuple[str, Frame]]:
+def _head(size: _Size, usual: float) -> Iterator[tuple[str, Frame]]:
     """Neck and head. A head that reaches farther than the average one is as large as that; else `usual` times."""
-    head, neck = size.roles.get("head"), size.roles.get("neck")
-    left, up, forward = size.axes.T
-    axes = np.stack([up, left, forward], axis=1)
-    if head is not None:
-        own = float(np.clip(_head_reach(body, size) / HEAD, *HEADS))
+    x, (left, up, forward) = size.positions, size.axes.T
+    for head in size.anatomy.joints("head"):
+        own = float(np.clip(_head_reach(size) / HEAD, *HEADS))
         scale = size.size * (own if own > HEADS[0] else usual)
-        yield "head", Frame(size.positions[head], axes, scale, scale, [(head, -np.inf)])
-    if head is not None and neck is not None:
-        along = size.positions[head] - size.positions[neck]
-        if along.any():
-            axes = axes_of(left, normalised(along))[:, [1, 0, 2]]
-            yield "neck", Frame(size.positions[neck], axes, _norm(along), size.size, [(neck, -np.inf)])
+        yield "head", Frame(x[head], np.stack([up, left, forward], axis=1), scale, scale, [(head, -np.inf)])
+        for neck in size.anatomy.joints("neck"):
+            along = x[head] - x[neck]
+            if along.any():
+                axes = axes_of(left, normalised(along))[:, [1, 0, 2]]
+                yield "neck", Frame(x[neck], axes, _norm(along), size.size, [(neck, -np.inf)])
 
 
-def _hand(size: _Size, side: str, segments: Segments, body: Body) -> Iterator[tuple[str, Frame]]:
+def _limbs(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
+    """The bones of arm and leg."""
+    x, roles = size.positions, size.anatomy.roles
+    for part, (upper, lower) in LIMBS.items():
+        for start in size.anatomy.joints(side + upper):
+            along = x[roles.get(side + lower, size.skeleton.farthest.item(start))] - x[start]
+            if along.any():
+                axes = size.across(along, side)
+                yield f"{side} {part}", Frame(x[start], axes, _norm(along), size.size, [(start, -np.inf)])
+
+
+def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Frame]]:
     """The parts of a hand; its fingers hang on the wrist where it has no joints for them."""
-    hand = size.roles.get(f"{side}Hand")
+    x, anatomy = size.positions, size.anatomy
+    hand = anatomy.roles.get(f"{side}Hand")
     if hand is None:
         return
-    x = size.positions
-    known = [size.roles[name] for finger in FINGERS[1:] if (name := f"{side}{finger}1") in size.roles]
+    known = anatomy.joints(*(f"{side}{finger}1" for finger in FINGERS[1:]))
     average = PALM * size.size
     is_known = len(known) >= KNUCKLES
-    tip = x[known].mean(axis=0) if is_known else x[body.skeleton.farthest[hand]]
+    tip = x[known].mean(axis=0) if is_known else x[size.skeleton.farthest[hand]]
     along = tip - x[hand]
     if not along.any():
-        along = x[hand] - x[size.roles[f"{side}LowerArm"]]
+        along = x[hand] - x[anatomy.roles[f"{side}LowerArm"]]
     palm = float(np.clip(_norm(along), PALMS[0] * average, PALMS[1] * average)) if is_known else average
     wide = x[known[0]] - x[known[-1]] if is_known else size.axes[:, 2]
     if not level(wide, normalised(along)).any():
@@ -196,33 +198,23 @@ def _hand(size: _Size, side: str, segments: Segments, body: Body) -> Iterator[tu
     axes = size.across(along, side, wide)
     yield f"{side} palm", Frame(x[hand], axes, palm, palm, [(hand, -np.inf)])
     for part, fingers in HAND.items():
-        joints = [
-            size.roles[name] for finger in fingers for n in (1, 2) if (name := f"{side}{finger}{n}") in size.roles
-        ]
-        carrier = segments.carriers.item(joints[0]) if joints else hand
+        joints = anatomy.joints(*(f"{side}{finger}{number}" for finger in fingers for number in (1, 2)))
+        carrier = carriers.item(joints[0]) if joints else hand
         yield f"{side} {part}", Frame(x[hand], axes, palm, palm, [(carrier, -np.inf)])
 
 
-def _foot(size: _Size, side: str, body: Body) -> Iterator[tuple[str, Frame]]:
+def _foot(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
     """Foot and toes."""
-    foot = size.roles.get(f"{side}Foot")
-    if foot is None:
-        return
-    up, forward = size.axes[:, 1], size.axes[:, 2]
-    toes = size.roles.get(f"{side}Toes", foot)
-    toe = body.legs[SIDES.index(side)].toe if body.legs else toes
-    along = level(size.positions[toe] - size.positions[foot], up)
-    along = along if along @ forward > 0.0 else forward
-    axes = np.stack([normalised(along), normalised(np.cross(up, along)), up], axis=1)
-    axes[:, 1] *= 1.0 if side == "left" else -1.0
-    for part, joint in (("foot", foot), ("toes", toes)):
-        yield f"{side} {part}", Frame(size.positions[foot], axes, size.size, size.size, [(joint, -np.inf)])
-
-
-def _both(roles: Mapping[str, int], part: str) -> list[int]:
-    """The joints of a part on both sides; none where one of them is missing."""
-    found = [roles[side + part] for side in SIDES if side + part in roles]
-    return found if len(found) == len(SIDES) else []
+    x, (_, up, forward) = size.positions, size.axes.T
+    for foot in size.anatomy.joints(f"{side}Foot"):
+        toes = size.anatomy.roles.get(f"{side}Toes", foot)
+        toe = size.legs[SIDES.index(side)].toe if size.legs else toes
+        along = level(x[toe] - x[foot], up)
+        along = along if along @ forward > 0.0 else forward
+        axes = np.stack([normalised(along), normalised(np.cross(up, along)), up], axis=1)
+        axes[:, 1] *= 1.0 if side == "left" else -1.0
+        for part, joint in (("foot", foot), ("toes", toes)):
+            yield f"{side} {part}", Frame(x[foot], axes, size.size, size.size, [(joint, -np.inf)])
 
 
 def _norm(vector: Array) -> float:

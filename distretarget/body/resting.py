@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.body.legs import Leg
+from distretarget.body.limbs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.joint_paths import heights_of, lowest_heights
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from distretarget.numerics.vectors import Array, Flags, Numbers
 
 REST_SPEED = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s]
 REST_HEIGHT = 0.1  # a foot that rests on the floor is at most this far above the body's lowest joint [leg lengths]
@@ -72,7 +69,7 @@ def _within(values: Array, limit: float) -> Array:
     return smoothstep((FADE - values / limit) / (FADE - 1.0))
 
 
-def joint_speeds(motion: Motion, joints: NDArray[np.intp], shots: Shots) -> Array:
+def joint_speeds(motion: Motion, joints: Numbers, shots: Shots) -> Array:
     """Return the speeds of some joints, (frames, len(joints)) [file units / s], each shot on its own: the mean velocity
     over `SPAN` before and after a frame, so that noise and the frame rate hardly matter.
     """
@@ -99,14 +96,12 @@ def _write_speeds(positions, joints, edges, reach, frame_time, speeds):  # type:
                 speeds[frame, k] = np.sqrt(square) / max(after - before, 1) / frame_time
 
 
-def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], others: NDArray[np.intp], up: Array) -> Array:
+def above_lowest(motion: Motion, joints: Numbers | list[int], others: Numbers, up: Array) -> Array:
     """Return the heights of some joints above the lowest of others in the frame, (frames, len(joints)) [file units]."""
     return heights_of(motion.positions, joints, up) - lowest_heights(motion.positions, up, others)[:, None]
 
 
-def still_joints(
-    motion: Motion, joints: NDArray[np.intp], bases: NDArray[np.intp], speeds: Array, length: float, shots: Shots
-) -> Flags:
+def still_joints(motion: Motion, joints: Numbers, bases: Numbers, speeds: Array, length: float, shots: Shots) -> Flags:
     """Return whether joints stand still in the world while their limbs move, (frames, len(joints)).
 
     The end of a limb holds on to something if it keeps its place while the joint at the limb's base, in `bases`, moves.

@@ -4,28 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, side_and_part
 from distretarget.body.body import Body
+from distretarget.numerics.vectors import Numbers
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS
 
-SEGMENT_OF_PART = {
-    "hips": "pelvis",
-    "neck": "neck",
-    "head": "head",
-    "Shoulder": "chest",
-    "UpperArm": "upper arm",
-    "LowerArm": "forearm",
-    "Hand": "hand",
-    "UpperLeg": "thigh",
-    "LowerLeg": "shin",
-    "Foot": "foot",
-    "Toes": "foot",
-}
+SEGMENT_OF_PART = {"hips": "pelvis", "neck": "neck", "head": "head"}
+SEGMENT_OF_PART |= {"UpperArm": "upper arm", "LowerArm": "forearm", "Hand": "hand"}
+SEGMENT_OF_PART |= {"UpperLeg": "thigh", "LowerLeg": "shin", "Foot": "foot", "Toes": "foot"}
 # Fingers move together: those of each group hang on the first of its knuckles that the hand has.
 FINGER_GROUPS = (("Index", "Middle"), ("Ring", "Little"), ("Thumb",))
 HELPER = 0.1  # joints that reach no farther from where they branch off are muscles or twists, no hair [body units]
@@ -43,8 +34,8 @@ class Segments:
         carriers: (joints,), the joint that carries the capsules of what each joint moves; -1 as there.
     """
 
-    of_joint: NDArray[np.intp]
-    carriers: NDArray[np.intp]
+    of_joint: Numbers
+    carriers: Numbers
 
     def joints(self, carrier: int) -> list[int]:
         """Return the joints whose capsules a joint carries."""
@@ -72,16 +63,14 @@ def _main(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
     labels: dict[int, tuple[str, int]] = {}
     for role, joint in anatomy.roles.items():
         side, part = side_and_part(role)
-        if part in SEGMENT_OF_PART:
-            labels[joint] = f"{side} {SEGMENT_OF_PART[part]}".strip() if part != "Shoulder" else "chest", joint
+        if part == "Shoulder":
+            labels[joint] = "chest", anatomy.spine[-1] if anatomy.spine else joint
+        elif part in SEGMENT_OF_PART:
+            labels[joint] = f"{side} {SEGMENT_OF_PART[part]}".strip(), joint
     labels |= dict.fromkeys(anatomy.neck, ("neck", next(iter(anatomy.neck), -1)))
     labels |= _spine(skeleton, anatomy)
-    for side in SIDES:
-        for group in FINGER_GROUPS:
-            _add_fingers(labels, anatomy, side, group)
-    if anatomy.spine:
-        collars = [anatomy.roles[f"{side}Shoulder"] for side in SIDES if f"{side}Shoulder" in anatomy.roles]
-        labels |= dict.fromkeys(collars, ("chest", anatomy.spine[-1]))
+    for side, group in product(SIDES, FINGER_GROUPS):
+        labels |= _fingers(anatomy, side, group)
     return labels
 
 
@@ -97,14 +86,13 @@ def _spine(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
     return {joint: ("belly" if low else "chest", joint) for joint, low in zip(anatomy.spine, is_belly, strict=True)}
 
 
-def _add_fingers(labels: dict[int, tuple[str, int]], anatomy: Anatomy, side: str, group: Iterable[str]) -> None:
-    """Add the fingers of a group to their hand; bones in the palm move with the wrist."""
+def _fingers(anatomy: Anatomy, side: str, group: Iterable[str]) -> dict[int, tuple[str, int]]:
+    """The fingers of a group; bones in the palm move with the wrist."""
     numbers = {f"{side}{finger}{number}": number for finger in group for number in range(4)}
     joints = {anatomy.roles[role]: number for role, number in numbers.items() if role in anatomy.roles}
     carrier = next((joint for joint, number in joints.items() if number > 0), -1)
     hand = anatomy.roles.get(f"{side}Hand", -1)
-    for joint, number in joints.items():
-        labels[joint] = f"{side} hand", carrier if number else hand
+    return {joint: (f"{side} hand", carrier if number else hand) for joint, number in joints.items()}
 
 
 def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:

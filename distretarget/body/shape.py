@@ -9,15 +9,12 @@ from itertools import combinations, pairwise, takewhile
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
-from distretarget.body.legs import SHORTEST_LIMB, Leg, are_alike, bends, limb_length, longest_limbs, tree_legs
-from distretarget.numerics.vectors import cross, lengths, normalised
+from distretarget.body.limbs import SHORTEST_LIMB, Leg, are_alike, bends, limb_length, longest_limbs, tree_legs
+from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 FORK = 0.5  # a chain ends where a branch of this length leaves it: fingers, toes, face [lengths of the longest branch]
 STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.character.bind_pose import bind_poses, in_world, matrices
 from distretarget.character.character import Character
 from distretarget.character.deform import with_deform_bones

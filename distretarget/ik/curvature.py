@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.ik.springs import Below, Springs, couples, write_nodes, write_stiffness_below
-from distretarget.numerics.compiled import inlined, merged
-from distretarget.numerics.loops import indices
+from distretarget.numerics.compiled import indices, inlined, merged
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]

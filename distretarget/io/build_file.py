@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from distretarget.body.body import Body
-from distretarget.body.build import BUILDS, Build, Builds, average_build
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import BUILDS, Build, Builds, average_build, capsules_of
 from distretarget.errors import DistretargetError, FileError
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.target_file import parse_full_target

@@ -8,10 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.baseline.standing import on_own_soles
-from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
+from distretarget.baseline.world import World, find_root_offset, find_world, on_own_soles, with_root_offset
 from distretarget.body.body import Body
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import capsules_of
 from distretarget.checks import check_kind
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError, counted

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg
+from distretarget.body.limbs import Leg
 from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides

@@ -25,6 +25,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.numerics.vectors import Array
+
 PACKAGE = Path(__file__).parent.parent
 MARK = b"distretarget.numerics.compiled import"  # in all files with functions to compile
 
@@ -277,3 +279,25 @@ def _announcement() -> str:
         "compiling, which takes 10 to 30 s in every run, as there is no folder to keep the code in; "
         "set NUMBA_CACHE_DIR to a folder that only you can write to"
     )
+
+
+@inlined()
+def copy_to(target: Array, source: Array) -> None:
+    """target[:] = source, for contiguous arrays of one shape."""
+    flat_source, flat_target = source.flat, target.flat
+    for i in range(source.size):
+        flat_target[i] = flat_source[i]
+
+
+@inlined()
+def clear(array: NDArray[Any]) -> None:
+    """array[:] = 0, for a contiguous array."""
+    flat = array.flat
+    for i in range(array.size):
+        flat[i] = 0
+
+
+@inlined()
+def indices(first: int, end: int) -> range:
+    """range(first, end), not negative, as unsigned integers: numba vectorises loops over these."""
+    return range(np.uintp(first), np.uintp(end))

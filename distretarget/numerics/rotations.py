@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.compiled import compiled, read_only
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
 
 PULL = 1e-6  # weight of the identity in the fit of several vectors, relative to the vectors
 

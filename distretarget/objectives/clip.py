@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
 from distretarget.body.anatomy import Regions
-from distretarget.body.arms import raised
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg, Legs
+from distretarget.body.limbs import Leg, Legs, raised
 from distretarget.body.soles import Sole
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.ik.rigid_parts import part_of_joint

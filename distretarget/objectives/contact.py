@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.axes import perpendicular
-from distretarget.body.legs import pelvis_joint
+from distretarget.body.limbs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks

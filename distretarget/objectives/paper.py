@@ -22,8 +22,7 @@ from distretarget.ik.rigid_parts import fit_rotations
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
 from distretarget.ik.springs import Springs
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.loops import copy_to
+from distretarget.numerics.compiled import compiled, copy_to, inlined
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
 from distretarget.objectives.asked_distances import AskedDistances, no_distances, put_distances

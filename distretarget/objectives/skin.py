@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
-from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.parallel import blocks_of, in_threads
-from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
+from distretarget.numerics.time_series import KeyFrames, Shots, averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import Contacts

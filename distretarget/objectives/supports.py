@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation
 from distretarget.ik.springs import Springs, no_springs
-from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.loops import clear
+from distretarget.numerics.compiled import clear, compiled, inlined
 from distretarget.objectives.floor import Floor, no_floor
 
 Array = NDArray[np.float64]

@@ -16,8 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.loops import clear, copy_to
+from distretarget.numerics.compiled import clear, compiled, copy_to, inlined
 from distretarget.numerics.parallel import over_blocks
 from distretarget.skin.balls import Balls
 from distretarget.skin.meetings import room_for

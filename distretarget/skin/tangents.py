@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import inlined
-from distretarget.numerics.loops import clear
+from distretarget.numerics.compiled import clear, inlined
 from distretarget.skin.balls import NEVER, Balls
 from distretarget.skin.closest import LEAST
 from distretarget.skin.meetings import Placed, find_meetings, gap_of, place
