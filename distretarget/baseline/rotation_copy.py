@@ -1,8 +1,10 @@
-"""Alignment of two bodies by their rest poses: the rotation between each target joint and its source joints."""
+"""The rotation copy: the source's rotations on the target's bones, with a scaled root path; solving starts from it.
+
+Bodies are aligned by their rest poses, which gives the rotation between each target joint and its source joints.
+"""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +14,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import FINGERS
-from distretarget.body.body import Pose
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import BUILD_ANGLE, Matching
 from distretarget.motion import Motion, motion_of_world
@@ -25,7 +26,8 @@ FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1,
 FIRST_BONES = ("UpperArm", "UpperLeg")  # roles of the bones with which limbs begin
 LONG_BONES = (*FIRST_BONES, "LowerArm", "LowerLeg")  # roles whose bones are always aligned bone by bone
 TRUNK = ("hips", "head")  # roles at the ends of the trunk
-
+SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
+MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must be within reach [%]
 
 _FOUND: WeakKeyDictionary[Matching, Array] = WeakKeyDictionary()  # as long as the matching is in use
 
@@ -41,16 +43,13 @@ def rest_alignment(matching: Matching) -> Array:
     It is found once for each matching, and read-only.
     """
     if matching not in _FOUND:
-        _FOUND[matching] = read_only(_found(_Bodies(matching)))
+        bodies = _Bodies(matching)
+        source_pose, target_pose = bodies.rotations
+        back = source_pose[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
+        alignments = back @ (_joint_alignments(bodies) @ target_pose)[:, None]
+        quaternions = Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat()
+        _FOUND[matching] = read_only(quaternions.reshape(-1, 2, 4))
     return _FOUND[matching]
-
-
-def _found(bodies: _Bodies) -> Array:
-    """The alignment of two bodies, as in `rest_alignment`."""
-    source_pose, target_pose = bodies.rotations
-    back = source_pose[np.maximum(bodies.matching.rotation_sources, 0)].swapaxes(-1, -2)
-    alignments = back @ (_joint_alignments(bodies) @ target_pose)[:, None]
-    return Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat().reshape(-1, 2, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,15 +65,9 @@ class _Bodies:
         return {joint: role for role, joint in target.roles.items()} if source and target else {}
 
     @cached_property
-    def poses(self) -> tuple[Pose, Pose]:
-        """The aligned poses of source and target."""
-        source, target = self.matching.source, self.matching.target
-        return (source.reference, target.reference) if self.matching.in_reference else (source.rest, target.rest)
-
-    @cached_property
     def rotations(self) -> tuple[Array, Array]:
         """(joints, 3, 3) of source and target, the world rotations in these poses."""
-        source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in self.poses)
+        source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in self.matching.poses)
         return source, target
 
     @cached_property
@@ -99,17 +92,15 @@ class _Bodies:
         target = self.matching.target
         if not self.roles or target.anatomy is None:
             return set()
-        line, roles = target.skeleton.line, target.anatomy.roles
-        limbs = [line(joint)[1:] for role, joint in roles.items() if role.endswith(FIRST_BONES)]
-        tops = [*target.anatomy.spine, *target.anatomy.neck, *(roles[role] for role in TRUNK if role in roles)]
-        return set(itertools.chain(*limbs, *map(line, tops)))
+        anatomy, limbs = target.anatomy, [joint for joint, role in self.roles.items() if role.endswith(FIRST_BONES)]
+        tops = [*anatomy.spine, *anatomy.neck, *anatomy.joints(*TRUNK)]
+        return target.skeleton.lines([*target.skeleton.parents[limbs], *tops])
 
     @cached_property
     def built_differently(self) -> set[int]:
         """The target's joints of trunk, palms and feet, whose bones point differently in every build."""
-        return self.trunk | {
-            joint for joint, role in self.roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))
-        }
+        alike = (*LONG_BONES, *FINGER_BONES)
+        return self.trunk | {joint for joint, role in self.roles.items() if not role.endswith(alike)}
 
 
 def _joint_alignments(bodies: _Bodies) -> Array:
@@ -118,7 +109,7 @@ def _joint_alignments(bodies: _Bodies) -> Array:
     Upper arms turn by way of the direction straight out to the source's side, so that a target in A-pose is aligned
     like the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
     """
-    source_pose, target_pose = bodies.poses
+    source_pose, target_pose = bodies.matching.poses
     whole = source_pose.axes @ target_pose.axes.T if bodies.matching.in_reference else np.eye(3)
     left = source_pose.axes[:, 0]
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
@@ -154,10 +145,6 @@ def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array
     if not len(feet) or not bodies.in_t_pose:
         return turn
     return least_matrix(level(target_feet @ turn.T, normal), level(feet, normal)) @ turn
-
-
-SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
-MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must be within reach [%]
 
 
 @dataclass(frozen=True)
@@ -234,10 +221,8 @@ def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
 
 
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
-    """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
-
-    Joints with two rotation sources blend both, joints without one follow their parents as in the reference pose, and
-    the matching's `pelvis` takes the scaled path of its driver.
+    """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses. Joints without
+    rotation sources follow their parents as in the reference pose; the `pelvis` takes its driver's scaled path.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
     alignment = rest_alignment(matching).copy()

@@ -1,4 +1,4 @@
-"""The worlds of source and target: the up axis of each, and the meaning of the root's OFFSET."""
+"""The worlds of source and target: the up axis and floor of each, and the meaning of the root's OFFSET."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from distretarget.checks import check_choice
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.joint_paths import heights_of
+from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import AXES, POSITION_CHANNELS
@@ -25,6 +25,7 @@ from distretarget.skeleton import AXES, POSITION_CHANNELS
 RootOffset = Literal["replaced", "added"]
 
 ON_FLOOR = 0.1  # largest height of feet on the floor [leg lengths]
+LOW = 0.2  # the lowest joints of feet on the floor of a character's file are lower than this [leg lengths]
 
 
 @dataclass(frozen=True)
@@ -114,9 +115,6 @@ def with_root_offset(motion: Motion) -> Motion:
     return replace(motion, root_positions=motion.root_positions + motion.skeleton.offsets[0])
 
 
-LOW = 0.2  # the lowest joints of feet on the floor are lower than this [leg lengths]
-
-
 def on_own_soles(matching: Matching, scale: float | None = None, undersides: Undersides | None = None) -> Matching:
     """Return the matching with the source raised or lowered, so that the target's feet stand flat on the floor at
     height 0: on the soles of its mesh, or as high above it as in the bind pose, by the thickness of soles that no joint
@@ -150,16 +148,13 @@ def _floor_of_source(matching: Matching, on_mesh: bool) -> float:
     feet are to stand `on_mesh`, the floor under its soles; infinite where no foot rests.
     """
     motion, up, length = matching.source_motion, matching.target.up_vector, matching.leg_lengths[0]
-    feet = [*zip(matching.legs[0] if matching.legs else (), [sole for sole, _ in matching.soles], strict=True)]
+    legs = matching.legs[0] if matching.legs else ()
+    feet = [(leg, sole) for leg, (sole, _) in zip(legs, matching.soles, strict=True)]
     if on_mesh:
         shots = matching.source.shots_of(motion)
         rests = [feet_resting(motion, leg, up, length, shots).max(axis=1) == 1.0 for leg, _ in feet]
-        return floor_height(
-            np.stack([sole_height(motion, sole, up) for _, sole in feet], axis=1), np.stack(rests, axis=1)
-        )
-    heights = []
-    for leg, sole in feet:
-        rests_flat = feet_at_rest(motion, leg, up, length).all(axis=1)
-        heights.append(heights_of(motion.positions[rests_flat], sole.joints, up).min(axis=1))
-    resting = np.concatenate(heights)
+        heights = [sole_height(motion, sole, up) for _, sole in feet]
+        return floor_height(np.stack(heights, axis=1), np.stack(rests, axis=1))
+    flat = [motion.positions[feet_at_rest(motion, leg, up, length).all(axis=1)] for leg, _ in feet]
+    resting = np.concatenate([lowest_heights(x, up, sole.joints) for x, (_, sole) in zip(flat, feet, strict=True)])
     return float(np.median(resting)) if len(resting) else np.inf

@@ -120,8 +120,8 @@ def average_build(name: str) -> Build:
 
 
 def age_of(body: Body) -> str:
-    """Return which of `AGES` a body has: the one whose legs, and top of the head over the shoulders, are nearest to the
-    body's as shares of its size. A body of which bones do not show both is an adult.
+    """Return which of `AGES` has legs, and a top of the head over the shoulders, most like the body's as shares of its
+    size; the adult where bones do not show both.
     """
     shown = proportions(body)
     if shown is None:
@@ -144,10 +144,8 @@ def _averages() -> dict[str, Any]:
 
 
 def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int, float] | None = None) -> Capsules:
-    """Return the capsules of a body; none where it has no anatomy.
-
-    Without its `mesh` it is as thick as an average one of its age. `radii` are those of what single joints carry, by
-    joint, as the file states them [file units].
+    """Return the capsules of a body, as thick as an average one of its age if its `mesh` is not given; none without an
+    anatomy. `radii` are those of what single joints carry, by joint, as the file states them [file units].
     """
     if body.anatomy is None:
         return no_capsules()

@@ -42,10 +42,7 @@ Legs = tuple[Leg, Leg]
 
 
 def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
-    """Return the two legs of a body, left before right where sides are known; None where it has none.
-
-    They are those of its anatomy; without an anatomy, those of `tree_legs`.
-    """
+    """Return the legs of the anatomy, else of the tree (`tree_legs`), left first if sides are known; None without."""
     if anatomy is None:
         return tree_legs(skeleton)
     hips, ankles = anatomy.pair("UpperLeg"), anatomy.pair("Foot")
@@ -57,9 +54,8 @@ def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
-    """Return the ankle, and the joint to which the foot points from there; None where there is no foot.
-
-    That joint is the toes, else the joint farthest from the ankle; toes right below the ankle are passed over.
+    """Return the ankle, and the joint to which the foot points from there: the toes, else the joint farthest from it;
+    toes right below the ankle are passed over. None where there is no foot.
     """
     foot = anatomy.roles.get(f"{side}Foot")
     if foot is None:
@@ -90,9 +86,7 @@ def tree_legs(skeleton: Skeleton) -> Legs | None:
 
 
 def _longest_pair(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[float, list[int], list[int]]]:
-    """The pair of limbs below the joints `tops`, of about equal bone lengths, whose first is longest, after the length
-    of that; none if no two are alike.
-    """
+    """The longest pair of like limbs below the joints `tops`, after the length of the first; none if none are alike."""
     long = longest_limbs(skeleton, tops)
     for a in sorted(long, key=lambda top: -limb_length(skeleton, top)):
         for b in long[long.index(a) + 1 :]:
@@ -141,9 +135,8 @@ def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain of joints: from the bend at the hip to the bend at the ankle.
-
-    Where the rest pose has no such bend, it begins with the first long bone or ends with the last one.
+    """The leg in a chain of joints: from the bend at the hip to the bend at the ankle; without such bends in the rest
+    pose from its first long bone, or to its last.
     """
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
@@ -194,9 +187,7 @@ def find_arms(anatomy: Anatomy | None) -> tuple[Arm, ...]:
 
 
 def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], up: Array) -> Array:
-    """Return the places of all joints, (joints, 3) [file units], with each arm straight down from its shoulder; `up`,
-    (3,), is the unit vector up.
-    """
+    """Return all joints, (joints, 3) [file units], with arms straight down from the shoulders, against `up`, (3,)."""
     places = np.array(places)
     for arm in arms:
         below = skeleton.subtree(arm.shoulder)

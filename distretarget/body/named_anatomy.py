@@ -133,10 +133,8 @@ class _Rig:
         }
 
     def _chain(self, joints: Sequence[int], stems: Mapping[int, str]) -> Sequence[int]:
-        """The bones of a finger: those of its joints that follow each other down the tree, as many as there are.
-
-        A joint that is named for one above it, as "index_01_half" is for "index_01", is a bone of the skin, unless all
-        but one are.
+        """The bones of a finger: its joints that follow each other down the tree, as many as there are. A joint that is
+        named for one above it, as "index_01_half" is for "index_01", is a bone of the skin, unless all but one are.
         """
         chains: list[tuple[list[int], list[int]]] = [([], [])]  # the bones, and all joints down to one of them
         lowest = dict.fromkeys((-1,), 0)
@@ -150,9 +148,8 @@ class _Rig:
         return bones if len(bones) > 1 else line
 
     def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> Trunk | None:
-        """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
-
-        The neck begins with the first joint that has a name of the neck, else where the arms branch off.
+        """The trunk between the first joints of arms and legs; None where it has no upper end or no hips. The neck
+        begins with the first joint that has a name of the neck, else where the arms branch off.
         """
         meanings, joints = self.meanings, range(len(self.parents))
         named = {joint: meanings.names[joint].stem for joint in joints if meanings.means(joint, "head")}
@@ -183,10 +180,9 @@ class _Rig:
         return None if hips is None or len(of_legs) < len(self.parents) else (hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
-        """The hips: the joint with their name at or above `center`, where legs and trunk branch off, else between
-        `center` and the legs, else `center` itself. Without legs only a joint with their name counts.
-
-        `center` is -1 where there is no such joint.
+        """The hips: the joint with their name at or above `center`, where legs and trunk branch off (-1 for no such
+        joint), else between `center` and the legs, else `center` itself. Without legs only a joint with their name
+        counts.
         """
         if center < 0:
             return None
@@ -264,10 +260,8 @@ def _first_number(finger: str, stems: Sequence[str], thumb: int) -> int:
 
 
 def find_handles(skeleton: Skeleton, anatomy: Anatomy | None, regions: Regions) -> dict[int, int]:
-    """Return the joint that each IK handle follows, by handle: the hand, foot or toes with the same name.
-
-    "ik_foot_l" is the handle of "foot_l", and "RightHandIK" of "RightHand". Only joints that move and turn freely and
-    carry no part of the body are handles.
+    """Return the joint that each IK handle follows, by handle: the hand, foot or toes with the same name, as "foot_l"
+    of "ik_foot_l". Only joints that move and turn freely and carry no part of the body are handles.
     """
     roles = anatomy.roles if anatomy else {}
     parts = {_meaning(skeleton.names[joint]): joint for role, joint in roles.items() if role.endswith(HANDLED_PARTS)}

@@ -82,9 +82,7 @@ def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
 
 
 def proportions(body: Body) -> tuple[float, float] | None:
-    """Return the length of a body's legs and how far the top of its head is over its shoulders [sizes]; None where
-    bones do not show both.
-    """
+    """Return the lengths of legs, and from shoulders to the top of the head [sizes]; None if bones do not show both."""
     size = _Size.of(body) if body.anatomy else None
     shoulders = size.anatomy.pair("UpperArm") if size else []
     if size is None or not shoulders or not body.legs or not (reach := _head_reach(size)):
@@ -127,9 +125,7 @@ class _Size:
         return cls(body.skeleton, anatomy, body.legs, x, axes, size, frame)
 
     def across(self, along: Array, side: str, wide: Array | None = None) -> Array:
-        """The axes of a part of a limb: along it, to its side, and forwards; or along it, along `wide`, and up from
-        these.
-        """
+        """The axes of a part: along it, to its side, and forwards; or along it, along `wide`, and up from these."""
         along = normalised(along)
         sign = 1.0 if side == "left" else -1.0
         if wide is not None:
@@ -141,9 +137,7 @@ class _Size:
 
 
 def _head_reach(size: _Size) -> float:
-    """How far the top of the head is over its joint [sizes]; 0 where neither an End Site nor a joint named for it, such
-    as "HeadTop_End", shows it.
-    """
+    """How far the top of the head, by End Sites or a "HeadTop_End", is over its joint [sizes]; 0 if not shown."""
     skeleton, head = size.skeleton, size.anatomy.roles.get("head")
     if head is None:
         return 0.0

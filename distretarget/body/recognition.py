@@ -38,9 +38,7 @@ def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy 
 
 
 def by_names(skeleton: Skeleton) -> Anatomy | None:
-    """Return the anatomy that names and tree show (`by_tree`), or that the skeleton's `humanoid` states if it has one
-    (`by_humanoid`); None where they show too little.
-    """
+    """Return the anatomy that the `humanoid` of the file states, else names and tree; None if they show too little."""
     return by_humanoid(skeleton) if skeleton.humanoid else by_tree(NamedTree.of(skeleton))
 
 

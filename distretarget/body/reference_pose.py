@@ -112,19 +112,15 @@ def _bone(rest: Directions, shown: Motion | None, joint: int, tip: int) -> Array
 
 
 def usual_pitch(pitches: Array) -> float:
-    """Return the pitch of feet that stand flat, given the pitches of feet that rest in a motion, (n,), all [rad].
-
-    It is their mean with `FOOT_PITCH`, each weighted by how likely feet are built like it, so that feet on tiptoe or
-    on their heels hardly count.
+    """Return the pitch of feet that stand flat, given those of feet that rest in a motion, (n,), all [rad]: their mean
+    with `FOOT_PITCH`, each weighted by how likely feet are built like it; so tiptoes and heels hardly count.
     """
     weights = np.exp(-0.5 * ((pitches - FOOT_PITCH) / PITCHES) ** 2)
     return float(np.average([*pitches, FOOT_PITCH], weights=[*weights, UNSURE * len(pitches)]))
 
 
 def _pointed(turn: Array, bone: Array, goal: Array) -> Array:
-    """The rotation `turn`, (3, 3), followed by the least one that brings a bone in the joint's own axes, (3,), to a
-    direction (3,).
-    """
+    """The rotation `turn`, (3, 3), followed by the least one that brings a bone, (3,) in its axes, to a direction."""
     if goal @ turn @ bone < OPPOSITE:
         turn = np.diag([1.0, -1.0, -1.0]) @ turn
     return least_matrix((turn @ bone)[None], goal[None]) @ turn
@@ -160,8 +156,8 @@ def _leans(anatomy: Anatomy) -> dict[int, Array]:
 
 def _hip_axes(places: Directions) -> Array:
     """(3, 3), the axes of the hips, from the places of all joints in the hips' own axes: left across the hip joints, or
-    across the shoulders if the hip joints lie along the spine; up along the spine's first bone or else the whole trunk,
-    whichever is near an axis of the hips, or else the bone.
+    the shoulders if the hip joints lie along the spine; up along the spine's first bone, or the whole trunk if only
+    that is near an axis of the hips.
     """
     anatomy, x = places.anatomy, places.positions
     bones = [direction(x, anatomy.roles["hips"], joint) for joint in _spine_to_head(anatomy)]

@@ -50,9 +50,8 @@ def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shot
 
 
 def _low(heights: Array, above: Array, slow: Flags, length: float, shots: Shots) -> Array:
-    """(frames,), how low a foot is, 0 to 1: at these `heights`, so far `above` the lowest joint, (frames,) each.
-
-    A foot that is `slow` all the time stays low at about the height where it was low, although a hand reaches below.
+    """(frames,), how low a foot is, 0 to 1, at these `heights`, so far `above` the lowest joint, (frames,) each. A foot
+    that is `slow` all the time stays low at about the height where it was low, although a hand reaches below.
     """
     low = _within(above, REST_HEIGHT * length)
     for shot in slices_of(shots):
@@ -70,8 +69,8 @@ def _within(values: Array, limit: float) -> Array:
 
 
 def joint_speeds(motion: Motion, joints: Numbers, shots: Shots) -> Array:
-    """Return the speeds of some joints, (frames, len(joints)) [file units / s], each shot on its own: the mean velocity
-    over `SPAN` before and after a frame, so that noise and the frame rate hardly matter.
+    """Return the speeds of joints, (frames, joints) [file units / s], each shot on its own: the mean velocity over
+    `SPAN` before and after a frame, so that noise and the frame rate hardly matter.
     """
     reach = max(round(SPAN / motion.frame_time), 1)
     edges = np.array([0, *(shot.stop for shot in slices_of(shots))])
@@ -82,9 +81,7 @@ def joint_speeds(motion: Motion, joints: Numbers, shots: Shots) -> Array:
 
 @compiled()
 def _write_speeds(positions, joints, edges, reach, frame_time, speeds):  # type: ignore[no-untyped-def]
-    """Write the length of the mean step over `reach` frames before and after each frame, per time; shots, from each of
-    `edges` to the next, by themselves.
-    """
+    """Write the mean step per time over `reach` frames before and after; shots begin at `edges`."""
     for shot in range(len(edges) - 1):
         first, end = edges[shot], edges[shot + 1]
         for frame in range(first, end):
@@ -116,9 +113,7 @@ def still_joints(motion: Motion, joints: Numbers, bases: Numbers, speeds: Array,
 
 @compiled()
 def _find_holding(slow, positions, joints, bases, length, least, shots, holding):  # type: ignore[no-untyped-def]
-    """Set `holding`, (frames, len(joints)), in runs of at least `least` slow frames of one shot in which a joint keeps
-    its place while the base of its limb moves.
-    """
+    """Set `holding` in runs of at least `least` slow frames of a shot in which a joint holds on (`still_joints`)."""
     for k in range(len(joints)):
         first = 0
         for frame in range(1, len(slow) + 1):

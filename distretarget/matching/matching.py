@@ -10,14 +10,14 @@ from types import NoneType
 import numpy as np
 
 from distretarget.body.anatomy import Regions
-from distretarget.body.body import Body
+from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
 from distretarget.body.soles import Sole, find_soles, resting_normals
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, normalised
+from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.skeleton import JointMap
 
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
@@ -123,19 +123,11 @@ class Matching:
         """The joints of the target's body that have drivers."""
         return np.flatnonzero((self.drivers >= 0) & (self.regions.of_joint >= 0))
 
-    @cached_property
-    def joints_but_feet(self) -> Numbers:
-        """The `body_joints` except those of the feet; none without legs."""
-        return self._but_feet(self.drivers >= 0)
-
-    @cached_property
-    def followers_but_feet(self) -> Numbers:
-        """The joints of the target's body without driver, except those of the feet; none without legs."""
-        return self._but_feet(self.drivers < 0)
-
-    def _but_feet(self, wanted: Flags) -> Numbers:
+    def joints_but_feet(self, *, driven: bool = True) -> Numbers:
+        """Return the joints of the target's body, with or without driver, but those of the feet; none without legs."""
         of_joint = self.regions.of_joint
         feet = [of_joint[leg.ankle] for leg in self.legs[1]] if self.legs else []
+        wanted = (self.drivers >= 0) == driven
         return np.flatnonzero(wanted & (of_joint >= 0) & ~np.isin(of_joint, feet) & bool(feet))
 
     @cached_property
@@ -152,6 +144,12 @@ class Matching:
         recognised = self.source.anatomy is not None and self.target.anatomy is not None
         both_stand = self.source.stands and self.target.stands
         return recognised and (both_stand or self.source.standing is not None or not self.rest_poses_alike)
+
+    @property
+    def poses(self) -> tuple[Pose, Pose]:
+        """The poses in which source and target are aligned."""
+        source, target = self.source, self.target
+        return (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
 
     def shared_bones(self, x: Array, y: Array) -> tuple[Numbers, Array, Array]:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
@@ -177,16 +175,12 @@ class Matching:
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The soles of source and target for each of these legs; empty without legs.
-
-        If only one of two bodies with the same rest pose shows how its soles lie, the other's lie the same way. If one
-        body has no foot, the legs of both end at the ankle.
+        """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
+        same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle.
         """
         if self.legs is None:
             return ()
-        bodies = (self.source, self.target)
-        poses = (body.reference if self.in_reference else body.rest for body in bodies)
-        feet = [*zip(bodies, self.legs, poses, strict=True)]
+        feet = [*zip((self.source, self.target), self.legs, self.poses, strict=True)]
         source, target = (find_soles(*each) for each in feet)
         if self.rest_poses_alike and not target[0].known:
             target = find_soles(*feet[1], (source[0].normal, source[1].normal))

@@ -153,9 +153,7 @@ def _chains(anatomy: Anatomy) -> tuple[tuple[tuple[int, ...], int], tuple[tuple[
 
 
 def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> Array:
-    """(joints,), the midpoints of a chain's bones, from 0 at its lowest joint to 1 at `top`, the joint that follows it;
-    evenly spaced in a chain without length.
-    """
+    """(joints,), the middles of a chain's bones, from 0 at its lowest joint to 1 at `top`, the joint beyond it."""
     ends = [*chain, top if top >= 0 else chain[-1]]
     along = skeleton.paths_from(chain[0])[ends]
     if not along[-1] > 0:

@@ -82,7 +82,8 @@ def find_supports(
 
     `up`, (3,), is the unit vector up in source and results; `undersides` are the skins of both bodies, if known.
     """
-    joints, drivers = matching.joints_but_feet, matching.drivers[matching.joints_but_feet]
+    joints = matching.joints_but_feet()
+    drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
     height = heights_of(source.positions, drivers, up) / source_leg
     low = height - lowest_heights(source.positions, up)[:, None] / source_leg < LOW

@@ -138,10 +138,7 @@ def _turn(step: float) -> float:
 
 
 def from_euler_angles(angles: Array, axes: str) -> Array:
-    """Return the rotations R_axes[0] R_axes[1] R_axes[2], (..., 4), of angles (..., len(axes)) [rad].
-
-    Like scipy's `Rotation.from_euler`, for any number of dimensions and several times as fast.
-    """
+    """Return the rotations, (..., 4), of angles (..., len(axes)) [rad]: `Rotation.from_euler`, but far faster."""
     rotations = np.empty((*angles.shape[:-1], 4))
     rows, columns = rotations.reshape(-1, 1, 4), np.arange(len(axes))[None]
     values = np.ascontiguousarray(angles).reshape(len(rows), len(axes))

@@ -1,6 +1,6 @@
 """Heights, steps and turns of joints over the frames of a motion.
 
-Frames are the first axis of arrays; quaternions are x y z w, as in scipy.
+Positions and paths are (frames, all joints, 3), in any unit; quaternions are x y z w, as in scipy.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from distretarget.numerics.vectors import Array, Numbers
 
 
 def heights_of(positions: Array, joints: Numbers | list[int], up: Array) -> Array:
-    """(frames, joints), heights of joints along the unit vector up; `positions` are (frames, all joints, 3)."""
+    """(frames, joints), heights of joints along the unit vector up."""
     heights = np.empty((len(positions), len(joints)))
     _write_heights(read_only(positions), np.array(joints, np.intp), read_only(up), heights)
     return heights
@@ -28,17 +28,13 @@ def _write_heights(positions: Array, joints: Numbers, up: Array, heights: Array)
 
 
 def lowest_heights(positions: Array, up: Array, joints: Numbers | None = None) -> Array:
-    """(frames,), the height of the lowest joint along the unit vector up, of all joints if none are given; `positions`
-    are (frames, all joints, 3).
-    """
+    """(frames,), the height of the lowest joint, of all if none are given, along the unit vector up."""
     joints = np.arange(positions.shape[1]) if joints is None else joints
     return np.asarray(heights_of(positions, joints, up).min(axis=1, initial=np.inf))
 
 
 def steps_along(paths: Array, joints: Numbers | None = None, lag: int = 1) -> Array:
-    """(frames - lag, joints), distance of each joint from its place `lag` frames earlier, in the units of `paths`,
-    (frames, all joints, 3); of all joints if none are given.
-    """
+    """(frames - lag, joints), the distance of joints, all if none are given, from their places `lag` frames earlier."""
     joints = np.arange(paths.shape[1]) if joints is None else joints
     steps = np.empty((max(len(paths) - lag, 0), len(joints)))
     _write_steps(contiguous(paths), joints, lag, steps)
@@ -55,8 +51,8 @@ def _write_steps(paths: Array, joints: Numbers, lag: int, steps: Array) -> None:
 
 
 def stretch_of(positions: Array, upper: Numbers, lower: Numbers, lengths: Array) -> Array:
-    """(frames,), the largest relative difference of bones from their `lengths`, (bones,), and 0 without bones; a bone
-    is from the joint `upper` to the joint `lower`, (bones,) each, of `positions`, (frames, joints, 3).
+    """(frames,), the largest relative difference from their `lengths`, (bones,), of the bones from joints `upper` to
+    `lower`, (bones,) each; 0 without bones.
     """
     largest = np.empty(len(positions))
     _write_stretch(contiguous(positions), upper, lower, lengths, largest)
@@ -74,9 +70,7 @@ def _write_stretch(positions, upper, lower, lengths, largest):  # type: ignore[n
 
 
 def angles_to_bones(vectors: Array, positions: Array, upper: Numbers, lower: Numbers) -> Array:
-    """(frames, bones), the angles between `vectors`, (frames, bones, 3), and bones as in `stretch_of` [rad]; as
-    `vectors.angles_between`.
-    """
+    """(frames, bones), the angles of `vectors`, (frames, bones, 3), to bones [rad], as `vectors.angles_between`."""
     angles = np.empty(vectors.shape[:2])
     _write_half_tangents(contiguous(vectors), contiguous(positions), upper, lower, angles)
     np.arctan(angles, out=angles)
@@ -100,9 +94,7 @@ def _write_half_tangents(vectors, positions, upper, lower, tangents):  # type: i
 
 
 def thirds_along(paths: Array, joints: Numbers) -> Array:
-    """(frames - 3,), the mean over joints of the length of the third difference of their positions, in the units of
-    `paths`, (frames, all joints, 3); 0 without joints.
-    """
+    """(frames - 3,), the mean over joints of the length of their third differences; 0 without joints."""
     means = np.empty(max(len(paths) - 3, 0))
     _write_thirds(contiguous(paths), joints, means)
     return means
@@ -128,10 +120,8 @@ def _write_thirds(paths: Array, joints: Numbers, means: Array) -> None:
 
 
 def turns_along(parents: Numbers, rotations: Array, joints: Numbers) -> Array:
-    """(frames - 1, joints), the angle by which joints turn in the world to the next frame [rad]; `rotations`, (frames,
-    all joints, 4), are relative to the parents.
-
-    The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
+    """(frames - 1, joints), the angles by which joints turn in the world to the next frame [rad]; `rotations`, (frames,
+    all joints, 4), are local. The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
     """
     apart = np.empty((max(len(rotations) - 1, 0), len(joints)))
     _write_apart(read_only(parents), contiguous(rotations), joints, np.empty((2, len(parents), 4)), apart)
@@ -161,9 +151,7 @@ def _write_apart(parents, rotations, joints, world, apart):  # type: ignore[no-u
 
 
 def speeds_along(paths: Array, frame_time: float, joints: Numbers | None = None) -> Array:
-    """(frames, joints), speeds of joints by central differences, in units of `paths`, (frames, all joints, 3), per unit
-    of `frame_time`; of all joints if none are given. A single frame has speed 0.
-    """
+    """(frames, joints), speeds by central differences [paths / frame_time] of joints, all if none are given."""
     if len(paths) < 2:
         return np.zeros((len(paths), paths.shape[1] if joints is None else len(joints)))
     first, last = (2.0 * steps_along(paths[ends], joints) for ends in (slice(2), slice(-2, None)))

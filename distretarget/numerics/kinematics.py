@@ -56,9 +56,7 @@ def world_rotations(parents: Numbers, local: Array) -> Array:
 
 
 def line_rotations(line: Numbers, local: Array) -> Array:
-    """(frames, 4), the world rotations of the last joint of a line that begins at the root, (joints,), from local ones,
-    (frames, all joints, 4).
-    """
+    """(frames, 4), world rotations of the end of a line of joints from the root, from local (frames, all joints, 4)."""
     world = np.empty((len(local), 4))
     _write_line(line, contiguous(local), world)
     return world

@@ -27,9 +27,8 @@ Shots = Numbers  # (frames,), the number of the shot that each frame belongs to
 
 
 def widened(values: Array, frames: float) -> Array:
-    """The moving maximum of values, (frames, n), over `frames` before and after, then averaged over as many frames.
-
-    The result is smooth, and nowhere less than the values. `frames` below 0.5 changes nothing.
+    """The moving maximum of values, (frames, n), over `frames` before and after, then averaged over as many: smooth,
+    and nowhere less than the values. `frames` below 0.5 changes nothing.
     """
     reach = round(frames)
     return values if reach < 1 else _largest_averaged(values, reach, reach)
@@ -41,9 +40,7 @@ def largest(values: Array, reach: int) -> Array:
 
 
 def averaged(values: Array, reach: int) -> Array:
-    """The moving average of values, (frames, ...), over `reach` frames before and after, weighted by a raised cosine;
-    the first and the last value are repeated at the ends.
-    """
+    """Values, (frames, ...), averaged over `reach` frames before and after by a raised cosine; the ends repeat."""
     return _largest_averaged(values.reshape(len(values), -1), 0, reach).reshape(values.shape)
 
 

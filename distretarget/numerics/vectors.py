@@ -45,9 +45,8 @@ def level(vectors: Array, up: Array) -> Array:
 
 
 def angles_between(a: Array, b: Array) -> Array:
-    """The angles between vectors (..., n) of the same shape, (...) [rad]; 0 for a zero vector.
-
-    Accurate for all angles, as half of each is taken between the sides of a rhombus (W. Kahan).
+    """The angles between vectors (..., n) of one shape, (...) [rad]; 0 for a zero vector. Accurate for all angles, as
+    half of each is taken between the sides of a rhombus (W. Kahan).
     """
     a, b = a * lengths(b)[..., None], b * lengths(a)[..., None]
     return np.asarray(2.0 * np.arctan2(lengths(a - b), lengths(a + b)))
