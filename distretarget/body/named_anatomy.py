@@ -105,7 +105,9 @@ class _Rig:
                     longer = above[rank][0] + more, above[rank][1] | {part: joint}
                     best[rank + 1 :] = [max(chain, longer, key=points) for chain in best[rank + 1 :]]
             chains.append(best)
-        _, joints = max((best[-1] for best in chains), key=lambda chain: (chain[0], self._carried(chain[1])))
+        _, joints = max(
+            (best[-1] for best in chains), key=lambda chain: (chain[0], self._below[max(chain[1].values(), default=-1)])
+        )
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
     def fingers(self, hand: int) -> dict[str, int]:
@@ -194,10 +196,6 @@ class _Rig:
 
     def _is_hips(self, joint: int) -> bool:
         return self.meanings.means(joint, "hips")
-
-    def _carried(self, joints: Mapping[str, int]) -> int:
-        """The number of joints below the lowest of these."""
-        return self._below[max(joints.values())] if joints else 0
 
     @cached_property
     def _below(self) -> list[int]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.numerics.compiled import compiled, contiguous, inlined
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, Numbers
 
@@ -34,12 +34,10 @@ def euler_angles(rotations: Array, axes: str) -> Array:
     """
     if not axes:
         return np.empty((len(rotations), 0))
-    order, parity = _order(axes)
-    i, j, k = (rotations[:, column] for column in order)
     if len(axes) == 1:
-        return _continued(2 * np.arctan2(i, rotations[:, 3])[:, None])
+        return _continued(2 * np.arctan2(rotations[:, "XYZ".index(axes)], rotations[:, 3])[:, None])
     if len(axes) == 2:
-        return _continued(_two_angles(rotations[:, 3], i, j, parity * k))
+        return _continued(_two_angles(*_half_sums(rotations, axes)))
     angles, joint, columns = np.empty((len(rotations), 3)), np.zeros(1, np.intp), np.arange(3)[None]
     write_channel_angles(rotations[:, None], joint, axes, columns, angle_state(1), angles, unit=1.0)
     return angles
@@ -51,13 +49,7 @@ def angle_state(joints: int) -> Array:
 
 
 def write_channel_angles(
-    rotations: Array,
-    joints: Numbers,
-    axes: str,
-    columns: Numbers,
-    state: Array,
-    values: Array,
-    unit: float = RADIAN,
+    rotations: Array, joints: Numbers, axes: str, columns: Numbers, state: Array, values: Array, unit: float = RADIAN
 ) -> None:
     """Write the angles of joints with three channels of the same order to `values`, (frames, channels) [degrees, or any
     `unit` per radian]; the inverse of `write_channel_rotations`, see `euler_angles`.
@@ -65,30 +57,27 @@ def write_channel_angles(
     The `rotations` are (frames, all joints, 4); the angles of the `joints`, (joints,), go to the `columns`, (joints,
     3). The `state` (`angle_state`) becomes that of the last frame, from which the next frames continue.
     """
-    order, parity = _order(axes)
+    _, parity = _order(axes)
     for block in blocks_of(len(rotations)):
         halves = np.empty((6, block.stop - block.start, len(joints)))
-        _write_half_sums(contiguous(rotations[block]), joints, order, parity, halves)
+        halves[:4] = _half_sums(rotations[block][:, joints], axes)
         halves[4:] = np.hypot(halves[:4:2], halves[1:4:2])
         halves[:3] = np.arctan2(halves[::2], halves[1::2])
         _write_angles(halves, parity, state, unit, columns, values[block])
 
 
-@compiled()
-def _write_half_sums(rotations, joints, order, parity, halves):  # type: ignore[no-untyped-def]
-    """Write i + k, w + j, i - k and w - j, with the axes i, j, k in their order, and k and gamma times its parity.
+def _half_sums(rotations: Array, axes: str) -> tuple[Array, Array, Array, Array]:
+    """(...), i + k, w + j, i - k and w - j of quaternions (..., 4), with i, j, k in the order of the axes, and k and
+    gamma times its parity.
 
     (w + j, i + k) = sqrt(2) sin(beta + pi/4) (cos, sin)(alpha + gamma) and
     (w - j, i - k) = sqrt(2) cos(beta + pi/4) (cos, sin)(alpha - gamma), after E. Bernardes and S. Viollet,
     PLoS ONE 17 (2022) e0276302. Where the sine vanishes, the total alpha + gamma is undefined, and where the cosine
     does, the difference.
     """
-    for frame in range(len(rotations)):
-        for n in range(len(joints)):
-            q = rotations[frame, joints[n]]
-            i, j, k, w = q[order[0]], q[order[1]], parity * q[order[2]], q[3]
-            half = halves[:, frame, n]
-            half[0], half[1], half[2], half[3] = i + k, w + j, i - k, w - j
+    order, parity = _order(axes)
+    i, j, k, w = (rotations[..., column] for column in (*order, 3))
+    return i + parity * k, w + j, i - parity * k, w - j
 
 
 @compiled()
@@ -96,7 +85,7 @@ def _write_angles(halves, parity, state, unit, columns, values):  # type: ignore
     """Write the angles of a block of frames, continued from frame to frame.
 
     `halves`, (6, frames, joints), are the total and the difference of the half angles, half of the middle angle, and
-    from row 4 on the sine and the cosine of `_write_half_sums`. `state`, (joints, 11), is that of the last frame: its
+    from row 4 on the sine and the cosine of `_half_sums`. `state`, (joints, 11), is that of the last frame: its
     angles, those of the chosen twin before and after whole turns are added, the first angle, and whether the twin is
     chosen.
 
@@ -188,13 +177,12 @@ def restrict(rotations: Array, axes: str) -> Array:
     return from_euler_angles(euler_angles(rotations, axes), axes)
 
 
-def _two_angles(w: Array, i: Array, j: Array, k: Array) -> Array:
+def _two_angles(a: Array, b: Array, c: Array, d: Array) -> Array:
     """(frames, 2), the first two angles of three, or of their twins, whichever have the last below a right angle. Near
-    the lock the last counts as 0, or as half a turn where the twins are taken. The components are those of
-    `_write_half_sums`, (frames,) each.
+    the lock the last counts as 0, or as half a turn where the twins are taken. a to d are those of
+    `_half_sums`, (frames,) each.
     """
-    total, difference = np.arctan2(i + k, w + j), np.arctan2(i - k, w - j)
-    sine, cosine = np.hypot(w + j, i + k), np.hypot(w - j, i - k)
+    total, difference, sine, cosine = np.arctan2(a, b), np.arctan2(c, d), np.hypot(b, a), np.hypot(d, c)
     turned_over = np.cos(total - difference) < 0
     last = np.where(turned_over, np.pi, 0.0)
     sure_total = np.where(sine < NEARLY_LOCKED, difference + last, total)

@@ -75,16 +75,7 @@ def _write_line(line: Numbers, local: Array, world: Array) -> None:
 
 def turned_by(rotations: Array, vector: Array) -> Array:
     """(frames, 3), a vector, (3,), turned by rotations, (frames, 4)."""
-    vectors = np.empty((len(rotations), 3))
-    _write_turned(contiguous(rotations), contiguous(vector), vectors)
-    return vectors
-
-
-@compiled()
-def _write_turned(rotations: Array, vector: Array, vectors: Array) -> None:
-    for frame in range(len(rotations)):
-        q, v = rotations[frame], vectors[frame]
-        v[0], v[1], v[2] = turned(q[0], q[1], q[2], q[3], vector[0], vector[1], vector[2])
+    return np.stack(turned(*rotations.T, *vector), axis=-1)
 
 
 def make_local(parents: Numbers, rotations: Array) -> None:

@@ -31,26 +31,21 @@ def widened(values: Array, frames: float) -> Array:
     and nowhere less than the values. `frames` below 0.5 changes nothing.
     """
     reach = round(frames)
-    return values if reach < 1 else _largest_averaged(values, reach, reach)
+    return values if reach < 1 else averaged(largest(values, reach), reach)
 
 
 def largest(values: Array, reach: int) -> Array:
     """The moving maximum of values, (frames, n), over `reach` frames before and after."""
-    return _largest_averaged(values, reach, 0)
+    row, size, span = _extended(values, reach), 2 * reach + 1, 1
+    while 2 * span <= size:  # each element is the maximum of the `span` values that begin with it
+        row, span = np.maximum(row[:-span], row[span:]), 2 * span
+    return np.maximum(row[: len(values)], row[size - span :])
 
 
 def averaged(values: Array, reach: int) -> Array:
     """Values, (frames, ...), averaged over `reach` frames before and after by a raised cosine; the ends repeat."""
-    return _largest_averaged(values.reshape(len(values), -1), 0, reach).reshape(values.shape)
-
-
-def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
-    """The moving maximum of values, (frames, n), over `reach` frames on each side, averaged over `blur` frames."""
-    row, size, span = _extended(values, reach), 2 * reach + 1, 1
-    while 2 * span <= size:  # each element is the maximum of the `span` values that begin with it
-        row, span = np.maximum(row[:-span], row[span:]), 2 * span
-    row = _extended(np.maximum(row[: len(values)], row[size - span :]), blur)
-    window, result, weighted = np.hanning(2 * blur + 3)[1:-1], np.zeros(values.shape), np.empty(values.shape)
+    row, window = _extended(values, reach), np.hanning(2 * reach + 3)[1:-1]
+    result, weighted = np.zeros(values.shape), np.empty(values.shape)
     for first, weight in enumerate(window / window.sum()):
         result += np.multiply(row[first : first + len(values)], weight, out=weighted)
     return result
@@ -58,7 +53,7 @@ def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
 
 def _extended(values: Array, reach: int) -> Array:
     """The values, with the first and the last repeated before and after them."""
-    return np.pad(values, ((reach, reach), (0, 0)), mode="edge") if len(values) else values
+    return np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="edge") if len(values) else values
 
 
 def smoothstep(values: Array) -> Array:
