@@ -76,9 +76,7 @@ class Foot:
 
 
 def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports:
-    """Return the feet at rest in the source, and where they belong on the target. `undersides` are the skins of both
-    bodies; None if they are not known.
-    """
+    """Return the feet at rest in the source, and where they belong on the target, by the skins if known."""
     if not clip.legs:
         return no_supports(len(clip))
     length = clip.leg_lengths[0]
