@@ -207,9 +207,7 @@ def _on_mesh(
 
 
 def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
-    """How high the lowest points of the source's soles belong, (frames, legs) [source file units]; `rests` as in
-    `_on_mesh`.
-    """
+    """(frames, legs), how high the source's soles belong [source file units]; `rests` as in `_on_mesh`."""
     heights, steady_heights, length = [], [], clip.leg_lengths[0]
     steady = partial(_steadied_offset, reach=round(STEADY / clip.frame_time))
     for pair, resting in zip(clip.legs, rests, strict=True):

@@ -1,6 +1,4 @@
-"""Tapered capsules: balls of changing radius along lines that move with the joints of a body; how near balls come to
-them, and their surface as triangles.
-"""
+"""Tapered capsules, balls of changing radius that move with joints: how near other balls come, and their surface."""
 
 from __future__ import annotations
 

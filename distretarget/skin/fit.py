@@ -78,9 +78,7 @@ class _Surface:
 
 
 def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -> Capsules:
-    """Return the capsules that stand for the parts of a body, carried by the joints of its skeleton; none for a part
-    that moves next to no surface.
-    """
+    """Return the capsules that stand for the parts of a body; none for a part that moves next to no surface."""
     surface, owners = _sampled(mesh, len(skeleton), parts)
     rest = skeleton.rest_positions
     owners = _owners_at_joints(surface, owners, parts, rest)

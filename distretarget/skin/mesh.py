@@ -50,9 +50,7 @@ class SkinnedMesh:
     whole: SkinnedMesh | None = None  # the same with all its triangles, if it has only some of them
 
     def posed(self, motion: Motion, vertices: Numbers | slice = slice(None)) -> Array:
-        """Return the vertices, or some of them, in each frame of a motion by linear blend skinning, (frames, vertices,
-        3) [file units].
-        """
+        """Return vertices in each frame by linear blend skinning, (frames, vertices, 3) [file units]."""
         joints, weights = self.joints[vertices], self.weights[vertices]
         rest, result = motion.skeleton.rest_positions, np.zeros((len(motion), len(joints), 3))
         for joint in np.unique(joints[weights > 0.0]).tolist():
