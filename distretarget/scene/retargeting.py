@@ -17,8 +17,8 @@ from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError, MatchingError, MotionError, SettingsError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
-from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
-from distretarget.measure.scene_skin_gaps import SkinGap, measure_skin_gap
+from distretarget.measure.diff import prop_in_world
+from distretarget.measure.gaps import Gap, ScenePart, SkinGap, body_part, measure_gaps, measure_skin_gap
 from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
