@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.named_anatomy import by_names
-from distretarget.character.character import Character, with_deform_bones
+from distretarget.body.recognition import by_names
+from distretarget.character.character import Character
+from distretarget.character.deform import with_deform_bones
 from distretarget.character.joints import are_regular, bind_poses, joint_nodes
 from distretarget.character.nodes import Nodes, Scene
 from distretarget.errors import FileError, SkeletonError, cut, quoted

@@ -19,11 +19,11 @@ from distretarget.io.files import read_text
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
 from distretarget.numerics.vectors import Array, extent, lengths
-from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+from distretarget.skeleton import ALL_CHANNELS, LARGEST, POSITION_CHANNELS, Skeleton
 
 NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
 MAX_DEPTH = 400  # joints above a joint; bodies have about 40
-CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
+CHANNELS = {name.upper(): name for name in ALL_CHANNELS}
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
 
 
