@@ -49,7 +49,7 @@ def from_bvhio(container: bvhio.BvhContainer) -> Motion:
     nodes = list(_nodes(container.Root))
     skeleton = _skeleton(nodes)
     translations = np.tile(skeleton.offsets, (container.FrameCount, 1, 1))
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (container.FrameCount, len(skeleton), 1))
+    rotations = np.tile(skeleton.unturned, (container.FrameCount, 1, 1))
     for number in np.flatnonzero(~skeleton.end_sites):
         translations[:, number], rotations[:, number] = _poses(nodes[number][0], container.FrameCount)
     add_offsets(skeleton, np.arange(len(skeleton)), translations)

@@ -45,8 +45,7 @@ def parse_obj(text: str, path: str | Path) -> Motion:
         channels=(ALL_CHANNELS, *[()] * (len(order) - 1)),
         end_sites=leaves,
     )
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
-    return Motion(skeleton, points[:1], rotations, "1")
+    return Motion(skeleton, points[:1], skeleton.unturned[None], "1")
 
 
 def parse_obj_mesh(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
