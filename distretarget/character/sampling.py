@@ -104,6 +104,4 @@ def sampled(
 
 def _at(curve: Curve, times: Array, rotates: bool) -> Array:
     """`Curve.at`, block by block."""
-    if len(times) <= BLOCK:
-        return curve.at(times, rotates)
     return np.concatenate([curve.at(times[first : first + BLOCK], rotates) for first in range(0, len(times), BLOCK)])

@@ -48,14 +48,13 @@ def entry_to_json(entry: Entry) -> str:
 
 def _plain(entry: Entry) -> dict[str, Any]:
     """What an entry says, without what is usual."""
-    usual = {each.name: each.default for each in fields(entry) if each.name not in ("keep", "like")} | {"keep": None}
-    if entry.acts:
-        usual["keep"] = True
+    usual = {each.name: each.default for each in fields(entry)}
+    always = {"like"} if entry.acts else {"like", "keep"}
     values = {key: getattr(entry, key) for key in (*READ[type(entry)], *OF_ALL)}
     return {
         key: [_whole(each) for each in value] if isinstance(value, tuple) else _whole(value)
         for key, value in values.items()
-        if value is not None and value != usual.get(key)
+        if value is not None and (key in always or value != usual[key])
     }
 
 
