@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -124,18 +124,12 @@ def measure_gaps(
 
 
 class Touch(NamedTuple):
-    """A hand or forearm of one performer that touches the other in the source.
+    """A hand or forearm of one performer that touches the other in the source."""
 
-    Attributes:
-        frame: of the clip.
-        error: the difference of the gap in the result to the source's, 0 or more there, in proportion to heights [% of
-            height].
-        parts: the parts of the first and the second performer that touch.
-    """
-
-    frame: int
+    frame: int  # of the clip
+    # the difference of the gap in the result to the source's, 0 or more there, in proportion to heights [% of height]
     error: float
-    parts: tuple[str, str]
+    parts: tuple[str, str]  # the parts of the first and the second performer that touch
 
 
 @dataclass(frozen=True)
@@ -206,5 +200,5 @@ def _gaps(
         np.concatenate([each.positions[frames] for each in both], axis=1),
         np.concatenate([each.world_rotations_in(frames) for each in both], axis=1),
     )
-    depths, _ = find_depths(skins[one].patches, replace(clusters, groups=groups), posed, reach)
+    depths, _ = find_depths(skins[one].patches, clusters._replace(groups=groups), posed, reach)
     return np.where(there, -100.0 / height * depths, np.inf)

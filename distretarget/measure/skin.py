@@ -56,19 +56,12 @@ HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The skin of a body: points on its hands and forearms, and the solid parts that they may sink into.
+    """The skin of a body: points on its hands and forearms, and the solid parts that they may sink into."""
 
-    Attributes:
-        patches: the points, in the order of limbs.
-        clusters: capsules, or many more balls inside a mesh.
-        height: of the body [file units].
-        can_touch: (limbs, segments), whether the body has both, and they are no neighbours.
-    """
-
-    patches: Patches
-    clusters: Clusters
-    height: float
-    can_touch: NDArray[np.bool_]
+    patches: Patches  # the points, in the order of limbs
+    clusters: Clusters  # capsules, or many more balls inside a mesh
+    height: float  # of the body [file units]
+    can_touch: NDArray[np.bool_]  # (limbs, segments), whether the body has both, and they are no neighbours
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
@@ -111,20 +104,14 @@ def _skin(points: SkinPoints, solid: Capsules, rest: Array, height: float) -> Sk
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SkinMeasured:
-    """The skin of hands and forearms of a result. Arrays have no frames where its thickness is not known.
+    """The skin of hands and forearms of a result. Arrays have no frames where its thickness is not known."""
 
-    Attributes:
-        deepest: (frames, limbs), how deep each is inside other parts of the body [% of height].
-        inside: (frames,), how much of them is [% of the vertices].
-        gap_error: (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the
-            heights; what overlaps there may just touch; a forearm's gap is the least of forearm and hand [% of height].
-        touching: (frames, limbs), the number of parts of the body that it touches there.
-    """
-
-    deepest: Array
-    inside: Array
+    deepest: Array  # (frames, limbs), how deep each is inside other parts of the body [% of height]
+    inside: Array  # (frames,), how much of them is [% of the vertices]
+    # (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the heights; what
+    # overlaps there may just touch; a forearm's gap is the least of forearm and hand [% of height]
     gap_error: Array
-    touching: Numbers
+    touching: Numbers  # (frames, limbs), the number of parts of the body that it touches there
 
     @property
     def tracks(self) -> Tracks:
@@ -138,17 +125,11 @@ class SkinMeasured:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SourceSkin:
-    """What touches in a source, which the skin of results is measured against.
+    """What touches in a source, which the skin of results is measured against."""
 
-    Attributes:
-        target: the skin of results.
-        touches: (3, contacts), frame, limb and segment, by frames.
-        gaps: (contacts,), how far apart they are, negative where they overlap [% of height].
-    """
-
-    target: Skin
-    touches: Numbers
-    gaps: Array
+    target: Skin  # the skin of results
+    touches: Numbers  # (3, contacts), frame, limb and segment, by frames
+    gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""
@@ -179,7 +160,7 @@ class SourceSkin:
         errors = np.bincount(cell, np.maximum(np.maximum(too_far, too_near), 0.0), minlength=frames * len(LIMBS))
         return SkinMeasured(
             deepest=to_percent * deepest,
-            inside=100.0 * vertices / max(skin.patches.points.counts.sum(), 1.0),
+            inside=100.0 * vertices / max(skin.patches.counts.sum(), 1.0),
             gap_error=(errors / np.maximum(counts, 1)).reshape(shape),
             touching=counts.reshape(shape),
         )

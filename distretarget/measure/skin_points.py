@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,28 +27,30 @@ GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """Points of the skin, bound to joints as a mesh is.
+    """Points of the skin, bound to joints as a mesh is."""
 
-    Attributes:
-        limbs: (points,), of each, a number of `LIMBS`.
-        joints: (points, influences), the joints that move each.
-        weights: (points, influences), their shares, which sum to 1.
-        offsets: (points, influences, 3), from each of these joints to the point while no joint is turned [file units].
-        counts: (points,), the number of vertices of the mesh that each stands for, those nearest to it.
-    """
-
-    limbs: Numbers
-    joints: Numbers
-    weights: Array
-    offsets: Array
-    counts: Array
+    limbs: Numbers  # (points,), of each, a number of `LIMBS`
+    joints: Numbers  # (points, influences), the joints that move each
+    weights: Array  # (points, influences), their shares, which sum to 1
+    offsets: Array  # (points, influences, 3), from each of these joints to the point in the rest pose [file units]
+    counts: Array  # (points,), the number of vertices of the mesh that each stands for, those nearest to it
 
     def __len__(self) -> int:
         return len(self.limbs)
 
     def __getitem__(self, chosen: NDArray[np.bool_] | Numbers) -> SkinPoints:
-        limbs, joints, weights = self.limbs[chosen], self.joints[chosen], self.weights[chosen]
-        return SkinPoints(limbs, joints, weights, self.offsets[chosen], self.counts[chosen])
+        return SkinPoints(*(each[chosen] for each in vars(self).values()))
+
+
+class Patches(NamedTuple):
+    """Points of one limb that one joint moves most, in patches of a few neighbours."""
+
+    limbs: Numbers  # (limbs + 1,), the first patch of each; the last is their end
+    patches: Numbers  # (patches + 1, 2), joint and first point of each; the last is their end
+    balls: Array  # (patches, 4), centre relative to the joint, and radius [file units]
+    joints: Numbers  # (points, influences), as in `SkinPoints`, but in this order
+    bound: Array  # (points, influences, 4), their offsets and weights
+    counts: Array  # (points,)
 
 
 def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
@@ -101,23 +104,6 @@ def _spiral(ends: Array, radii: Array, count: int) -> Array:
     return np.asarray(start + places[:, None] * along + radii[:, None] * around)
 
 
-@dataclass(frozen=True, eq=False)
-class Patches:
-    """Points of one limb that one joint moves most, in patches of a few neighbours.
-
-    Attributes:
-        limbs: (limbs + 1,), the first patch of each; the last is their end.
-        patches: (patches + 1, 2), joint and first point of each; the last is their end.
-        balls: (patches, 4), centre relative to the joint, and radius [file units].
-        points: the points in this order.
-    """
-
-    limbs: Numbers
-    patches: Numbers
-    balls: Array
-    points: SkinPoints
-
-
 def patches_of(points: SkinPoints) -> Patches:
     """Return points in patches."""
     rows, strongest = np.arange(len(points)), points.weights.argmax(axis=1)
@@ -132,11 +118,14 @@ def patches_of(points: SkinPoints) -> Patches:
                 balls.append((*middle, BLENDED * lengths(offsets[patch] - middle).max()))
                 order.extend(patch.tolist())
         limbs.append(len(patches))
+    points = points[np.array(order, np.intp)]
     return Patches(
         limbs=np.array(limbs, np.intp),
         patches=np.array([*patches, (-1, len(order))], np.intp),
         balls=np.array(balls).reshape(-1, 4),
-        points=points[np.array(order, np.intp)],
+        joints=points.joints,
+        bound=np.concatenate([points.offsets, points.weights[..., None]], axis=2),
+        counts=points.counts,
     )
 
 

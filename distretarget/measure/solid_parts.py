@@ -8,7 +8,7 @@ layers of clothes do no harm, as each ball sees only what is near it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +34,12 @@ CLUSTER = 8  # most capsules of a cluster
 STEEP = 1e9  # slope of a capsule of which one end is within the other
 
 
-@dataclass(frozen=True, eq=False)
-class _Surface:
-    """Points of the skin: (points, 3) places and normals, and (points,) the vertex that moves each."""
+class _Surface(NamedTuple):
+    """Points of the skin."""
 
-    places: Array
-    normals: Array
-    vertices: Numbers
+    places: Array  # (points, 3)
+    normals: Array  # (points, 3)
+    vertices: Numbers  # (points,), the vertex that moves each
 
 
 def inner_balls(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> Capsules:
@@ -141,22 +140,15 @@ def _not_within_others(centres: Array, radii: Array, joints: Numbers, margin: fl
     return np.array(sorted(kept), np.intp)
 
 
-@dataclass(frozen=True, eq=False)
-class Clusters:
-    """Capsules in groups of one joint and one segment, and these in clusters of a few neighbours, each within a ball.
+class Clusters(NamedTuple):
+    """Capsules in groups of one joint and segment, and these in clusters of a few neighbours, each within a ball."""
 
-    Attributes:
-        groups: (groups + 1, 3), the joint and the segment of each, and its first cluster; the last is their end.
-        first: (clusters + 1,), the first capsule of each; the last is their end.
-        balls: (groups + clusters, 4), centre relative to the joint, and radius [file units].
-        capsules: (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius
-            where it begins, the change of the radius along it, and how far along it, over a point's distance to the
-            axis, the nearest ball is off the point's foot.
-    """
-
-    groups: Numbers
-    first: Numbers
-    balls: Array
+    groups: Numbers  # (groups + 1, 3), the joint and the segment of each, and its first cluster; the last is their end
+    first: Numbers  # (clusters + 1,), the first capsule of each; the last is their end
+    balls: Array  # (groups + clusters, 4), centre relative to the joint, and radius [file units]
+    # (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius where it
+    # begins, the change of the radius along it, and how far along it, over a point's distance to the axis, the nearest
+    # ball is off the point's foot
     capsules: Array
 
 

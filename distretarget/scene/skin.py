@@ -35,9 +35,9 @@ from distretarget.objectives.skins import Skins
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape
+from distretarget.scene.contacts import PropContacts
 from distretarget.scene.prop_surface import has_bones
-from distretarget.scene.props import PropContacts
-from distretarget.scene.sweeps import SceneContacts
+from distretarget.scene.scene_contacts import SceneContacts, common_shots
 from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb
@@ -146,7 +146,7 @@ def _apart(
     soft, own = np.maximum(softness(balls, bodies.parts, in_source), -least), np.equal(*(balls.pairs // COUNT).T)
     of_each = zip(performers, bodies.skins, strict=True)
     free = np.concatenate([how_free(one.clip, body, one.supports, one.settings) for one, body in of_each], axis=1)
-    shots, time = np.sum([clip.shots for clip in clips], axis=0), clips[0].frame_time  # a new shot at any one's cuts
+    shots, time = common_shots(performers), clips[0].frame_time
 
     ends, gaps = bodies.posed(posed), bodies.gaps(posed)
     firmness = _touching(balls.pairs, bodies.parts, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
@@ -171,7 +171,7 @@ def _where_it_helps(
     """The motions `after` limbs are bent, with each limb as `before` where it is deeper in others than then, blended
     over time: between a body and a wall that leave it no room, it is not displaced.
     """
-    shots, time = np.sum([one.clip.shots for one in performers], axis=0), performers[0].clip.frame_time
+    shots, time = common_shots(performers), performers[0].clip.frame_time
     on = bodies.displaced.limbs[bodies.balls.carriers[bodies.balls.of_ball[bodies.balls.pairs[:, 0]]]]
     limbs = range(sum(len(skin.limbs) for skin in bodies.skins))
 
