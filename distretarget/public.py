@@ -26,7 +26,6 @@ from distretarget.errors import SettingsError as SettingsError
 from distretarget.errors import SkeletonError as SkeletonError
 from distretarget.errors import SkeletonFileError as SkeletonFileError
 from distretarget.ik.spg import Effort as Effort
-from distretarget.io.build_file import load_build as load_build
 from distretarget.io.bvh import read_bvh as read_bvh
 from distretarget.io.bvh_writer import write_bvh as write_bvh
 from distretarget.io.contacts_file import contacts_to_json as contacts_to_json
@@ -37,6 +36,7 @@ from distretarget.io.motion_file import read_motion as read_motion
 from distretarget.io.motion_writer import OutputSettings as OutputSettings
 from distretarget.io.motion_writer import write_motion as write_motion
 from distretarget.io.motion_writer import write_npz as write_npz
+from distretarget.io.target_file import load_build as load_build
 from distretarget.io.target_file import load_target as load_target
 from distretarget.matching.matching import Matching as Matching
 from distretarget.matching.matching import match as match
@@ -52,7 +52,7 @@ from distretarget.motion import Motion as Motion
 from distretarget.motion import MotionArrays as MotionArrays
 from distretarget.motion import MovingBones as MovingBones
 from distretarget.numerics.kinematics import forward_kinematics as forward_kinematics
-from distretarget.objectives.settings import ContactSettings as ContactSettings
+from distretarget.objectives.activation import ContactSettings as ContactSettings
 from distretarget.objectives.supports import Supports as Supports
 from distretarget.pipeline.found_contacts import find_contacts as find_contacts
 from distretarget.pipeline.options import Options as Options

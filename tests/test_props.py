@@ -21,8 +21,8 @@ from distretarget import (
     read_bvh,
     retarget_scene,
 )
+from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_pairs import DIRECTION_RANGE, TOUCH
-from distretarget.objectives.settings import ContactSettings
 from distretarget.scene.contacts import NEAREST, ContactPoints, find_prop_contacts
 
 

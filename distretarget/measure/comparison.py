@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
@@ -26,10 +25,8 @@ from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
-Joints = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,15 +59,15 @@ class Comparison:
     skin: SkinMeasured
     feet: Feet
     supports: SupportsMeasured
-    posture: Mapping[str, tuple[Joints, Array]]
+    posture: Mapping[str, tuple[Numbers, Array]]
     skeleton: Skeleton
     distance_error: Array
-    bones: Joints
+    bones: Numbers
     direction_error: Array
     bone_error: Array
     jerk_source: Array
     jerk: Array
-    turned: Joints
+    turned: Numbers
     turn: Array
 
     @property
@@ -96,7 +93,7 @@ class Comparison:
             "bone_error": Track(self.bone_error),
         }
 
-    def _track(self, values: Array, joints: Joints, counts: NDArray[np.bool_] | None = None) -> Track:
+    def _track(self, values: Array, joints: Numbers, counts: Flags | None = None) -> Track:
         return Track(values, counts, tuple(self.skeleton.keys[joint] for joint in joints))
 
     def _of_feet(self, values: Array) -> Track:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.arms import hanging_distances
 from distretarget.body.legs import passing_regions
@@ -21,10 +20,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, contiguous
 from distretarget.numerics.time_series import largest
-from distretarget.numerics.vectors import lengths
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
 LEAST_DISTANCE = 0.01  # ... or below this where they touch in that pose, too ...
@@ -42,7 +38,7 @@ class Candidates:
     points: Numbers  # (points,)
     region_names: tuple[str, ...]  # of the target's body
     pairs: Numbers  # (pairs of regions, 2), those that may touch, the most interesting first
-    passing: NDArray[np.bool_]  # (pairs of regions,), whether the two regions pass each other in a stride
+    passing: Flags  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
     v: Numbers  # (pairs of joints,)
@@ -55,7 +51,7 @@ class Candidates:
         """The pairs of regions, such as "left hand - right hand"."""
         return tuple(f"{self.region_names[a]} - {self.region_names[b]}" for a, b in self.pairs)
 
-    def touching(self, source: Motion, drivers: Numbers, strides: NDArray[np.bool_]) -> Numbers:
+    def touching(self, source: Motion, drivers: Numbers, strides: Flags) -> Numbers:
         """Each contact in a source: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
 
         `drivers`, (target joints,), is the joint of the source for each joint of the target; `strides` is that of
@@ -104,7 +100,7 @@ class Contacts:
     """The contacts of a source and their distances in a result: a row for each contact in each frame."""
 
     candidates: Candidates
-    strides: NDArray[np.bool_]  # (frames,), whether a foot of the source rests within `STRIDE`
+    strides: Flags  # (frames,), whether a foot of the source rests within `STRIDE`
     frame: Numbers  # (rows,), ascending
     regions: Numbers  # (rows,), which pair of regions touches, as an index of `candidates.names`
     nearest: Numbers  # (rows,), the pair of target joints that is nearest in the source, a number among `candidates.u`
@@ -165,7 +161,7 @@ class Contacts:
         )
 
 
-def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool_]) -> Contacts:
+def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
     """Find the contacts of a source. Until `in_result`, their distances in the result are those in the source.
 
     `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.

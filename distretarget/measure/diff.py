@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import find_root_scale, followed_scale, longest_strides
 from distretarget.baseline.standing import on_own_soles
@@ -23,10 +22,8 @@ from distretarget.measure.gaps import Gap, ScenePart, body_part, measure_gaps
 from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
 from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, check_reach, same_time
-from distretarget.numerics.vectors import extent
+from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap
-
-Array = NDArray[np.float64]
 
 SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled ...
 LATE = 0.25  # ... or frames by which one lags behind the other in the end

@@ -8,7 +8,6 @@ from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
@@ -17,10 +16,8 @@ from distretarget.measure.skin_depths import find_depths
 from distretarget.measure.skin_points import LIMBS
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, lengths
 from distretarget.skin.capsules import PLACE, SEGMENTS
-
-Array = NDArray[np.float64]
 
 TOUCH_DISTANCE = 0.07  # joints touch where they are nearer than this in the source, or in scene A [leg lengths]
 

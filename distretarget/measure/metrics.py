@@ -14,9 +14,9 @@ from importlib.resources import files
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array, Flags, Numbers
+
 Variant = Literal["source", "rotation_copy", "result"]
 
 # What follows a key where the metrics of several motions stand in one list.
@@ -37,11 +37,11 @@ class Track:
     """What was measured over the frames of a clip."""
 
     values: Array  # (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does
-    counts: NDArray[np.intp] | NDArray[np.bool_] | None = None  # the measurements in each value; None for one in each
+    counts: Numbers | Flags | None = None  # the measurements in each value; None for one in each
     parts: tuple[str, ...] = ()  # the names of the columns, such as joints
 
     @property
-    def weights(self) -> NDArray[np.intp]:
+    def weights(self) -> Numbers:
         """The number of measurements in each value, in the shape of `values`."""
         return np.ones(self.values.shape, np.intp) if self.counts is None else self.counts.astype(np.intp)
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
@@ -23,10 +22,7 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import turned_by
-from distretarget.numerics.vectors import angles_between, cross, level, normalised
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, level, normalised
 
 UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
 STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
@@ -91,7 +87,7 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
     return held
 
 
-def errors_of(held: Sequence[Held], result: Motion) -> tuple[NDArray[np.intp], Array]:
+def errors_of(held: Sequence[Held], result: Motion) -> tuple[Numbers, Array]:
     """The joints that name the parts, (parts,), and their errors in a result, (frames, parts) [degrees]."""
     joints = np.array([each.joint for each in held], np.intp)
     return joints, np.reshape([each.error(result) for each in held], (len(held), len(result))).T

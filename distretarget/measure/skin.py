@@ -7,7 +7,6 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.arms import raised
@@ -26,13 +25,11 @@ from distretarget.measure.skin_points import (
 from distretarget.measure.solid_parts import Clusters, clusters_of, inner_balls
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of, over_blocks
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import PLACE, PLACES, SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
 GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
@@ -61,7 +58,7 @@ class Skin:
     patches: Patches  # the points, in the order of limbs
     clusters: Clusters  # capsules, or many more balls inside a mesh
     height: float  # of the body [file units]
-    can_touch: NDArray[np.bool_]  # (limbs, segments), whether the body has both, and they are no neighbours
+    can_touch: Flags  # (limbs, segments), whether the body has both, and they are no neighbours
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
@@ -202,7 +199,7 @@ def _of_first(of_limbs: Array) -> Array:
     return of_limbs
 
 
-def _hanging(motion: Motion, body: Body, up: Array) -> NDArray[np.bool_]:
+def _hanging(motion: Motion, body: Body, up: Array) -> Flags:
     """(frames, limbs), whether the arm of each limb hangs."""
     hanging, hips = np.zeros((len(motion), len(LIMBS)), bool), [leg.hip for leg in body.legs or ()]
     for side in SIDES:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.measure.skin_points import LIMBS, Patches
 from distretarget.measure.solid_parts import Clusters
 from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.kinematics import turned
+from distretarget.numerics.vectors import Array
 from distretarget.skin.capsules import SEGMENTS
-
-Array = NDArray[np.float64]
 
 
 def find_depths(

@@ -6,16 +6,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from distretarget.numerics.vectors import lengths, normalised, spread_out
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised, spread_out
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
 MOST = (128, 128, 64, 64)  # points of each limb
@@ -38,7 +34,7 @@ class SkinPoints:
     def __len__(self) -> int:
         return len(self.limbs)
 
-    def __getitem__(self, chosen: NDArray[np.bool_] | Numbers) -> SkinPoints:
+    def __getitem__(self, chosen: Flags | Numbers) -> SkinPoints:
         return SkinPoints(*(each[chosen] for each in vars(self).values()))
 
 

@@ -11,19 +11,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from distretarget.measure.skin_points import halves
-from distretarget.numerics.vectors import cross, lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 SPACING = 0.02  # between neighbouring places where balls touch the skin [extents of the mesh]
 LARGEST_BALL = 0.25  # radius from which balls shrink [extents of the mesh]
@@ -89,7 +85,7 @@ def _surface(mesh: SkinnedMesh, spacing: float) -> _Surface:
     return _Surface(np.concatenate(places), normalised(np.concatenate(directions)), np.concatenate(vertices))
 
 
-def _inside_out(corners: Array, areas: Array, joined: Numbers, count: int) -> NDArray[np.bool_]:
+def _inside_out(corners: Array, areas: Array, joined: Numbers, count: int) -> Flags:
     """(triangles,), whether each belongs to a part of the mesh whose triangles face inwards, by the sign of its volume.
 
     `joined`, (triangles, 3), are the numbers of their corners, below `count`.

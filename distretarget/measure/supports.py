@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.body import Body
@@ -25,11 +24,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import largest, over_runs
-from distretarget.numerics.vectors import lengths, level
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 
 SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
 LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
@@ -50,7 +45,7 @@ class FlatFoot:
     """A foot, and how it stands on its flat sole."""
 
     leg: Leg
-    points: Joints  # (points,), the ankle and all joints below it; only the ankle if there is no toe
+    points: Numbers  # (points,), the ankle and all joints below it; only the ankle if there is no toe
     flat_pitch: float = np.nan  # elevation of the bone from ankle to toe on the flat sole [degrees]; nan if unknown
     flat_height: float = np.nan  # of the ankle over the lowest point on the flat sole [file units]; nan if unknown
     normal: Array | None = None  # (3,), the unit vector up from the flat sole in the ankle's axes; None if unknown
@@ -91,7 +86,7 @@ class Feet:
     Errors are nan in frames in which nothing is to be measured.
     """
 
-    joints: Joints  # (foot joints,), the target's left ankle and toe, then the right ones
+    joints: Numbers  # (foot joints,), the target's left ankle and toe, then the right ones
     stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
     skate_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
     skate: Array  # the same of the result
@@ -206,7 +201,7 @@ def _foot_paths(motion: Motion, feet: Sequence[FlatFoot], length: float) -> Arra
     return motion.positions[:, _foot_joints(feet)] / length
 
 
-def _foot_joints(feet: Sequence[FlatFoot]) -> Joints:
+def _foot_joints(feet: Sequence[FlatFoot]) -> Numbers:
     """Ankle and toe of each foot in turn."""
     return np.array([joint for foot in feet for joint in (foot.leg.ankle, foot.leg.toe)], np.intp)
 
@@ -215,7 +210,7 @@ def _foot_joints(feet: Sequence[FlatFoot]) -> Joints:
 class SupportsMeasured:
     """The joints that rest on the world in a source, apart from feet, and how they do so in a result."""
 
-    joints: Joints  # (joints,), of the target, that rest in some frame of the source
+    joints: Numbers  # (joints,), of the target, that rest in some frame of the source
     on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
     holds: Flags  # (frames, joints), whether each holds on to something that stands still
     skate_source: Array  # (frames, joints), horizontal speed in the source [leg lengths / s]
@@ -289,7 +284,7 @@ def find_supports(
     )
 
 
-def _holds(source: Motion, matching: Matching, joints: Joints, leg: float) -> Flags:
+def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> Flags:
     """(frames, joints), whether each keeps its place while the base of its limb moves."""
     names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)

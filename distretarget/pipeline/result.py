@@ -26,7 +26,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
-from distretarget.objectives.skins import Skins
+from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.skin.mesh import SkinnedMesh
 

@@ -15,20 +15,16 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, read_only
 from distretarget.numerics.time_series import averaged, by_shot, over_runs, smoothstep, widened
-from distretarget.numerics.vectors import lengths, level, normalised
-from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
+from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, moved_by
-from distretarget.skin.capsules import SEGMENTS, Capsules
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from distretarget.skin.capsules import SEGMENTS
 
 BALLS = 5  # along each capsule
 FLESH = 0.02  # bodies give way, and capsules stand off from the skin, by this together [body units]
@@ -56,7 +52,7 @@ class Core:
         """Return the balls of some parts, (segments,), of a body in a motion; `unit` is that of lengths."""
         whole = skin.capsules
         on = parts[whole.segments]
-        ends = Capsules(whole.joints[on], whole.ends[on], whole.radii[on], whole.segments[on]).posed(motion) / unit
+        ends = whole[on].posed(motion) / unit
         t = np.linspace(0.0, 1.0, BALLS)
         shares = np.stack([1.0 - t, t])
         centres = np.einsum("fcei,eb->fcbi", ends, shares).reshape(len(ends), -1, 3)
@@ -124,7 +120,7 @@ class _Way:
     allowed: Array  # (frames,), the way for which they may stay in each other
     shares: Array  # (frames, 2), of each in the way
     speed: Array  # (frames,), how fast they may part [per frame]
-    shots: NDArray[np.intp]  # (frames,)
+    shots: Numbers  # (frames,)
     soft: float  # frames over which their speed changes
 
     def add_to(self, moves: Array) -> None:

@@ -11,21 +11,17 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import median_of_three
-from distretarget.objectives.skin import limb_places
-from distretarget.objectives.skins import BodySkin
+from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.objectives.skin import BodySkin, limb_places
 from distretarget.scene.prop_surface import Surface, nearest_places
 from distretarget.skin.balls import NEVER, Balls
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.limbs import bent
 from distretarget.skin.meetings import segment_gaps
 from distretarget.skin.tangents import Displaced
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
 FARTHEST = 0.2  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
@@ -42,8 +38,8 @@ class PropShape:
     """A prop whose shape is known: by its surface, or, without one, by its bones."""
 
     surface: Surface | None
-    follows: NDArray[np.bool_]  # (bodies, segments), the segments that it follows and does not keep off
-    is_within: NDArray[np.bool_]  # (bodies, segments), those that may enclose it as in the source
+    follows: Flags  # (bodies, segments), the segments that it follows and does not keep off
+    is_within: Flags  # (bodies, segments), those that may enclose it as in the source
 
     @property
     def radius(self) -> float:
@@ -175,7 +171,7 @@ def _pairs_between(own: Sequence[Balls], i: int, j: int) -> Numbers:
     return np.asarray(np.array(pairs, np.intp).reshape(-1, 2) + COUNT * np.array([i, j]))
 
 
-def _pairs_with_prop(own: Balls, i: int, prop: int, is_met: NDArray[np.bool_]) -> Numbers:
+def _pairs_with_prop(own: Balls, i: int, prop: int, is_met: Flags) -> Numbers:
     """(pairs, 2), the segments of the limbs of body i that a prop keeps off, each with that of the prop."""
     limbs = np.flatnonzero((np.diff(own.of_ball) > 0) & is_met)
     return np.asarray(np.stack([limbs + i * COUNT, limbs + prop * COUNT], axis=1))

@@ -9,20 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.springs import Springs
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots
-from distretarget.numerics.vectors import lengths
-from distretarget.objectives.activation import FADE, activation, activation_window
+from distretarget.numerics.vectors import Array, Numbers, lengths
+from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
 from distretarget.objectives.contact_pairs import come_near, normalised_distances, pair_stiffness, share_across
-from distretarget.objectives.settings import ContactSettings
 from distretarget.scene.props import Placement
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 Both = tuple[Array, Array]
 
 FIRMER = 0.3  # times the stiffness of a pair within a body at D = `settings.reach`; it grows for nearer pairs ...

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -20,10 +19,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import cross, lengths, normalised
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
 
 MOST_POINTS = 4000  # into which faces are divided, about
 MOST_PARTS = 60  # into which a side of a triangle is divided
@@ -47,7 +43,7 @@ class Surface:
 
     corners: Array
     normals: Array
-    closed: NDArray[np.bool_]
+    closed: Flags
 
     def __post_init__(self) -> None:
         for name in ("corners", "normals", "closed"):
@@ -149,7 +145,7 @@ def _shares(count: int) -> Array:
     return np.column_stack([both, 1.0 - both.sum(axis=1)])
 
 
-def _parts(corners: Array, areas: Array, size: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
     """(triangles,) each, whether the connected part that a triangle belongs to is closed, every edge being that of two
     triangles that face the same way, and whether its triangles face inwards.
     """

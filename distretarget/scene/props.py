@@ -11,7 +11,6 @@ from types import NoneType
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
@@ -19,11 +18,10 @@ from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.rotations import nearest_rotations
-from distretarget.numerics.vectors import extent
+from distretarget.numerics.vectors import Array, extent
 from distretarget.scene.prop_surface import Surface
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
-Array = NDArray[np.float64]
 PropScale = Literal["world"] | int | float
 
 FREE_WEIGHT = 1e-6  # least weight of a prop's free place against the joints that hold it

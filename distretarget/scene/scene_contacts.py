@@ -8,7 +8,6 @@ from functools import partial
 from itertools import combinations, takewhile
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
@@ -18,7 +17,7 @@ from distretarget.ik.springs import Springs, joined, no_springs
 from distretarget.measure.gaps import TOUCH_DISTANCE
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, averaged, by_shot, over_runs
-from distretarget.numerics.vectors import level, spread_out
+from distretarget.numerics.vectors import Array, Numbers, level, spread_out
 from distretarget.objectives.supports import RESTS, ROOT_BLEND, Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.contacts import (
@@ -31,9 +30,6 @@ from distretarget.scene.contacts import (
 from distretarget.scene.prop_surface import nearest_places
 from distretarget.scene.props import Hold, PlacedProp, Placement, held_placement
 from distretarget.skin.capsules import IS_ARM, SEGMENTS
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 REGION_POINTS = 9  # most joints of a region that may touch others
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]

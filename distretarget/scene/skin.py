@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.build import average_for
 from distretarget.ik.poses import Poses
@@ -21,17 +20,17 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.time_series import averaged, by_shot, smoothstep, widened
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.objectives.skin import (
     APART,
     RATE,
+    Skins,
     how_free,
     how_touching,
     led,
     of_pairs,
     softness,
 )
-from distretarget.objectives.skins import Skins
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape
@@ -42,10 +41,6 @@ from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb
 from distretarget.skin.meetings import segment_gaps
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Numbers = NDArray[np.intp]
 
 WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
 TRIES = 4  # to find the frames in which it stays

@@ -17,17 +17,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.contact_entries import ContactList
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.ik.springs import Springs, joined
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asking import Carrier, Wishes
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.skins import Skins
+from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import STIFFNESS
 from distretarget.pipeline.asked_motion import as_asked, asked_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
@@ -36,9 +35,6 @@ from distretarget.scene.prop_surface import nearest_on_bones
 from distretarget.scene.props import PlacedProp, Placement
 from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, find_contacts
 from distretarget.scene.skin import with_skins
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 MOST_SWEEPS = 4
 SETTLED = 0.012  # a mean gap error below this needs no further sweep [leg lengths]
