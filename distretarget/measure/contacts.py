@@ -9,7 +9,6 @@ walks: they pass each other in every stride.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -36,8 +35,7 @@ class Candidates:
     # the joints and End Sites with a driver; of coinciding ones, only the first; of more than `MOST_POINTS`, those on
     # the longest branches
     points: Numbers  # (points,)
-    region_names: tuple[str, ...]  # of the target's body
-    pairs: Numbers  # (pairs of regions, 2), those that may touch, the most interesting first
+    names: tuple[str, ...]  # (pairs of regions,), as "left hand - hips", the most interesting first
     passing: Flags  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
@@ -45,24 +43,6 @@ class Candidates:
     tau_source: Array  # (pairs of joints,), path lengths on the source, between their drivers [source file units]
     tau: Array  # (pairs of joints,), path lengths on the target [target file units]
     limits: Array  # (pairs of joints,), they touch while D in the source is below this
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """The pairs of regions, such as "left hand - right hand"."""
-        return tuple(f"{self.region_names[a]} - {self.region_names[b]}" for a, b in self.pairs)
-
-    def touching(self, source: Motion, drivers: Numbers, strides: Flags) -> Numbers:
-        """Each contact in a source: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
-
-        `drivers`, (target joints,), is the joint of the source for each joint of the target; `strides` is that of
-        `Contacts`.
-        """
-        u, v = drivers[self.u], drivers[self.v]
-        nearest = np.empty((len(source), len(self.first)), np.int32)
-        ends = np.append(self.first, len(u))
-        _write_nearest(contiguous(source.positions), u, v, (self.limits * self.tau_source) ** 2, ends, nearest)
-        rows = np.stack([*np.nonzero(nearest >= 0), nearest[nearest >= 0]])
-        return np.asarray(rows[:, ~(self.passing[rows[1]] & strides[rows[0]])])
 
 
 @compiled()
@@ -95,7 +75,7 @@ class Touch:
     v: int
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Contacts:
     """The contacts of a source and their distances in a result: a row for each contact in each frame."""
 
@@ -138,27 +118,35 @@ class Contacts:
         sums = np.bincount(self.frame, self.error, minlength=len(self.strides))
         return np.asarray(sums / np.maximum(self.counts, 1))
 
+    def largest_gaps(self, source_leg: float, leg: float) -> Array:
+        """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame;
+        0 where none are farther [% of leg length]. The lengths of legs are in file units.
+        """
+        before = self.distance_source * self.candidates.tau_source[self.nearest] / source_leg
+        after = self.distance_result * self.candidates.tau[self.nearest] / leg
+        farthest = np.zeros(len(self.strides))
+        np.maximum.at(farthest, self.frame, 100.0 * (after - before))
+        return farthest
+
     @property
     def touches(self) -> tuple[Touch, ...]:
         """The contacts of each pair of regions that touches in the source, the most interesting first."""
-        return tuple(self._touch(int(k)) for k in np.unique(self.regions))
-
-    def _touch(self, k: int) -> Touch:
-        rows = np.flatnonzero(self.regions == k)
-        worst = rows[self.error[rows].argmax()]
-        source, result, error = (
-            float(values[rows].mean()) for values in (self.distance_source, self.distance_result, self.error)
-        )
-        return Touch(
-            name=self.candidates.names[k],
-            frames=self.frame[rows],
-            distance_source=source,
-            distance_result=result,
-            error=error,
-            worst_frame=int(self.frame[worst]),
-            u=int(self.u[worst]),
-            v=int(self.v[worst]),
-        )
+        found = []
+        for k in np.unique(self.regions).tolist():
+            rows = np.flatnonzero(self.regions == k)
+            worst = rows[self.error[rows].argmax()]
+            touch = Touch(
+                name=self.candidates.names[k],
+                frames=self.frame[rows],
+                distance_source=float(self.distance_source[rows].mean()),
+                distance_result=float(self.distance_result[rows].mean()),
+                error=float(self.error[rows].mean()),
+                worst_frame=int(self.frame[worst]),
+                u=int(self.u[worst]),
+                v=int(self.v[worst]),
+            )
+            found.append(touch)
+        return tuple(found)
 
 
 def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
@@ -166,14 +154,16 @@ def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Conta
 
     `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
     """
-    candidates, drivers = find_candidates(matching), matching.drivers
-    reach = round(STRIDE / source.frame_time)
+    candidates, reach = find_candidates(matching), round(STRIDE / source.frame_time)
     strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
-    frame, regions, nearest = candidates.touching(source, drivers, strides)
-    u, v = candidates.u[nearest], candidates.v[nearest]
-    D = _apart(source, frame, drivers[u], drivers[v]) / candidates.tau_source[nearest]
-    rows = {"frame": frame, "regions": regions, "nearest": nearest, "distance_source": D, "distance_result": D}
-    return Contacts(candidates=candidates, strides=strides, **rows)
+    u, v = (matching.drivers[joints] for joints in (candidates.u, candidates.v))
+    limits, ends = (candidates.limits * candidates.tau_source) ** 2, np.append(candidates.first, len(u))
+    nearest = np.empty((len(source), len(candidates.first)), np.int32)
+    _write_nearest(contiguous(source.positions), u, v, limits, ends, nearest)
+    frame, regions = np.nonzero((nearest >= 0) & ~(candidates.passing & strides[:, None]))
+    pair = nearest[frame, regions].astype(np.intp)
+    D = _apart(source, frame, u[pair], v[pair]) / candidates.tau_source[pair]
+    return Contacts(candidates, strides, frame, regions, pair, D, D)
 
 
 def find_candidates(matching: Matching) -> Candidates:
@@ -198,8 +188,7 @@ def find_candidates(matching: Matching) -> Candidates:
     passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
     return Candidates(
         points=points,
-        region_names=tuple(regions.names),
-        pairs=pairs,
+        names=tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs),
         passing=passing[tuple(pairs.reshape(-1, 2).T)],
         first=first,
         u=u,

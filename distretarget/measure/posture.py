@@ -7,7 +7,7 @@ the positions of joints.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -26,7 +26,6 @@ from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between,
 
 UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
 STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
-UNKNOWN = np.zeros(3)
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
 
 
@@ -47,6 +46,7 @@ class Held:
 
 Axes = tuple[Array, Array]
 """Up and forward, (3,) each, in the axes of a joint; zero where unknown."""
+UNKNOWN: Axes = (np.zeros(3), np.zeros(3))
 Posture = Mapping[str, Sequence[Held]]  # by the key of the metric
 
 
@@ -98,7 +98,7 @@ def _head_axes(body: Body, head: int) -> Axes:
     if body.up_at_rest:
         return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
     if body.moving is None:
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     return _mean_axes(body, head, np.asarray(body.moving.trunk @ body.up_vector > UPRIGHT))
 
 
@@ -107,13 +107,13 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
     legs have a `length` [file units].
     """
     if leg.toe == leg.ankle:
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     if body.up_at_rest:
         up = axis_vector(body.up_at_rest)
         if abs(direction(body.rest.positions, leg.ankle, leg.toe) @ up) <= STEEPEST:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     rests = feet_at_rest(body.motion, leg, body.up_vector, length)
     return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
 
@@ -123,23 +123,21 @@ def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
     unknown without frames.
     """
     if body.motion is None or body.moving is None or not frames.any():
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()
     up, forward = body.up_vector, level(body.moving.axes[frames, :, 2], body.up_vector)
     return normalised(turns.apply(up).sum(axis=0)), normalised(turns.apply(forward).sum(axis=0))
 
 
-def _hands(matching: Matching) -> list[tuple[tuple[int, int, int], tuple[int, int, int]]]:
+def _hands(matching: Matching) -> Iterator[list[list[int]]]:
     """For each hand whose palm both bodies show: wrist, knuckle of the index finger and of an outer one, of each."""
     roles = [body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target)]
-    hands = []
     for side in SIDES:
-        fingers = [f for f in OUTER_FINGERS if all({f"{side}{f}1", f"{side}Index1"} <= own.keys() for own in roles)]
-        if fingers and all(f"{side}Hand" in own for own in roles):
-            parts = ("Hand", "Index1", f"{fingers[0]}1")
-            source, target = ((own[side + parts[0]], own[side + parts[1]], own[side + parts[2]]) for own in roles)
-            hands.append((source, target))
-    return hands
+        for finger in OUTER_FINGERS:
+            names = [side + part for part in ("Hand", "Index1", f"{finger}1")]
+            if all({*names} <= own.keys() for own in roles):
+                yield [[own[name] for name in names] for own in roles]
+                break
 
 
 def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Array:
@@ -148,7 +146,7 @@ def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Arr
     return axes if along is None else level(axes, along)
 
 
-def _palm(joints: tuple[int, int, int], motion: Motion) -> Array:
+def _palm(joints: Sequence[int], motion: Motion) -> Array:
     """(frames, 3), the normal of the palm: across the wrist and two knuckles."""
     wrist, index, outer = (motion.positions[:, joint] for joint in joints)
     return normalised(cross(index - wrist, outer - wrist))

@@ -46,10 +46,6 @@ class PropShape:
         """That of its balls [body units]."""
         return WITHIN if self.surface else 0.0
 
-    def nearest(self, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
-        """`nearest_places` on it."""
-        return nearest_places(self.surface, motion, x, farthest)
-
 
 class Bodies:
     """Several bodies and props as one: with the balls, capsules and limbs of all, in the mean body unit.
@@ -115,10 +111,9 @@ class Bodies:
         )
         self.parts = self.balls.pairs % COUNT
         self.parts[between:, 1] = HARD
-        within = [shape.is_within.ravel() for shape in shapes]
+        within = np.reshape([shape.is_within for shape in shapes], (len(shapes), len(own) * COUNT))
         body, prop = self.balls.pairs[between:, 0], self.balls.pairs[between:, 1] // COUNT // len(own) - 1
-        self.encloses = np.zeros(len(self.balls.pairs), bool)
-        self.encloses[between:] = np.array([within[k][segment] for k, segment in zip(prop, body, strict=True)], bool)
+        self.encloses = np.append(np.zeros(between, bool), np.asarray(within[prop, body], bool))
         shares = [skin.displaced for skin in skins]
         self.displaced = Displaced(
             limbs=np.concatenate(
@@ -158,7 +153,7 @@ class Bodies:
         `centres`, (frames, balls, 3); out of reach for those that are far off [mean body units].
         """
         far = FARTHEST + self.balls.radii.max(initial=0.0)
-        feet, out = shape.nearest(motion, self.unit * centres, self.unit * far)
+        feet, out = nearest_places(shape.surface, motion, self.unit * centres, self.unit * far)
         within = feet / self.unit - shape.radius * out
         within = np.where(np.isfinite(within), within, centres + 4.0 * far)
         return np.repeat(within[:, :, None], 2, axis=2)

@@ -29,21 +29,14 @@ LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The surface of a rigid prop: triangles, or points that stand alone.
-
-    Attributes:
-        corners: (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point is there three
-            times [file units].
-        normals: (triangles, 3), unit vectors out of the prop; 0 for a point.
-        closed: (triangles,), whether each belongs to triangles that enclose a volume.
-
-    Raises:
-        SettingsError: the arrays do not fit each other, or there is no triangle.
+    """The surface of a rigid prop: triangles, or points that stand alone. Raises a SettingsError if the arrays do not
+    fit each other, or there is no triangle.
     """
 
-    corners: Array
-    normals: Array
-    closed: Flags
+    # (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point is there three times
+    corners: Array  # [file units]
+    normals: Array  # (triangles, 3), unit vectors out of the prop; 0 for a point
+    closed: Flags  # (triangles,), whether each belongs to triangles that enclose a volume
 
     def __post_init__(self) -> None:
         for name in ("corners", "normals", "closed"):
@@ -97,25 +90,20 @@ class Surface:
         near = np.isfinite(np.reshape(distances, (-1, count))[:, 0])
         found = np.asarray(numbers, np.intp).reshape(-1, count)[near]
         found = of_triangle[np.where(found < len(of_triangle), found, found[:, :1])]
-        points = x[near]
+        points, same = x[near], 1e-6 * farthest
         best, height = np.full(len(points), np.inf), np.zeros(len(points))
         foot, normal, closed = points.copy(), np.zeros_like(points), np.zeros(len(points), bool)
         for each in found.T:
             place = _nearest_on_triangles(self.corners[each], self.normals[each], points)
             distance, over = lengths(points - place), ((points - place) * self.normals[each]).sum(axis=1)
-            alike = np.abs(distance - best) <= 1e-6 * farthest  # along an edge, the triangle that faces the point
+            alike = np.abs(distance - best) <= same  # along an edge, the triangle that faces the point
             better = np.where(alike, np.abs(over) > np.abs(height), distance < best)
-            best, height, closed = (
-                np.where(better, new, old)
-                for new, old in ((distance, best), (over, height), (self.closed[each], closed))
-            )
-            foot, normal = (np.where(better[:, None], *both) for both in ((place, foot), (self.normals[each], normal)))
-        side = np.where(height < 0.0, -1.0, 1.0)[:, None]
-        inward = np.where(closed[:, None], side, 1.0)
-        apart = inward * normalised(points - foot)
-        out = np.where(best[:, None] > 1e-6 * farthest, apart, normal)
+            best[better], height[better], closed[better] = distance[better], over[better], self.closed[each][better]
+            foot[better], normal[better] = place[better], self.normals[each][better]
+        inward = np.where(closed & (height < 0.0), -1.0, 1.0)[:, None]
         feet, ways = np.full_like(x, np.nan), np.full_like(x, np.nan)
-        feet[near], ways[near] = foot, out
+        feet[near] = foot
+        ways[near] = np.where(best[:, None] > same, inward * normalised(points - foot), normal)
         return feet, ways
 
 
@@ -187,27 +175,13 @@ def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Arra
     return feet, out
 
 
-def has_bones(motion: Motion) -> bool:
-    """Whether any bone of a prop's skeleton has a length."""
-    return bool(motion.skeleton.lengths[1:].max(initial=0.0) > 0.0)
-
-
 def nearest_places(surface: Surface | None, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
     """Return the places on a prop that moves like `motion` nearest to points x, (frames, points, 3), and the directions
     out of it there: on its surface, where nan is farther than `farthest`, or without one on its bones.
     """
     if surface is None:
         return nearest_on_bones(motion.positions, motion.skeleton.parents, x)
-    return in_world(surface, motion, x, farthest)
-
-
-def in_world(surface: Surface, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
-    """Return the nearest places and directions of `Surface.nearest` for points x, (frames, points, 3), about a prop
-    that moves like `motion`.
-    """
     turn = Rotation.from_quat(motion.world_rotations[:, 0]).as_matrix()
-    local = (x - motion.positions[:, :1]) @ turn
-    feet, out = (
-        each.reshape(x.shape) @ turn.swapaxes(1, 2) for each in surface.nearest(local.reshape(-1, 3), farthest)
-    )
+    local = ((x - motion.positions[:, :1]) @ turn).reshape(-1, 3)
+    feet, out = (each.reshape(x.shape) @ turn.swapaxes(1, 2) for each in surface.nearest(local, farthest))
     return feet + motion.positions[:, :1], out

@@ -168,6 +168,7 @@ class Placement:
 class PlacedProp:
     """A prop in the world of the performers."""
 
+    name: str
     motion: Motion  # in the source, in the target's axes
     free: Placement  # where it goes while nobody holds it
     grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers

@@ -173,19 +173,19 @@ def retarget_scene(
         for performer, height in zip(performers, heights, strict=True)
     ]
     company = skins_in_company(performers, modes)
-    solved = solve_scene(prepared, placed, [prop.name for prop in props], company, asked, mapper, progress)
+    solved = solve_scene(prepared, placed, company, asked, mapper, progress)
     results, touching = list[RetargetResult](), solved.contacts
     each = zip(touching.performers, solved.poses, solved.motions, asked, solved.unmet, strict=True)
     for number, (one, pose, posed, said, found) in enumerate(each):
         with _performer(number):
             results.append(replace(one.result(pose, posed=posed), asked=said, unmet=found))
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
-    moved = zip(props, placed, touching.placements(motions), touching.placements(copies), strict=True)
+    moved = zip(placed, touching.placements(motions), touching.placements(copies), strict=True)
     return SceneResult(
         results=tuple(results),
         props=tuple(
-            PropResult(prop.name, place.moved(each.motion), each.motion, place.scale, copied.moved(each.motion))
-            for prop, each, place, copied in moved
+            PropResult(prop.name, place.moved(prop.motion), prop.motion, place.scale, copied.moved(prop.motion))
+            for prop, place, copied in moved
         ),
         world_scale=level,
         longest_strides=tuple(longest),
@@ -310,7 +310,7 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
     motion = prop_in_world(prop.motion, performers[0].world, len(source), source.frame_time_text)
     free = free_placement(motion.positions, scale, level, matching.source.up_vector)
     prop.check_size(scale, extent(free(motion.positions)))
-    return PlacedProp(motion, free, grips, prop.surface)
+    return PlacedProp(prop.name, motion, free, grips, prop.surface)
 
 
 def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:

@@ -35,7 +35,6 @@ from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape
 from distretarget.scene.contacts import PropContacts
-from distretarget.scene.prop_surface import has_bones
 from distretarget.scene.scene_contacts import SceneContacts, common_shots
 from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
@@ -102,7 +101,7 @@ def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[in
     """
     shapes = {}
     for k, prop in enumerate(contacts.props):
-        if prop.surface is None and not has_bones(prop.motion):
+        if prop.surface is None and not prop.motion.skeleton.lengths[1:].any():  # no bone has a length
             continue
         holds = np.zeros((len(skins), COUNT), bool)
         for row, (i, skin) in enumerate(skins.items()):

@@ -45,44 +45,30 @@ TINY = 1e-12  # divisors are no smaller
 
 @dataclass(frozen=True, eq=False)
 class SolvedScene:
-    """A scene, solved.
+    """A scene, solved."""
 
-    Attributes:
-        contacts: what touches in it, with the performers as they were solved.
-        poses: of each performer.
-        motions: of each performer, with its limbs bent as skins ask.
-        sweeps: how many times all performers were solved.
-        gap_error: the mean difference between gaps and what they should be [leg lengths].
-        unmet: of each performer, what was asked of it and could be met in part only.
-    """
-
-    contacts: SceneContacts
-    poses: Sequence[Poses]
-    motions: Sequence[Motion]
-    sweeps: int
-    gap_error: float
-    unmet: Sequence[tuple[str, ...]]
+    contacts: SceneContacts  # what touches in it, with the performers as they were solved
+    poses: Sequence[Poses]  # of each performer
+    motions: Sequence[Motion]  # of each performer, with its limbs bent as skins ask
+    sweeps: int  # how many times all performers were solved
+    gap_error: float  # the mean difference between gaps and what they should be [leg lengths]
+    unmet: Sequence[tuple[str, ...]]  # of each performer, what was asked of it and could be met in part only
 
 
 def solve_scene(
     performers: Sequence[Performer],
     props: Sequence[PlacedProp],
-    names: Sequence[str],
     skins: Sequence[Skins | None],
     asked: Sequence[ContactList],
     mapper: Mapper,
     progress: Callable[[int], object],
 ) -> SolvedScene:
-    """Solve a scene, of whose performers different things are asked; `names` are those of the props, and `skins` what
-    performers are to each other.
-
-    Raises:
-        ContactsError: what is asked does not suit the clip.
+    """Solve a scene, of whose performers different things are asked; `skins` are what they are to each other. Raises a
+    ContactsError if what is asked does not suit the clip.
     """
 
     def wishes_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Wishes]:
-        moved = [place.moved(each.motion) for place, each in zip(places, props, strict=True)]
-        others = _others(performers, motions) | _other_props(names, props, moved)
+        others = _carriers(performers, motions, props, places)
         return [
             Wishes.of(contacts, one.clip, one.match.matching.target, one.settings.blend, others)
             for contacts, one in zip(asked, performers, strict=True)
@@ -114,20 +100,20 @@ def solve_scene(
     return replace(free, contacts=contacts, motions=motions, unmet=told)
 
 
-def _others(performers: Sequence[Performer], motions: Sequence[Motion]) -> dict[str, Carrier]:
-    """Performers that parts may rest on, by their numbers from 1."""
+def _carriers(
+    performers: Sequence[Performer], motions: Sequence[Motion], props: Sequence[PlacedProp], places: Sequence[Placement]
+) -> dict[str, Carrier]:
+    """What parts may rest on: performers by their numbers from 1, while they move like this, and props by their names,
+    where they are placed.
+    """
     found = {}
     for number, (one, motion) in enumerate(zip(performers, motions, strict=True), 1):
         skin, unit = one.match.skins and one.match.skins.target, one.clip.unit
         radii = [unit * skin.thickness(joint) if skin else 0.0 for joint in range(len(motion.skeleton))]
         found[str(number)] = Carrier(motion=motion, radii=tuple(radii))
+    for prop, place in zip(props, places, strict=True):
+        found[prop.name] = Carrier(motion=place.moved(prop.motion), nearest=partial(_nearest, prop), is_whole=True)
     return found
-
-
-def _other_props(names: Sequence[str], props: Sequence[PlacedProp], moved: Sequence[Motion]) -> dict[str, Carrier]:
-    """Props that parts may rest on, by their names."""
-    each = zip(names, props, moved, strict=True)
-    return {name: Carrier(motion=motion, nearest=partial(_nearest, prop), is_whole=True) for name, prop, motion in each}
 
 
 def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
