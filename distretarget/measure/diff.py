@@ -196,9 +196,12 @@ def diff_scenes(
     for each in performers:
         a, b, regions = each.a.positions[:frames], each.b.positions[:frames], range(len(each.matching.regions.names))
         bodies.append([body_part(each.matching, a, b, region) for region in regions])
-    parts = [ScenePart(a=a.positions, b=b.positions, keys=a.skeleton.keys) for a, b in placed]
-    sizes = [_size_ratio(a, b) or scale for a, b in placed]
-    found = [gap for _, gap in measure_gaps(bodies, [*zip(parts, sizes, strict=True)], scale)]
+    parts = []
+    for in_a, in_b in placed:
+        size, own_size = (motion.rigid_skeleton.longest_path for motion in (in_a, in_b))
+        own_scale = float(own_size / size) if size > 0.0 and own_size > 0.0 else scale  # a point has no size
+        parts.append((ScenePart(a=in_a.positions, b=in_b.positions, keys=in_a.skeleton.keys), own_scale))
+    found = [gap for _, gap in measure_gaps(bodies, parts, scale)]
     gaps = sorted(filter(None, found), key=lambda gap: (-gap.frames, gap.between, gap.regions))
     return SceneDiff(performers=tuple(performers), props=placed, world_scale=scale, gaps=tuple(gaps))
 
@@ -242,9 +245,3 @@ def _check_scenes(
             raise MotionError(f"prop {number} has {in_a} joints in A and {in_b} in B; expected the same")
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
-
-
-def _size_ratio(a: Motion, b: Motion) -> float:
-    """The size of a prop in B over that in A; 0 for a single point."""
-    size = a.rigid_skeleton.longest_path
-    return float(b.rigid_skeleton.longest_path / size) if size > 0 else 0.0

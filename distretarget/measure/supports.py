@@ -133,7 +133,10 @@ class SourceFeet:
         """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
         ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
         source, own = self.tracks, _FootTracks.of(result, self.feet, self.leg, self.up)
-        sole = own.sole if self.undersides is None else self._lowest_skin(result, self.undersides)
+        sole = own.sole
+        if self.undersides is not None:  # of the lowest vertices, less what is below a flat foot
+            lowest = [self.undersides.target.lowest_of_foot(result, foot.leg.ankle, self.up) for foot in self.feet]
+            sole = (np.stack(lowest, axis=1) + self.undersides.soles[1]) / self.leg
         on_sole = ankle_rests & toe_rests & source.level
         flat = on_sole & (np.abs(source.pitch) <= FLAT)
         alone = ankle_rests & ~others_carry[:, None]
@@ -147,11 +150,6 @@ class SourceFeet:
             ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
             hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
         )
-
-    def _lowest_skin(self, result: Motion, undersides: Undersides) -> Array:
-        """(frames, legs), the height of the lowest vertex of each foot, less that below a flat foot [leg lengths]."""
-        lowest = [undersides.target.lowest_of_foot(result, foot.leg.ankle, self.up) for foot in self.feet]
-        return (np.stack(lowest, axis=1) + undersides.soles[1]) / self.leg
 
 
 def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None) -> SourceFeet:

@@ -30,15 +30,13 @@ def limit_warnings(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterat
             frame, part = metric.worst(tracks["result"])
             worst = f"worst in frame {frame}" + (f", {part}" if part else "")
             yield f"{value}{better}, limit {limit:.3g}; {worst}; likely cause: {metric.limit.cause}"
-    worse = [metric for metric in METRICS if metric.worse_than_copy(metrics) and not metric.over_limit(metrics)]
+    worse = []
+    for metric in METRICS:
+        if metric.worse_than_copy(metrics) and not metric.over_limit(metrics):
+            result, copy = (_number(metric, metrics, side) for side in ("result", "rotation_copy"))
+            worse.append(f"{metric.label} ({result} against {copy} {metric.unit}".rstrip() + ")")
     if worse:
-        yield f"worse than the rotation copy in {', '.join(_against_copy(metric, metrics) for metric in worse)}"
-
-
-def _against_copy(metric: Metric, metrics: Metrics) -> str:
-    """The metric, and its values of result and rotation copy."""
-    result, copy = (_number(metric, metrics, side) for side in ("result", "rotation_copy"))
-    return f"{metric.label} ({result} against {copy} {metric.unit}".rstrip() + ")"
+        yield f"worse than the rotation copy in {', '.join(worse)}"
 
 
 def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:

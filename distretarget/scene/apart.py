@@ -58,11 +58,6 @@ class Core:
         centres = np.einsum("fcei,eb->fcbi", ends, shares).reshape(len(ends), -1, 3)
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
-    @property
-    def middle(self) -> Array:
-        """(frames, 3), the mean of the balls."""
-        return np.asarray(self.centres.mean(axis=1))
-
     def way_from(self, other: Core, along: Array, give: float, ahead: float = 0.5) -> Array:
         """(frames,), how far this body has to move along unit vectors, (frames, 3), until it overlaps the other by no
         more than `give`; only balls count that are apart in a direction whose cosine to these is above `ahead`.
@@ -72,10 +67,6 @@ class Core:
         arrays: list[Any] = [*(read_only(np.ascontiguousarray(each)) for each in given), give, ahead, ways]
         _write_ways(*arrays)
         return ways
-
-    def moved(self, by: Array) -> Core:
-        """Return the body moved by vectors, (frames, 3)."""
-        return Core(self.centres + by[:, None], self.radii)
 
 
 @compiled(fastmath=True)
@@ -126,7 +117,8 @@ class _Way:
     def add_to(self, moves: Array) -> None:
         """Add to how far performers are moved, (performers, frames, 3), what these two lack [target file units]."""
         one, other = (
-            core.moved(moves[number] / self.unit) for number, core in zip(self.numbers, self.cores, strict=True)
+            replace(core, centres=core.centres + (moves[number] / self.unit)[:, None])
+            for number, core in zip(self.numbers, self.cores, strict=True)
         )
         lack = np.maximum(one.way_from(other, self.along, FLESH) - self.allowed, 0.0)
         if lack.any():
@@ -156,7 +148,7 @@ def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], number
 
     shots, time = common_shots(both), both[0].clip.frame_time
     sources, targets = cores(IS_CORE, IS_CORE)
-    between = level(targets[0].middle - targets[1].middle, up)
+    between = level(np.subtract(*(core.centres.mean(axis=1) for core in targets)), up)
     between = by_shot(partial(averaged, reach=round(SOFT / time)), shots, between)
     aside = normalised(between) * smoothstep(lengths(between) / BESIDE)[:, None]
     upwards = np.broadcast_to(up, aside.shape)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 
@@ -91,11 +91,9 @@ class Bodies:
         of_ball, of_capsule = _starts([b.of_ball for b in own], balls), _starts([b.of_capsule for b in own], capsules)
         to_props = [capsules[-1] + k * balls[-1] + of_ball[1:] for k in range(len(shapes))]
         between = sum(map(len, pairs))
-        pairs += [
-            _pairs_with_prop(b, i, len(own) * (k + 1) + i, ~shape.follows[i])
-            for k, shape in enumerate(shapes)
-            for i, b in enumerate(own)
-        ]
+        for (k, shape), (i, b) in product(enumerate(shapes), enumerate(own)):  # limbs, each with that of the prop
+            kept_off = np.flatnonzero((np.diff(b.of_ball) > 0) & ~shape.follows[i])
+            pairs.append(kept_off[:, None] + COUNT * np.array([i, len(own) * (k + 1) + i]))
         self.balls = Balls(
             carriers=np.concatenate([b.carriers + first for b, first in zip(own, capsules, strict=False)]),
             places=np.concatenate([b.places for b in own]),
@@ -115,10 +113,9 @@ class Bodies:
         body, prop = self.balls.pairs[between:, 0], self.balls.pairs[between:, 1] // COUNT // len(own) - 1
         self.encloses = np.append(np.zeros(between, bool), np.asarray(within[prop, body], bool))
         shares = [skin.displaced for skin in skins]
+        moving = [np.where(m.limbs < 0, -1, m.limbs + first) for m, first in zip(shares, limbs, strict=False)]
         self.displaced = Displaced(
-            limbs=np.concatenate(
-                [*(_shifted(m.limbs, by) for m, by in zip(shares, limbs, strict=False)), np.full(len(radii), -1)]
-            ),
+            limbs=np.concatenate([*moving, np.full(len(radii), -1)]),
             shares=np.concatenate([*(m.shares for m in shares), np.zeros((len(radii), 2, 2))]),
             mutual=np.equal(*np.isin(self.parts, np.flatnonzero(RANK > 2)).T),  # as of one body
         )
@@ -166,18 +163,7 @@ def _pairs_between(own: Sequence[Balls], i: int, j: int) -> Numbers:
     return np.asarray(np.array(pairs, np.intp).reshape(-1, 2) + COUNT * np.array([i, j]))
 
 
-def _pairs_with_prop(own: Balls, i: int, prop: int, is_met: Flags) -> Numbers:
-    """(pairs, 2), the segments of the limbs of body i that a prop keeps off, each with that of the prop."""
-    limbs = np.flatnonzero((np.diff(own.of_ball) > 0) & is_met)
-    return np.asarray(np.stack([limbs + i * COUNT, limbs + prop * COUNT], axis=1))
-
-
 def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
     """Joined lists of where segments begin, the last of each being its end."""
     starts = [own[:-1] + first for own, first in zip(numbers, firsts, strict=False)]
     return np.asarray(np.concatenate([*starts, firsts[-1:]]))
-
-
-def _shifted(limbs: Numbers, by: int) -> Numbers:
-    """The numbers of limbs, plus `by`; -1, which is none, stays."""
-    return np.asarray(np.where(limbs < 0, limbs, limbs + by))

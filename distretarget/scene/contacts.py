@@ -16,6 +16,7 @@ from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
+from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import come_near, normalised_distances, pair_stiffness, share_across
 from distretarget.scene.props import Placement
 
@@ -164,14 +165,11 @@ class PropContacts:
         """(frames, joints, 3), where the joints belong on the prop [target file units]."""
         return placement(self.source) + self.rises
 
-    def springs(self, placement: Placement, copy: Array, unit: float) -> Springs:
-        """The springs that draw the joints to their places on the prop, frames first.
-
-        `copy`, (frames, joints, 3), are the joints of the rotation copy [target file units]; `unit` is the body unit.
-        """
-        copied = copy[:, self.joints]
+    def springs(self, placement: Placement, clip: Clip) -> Springs:
+        """The springs that draw the joints to their places on the prop, frames first."""
+        copied = clip.copy_on_path(self.joints)
         places = copied + self.f[..., None] * (self.places(placement) - copied)
-        return Springs(self.joints, np.full(len(self.joints), -1), places / unit, self.A)
+        return Springs(self.joints, np.full(len(self.joints), -1), places / clip.unit, self.A)
 
     def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
         """(frames, joints) each, the joints' distances from the nearest point of the prop, and what they should be.

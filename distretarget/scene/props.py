@@ -13,7 +13,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.baseline.rotation_copy import RootScale
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.motion import Motion, check_reach
@@ -173,16 +172,6 @@ class PlacedProp:
     free: Placement  # where it goes while nobody holds it
     grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
     surface: Surface | None = None  # None for its bones
-
-
-def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:
-    """Place a prop that nobody holds: along the floor with the world's scale `level`, and upwards with its own `scale`.
-
-    `points`, (frames, points, 3), are the prop in the source.
-    """
-    centre = points.mean(axis=1)
-    turn = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-    return Placement(centre, RootScale(level, scale).places(centre, up), turn, scale)
 
 
 class Hold(NamedTuple):

@@ -29,12 +29,12 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult
-from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
+from distretarget.scene.props import PlacedProp, Placement, Prop, PropResult
 from distretarget.scene.scene_contacts import SceneContacts
 from distretarget.scene.skin import skins_in_company
 from distretarget.scene.sweeps import solve_scene
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
-from distretarget.target import AnyTarget, LoadedTarget, SkeletonEdit, Target
+from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]
 Value = TypeVar("Value")
@@ -159,12 +159,7 @@ def retarget_scene(
     options = Options(supports=supports, environment=environment)
     _check_times(sources, props)
     sources, targets, props = _looking_alike(sources, targets, props)
-    performers = _matched(modes, sources, targets, maps, stances, thick)
-    units = _units_of(performers)
-    if len({*units}) > 1:
-        targets = _in_one_unit(sources, targets, units)
-        performers = _matched(modes, sources, targets, maps, stances, thick)
-    heights = _root_scales(performers)
+    performers, heights, units = _in_one_unit(modes, sources, targets, maps, stances, thick)
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
@@ -234,34 +229,30 @@ def _matched(modes: Sequence[SkinMode], *given: Sequence[Any]) -> list[Match]:
     return performers
 
 
-def _root_scales(performers: Sequence[Match]) -> list[float]:
-    """The root scales of performers, which are of a like size in one unit."""
-    heights = [find_root_scale(performer.matching) for performer in performers]
+def _in_one_unit(
+    modes: Sequence[SkinMode], sources: Sequence[Motion], targets: Sequence[AnyTarget], *given: Sequence[Any]
+) -> tuple[list[Match], list[float], tuple[float, ...]]:
+    """The performers, of a like size in the unit of the first target; their root scales; and how many units of each
+    target one of the first's is, 1 where all are of a like size as they are.
+    """
+    performers = _matched(modes, sources, targets, *given)
+    heights, units = [find_root_scale(one.matching) for one in performers], [1.0] * len(performers)
+    if max(heights) > SAME_UNITS * min(heights):
+        cm = [centimetres(one.matching.target.unit) for one in performers]
+        units = [cm[0] / each for each in cm]
+        scaled = [
+            (goal if isinstance(goal, SkeletonEdit) else target_for(source, goal)).scaled(1.0 / unit)
+            for source, goal, unit in zip(sources, targets, units, strict=True)
+        ]
+        performers = _matched(modes, sources, scaled, *given)
+        heights = [find_root_scale(one.matching) for one in performers]
     if max(heights) > SAME_UNITS * min(heights):
         with _performer(int(np.argmax(heights)), of_target=True):
             raise MotionError(
                 f"the root scale of this target is {max(heights):.3g}, that of another {min(heights):.3g}: their files "
                 "seem to be in different units; scale one of the targets"
             )
-    return heights
-
-
-def _units_of(performers: Sequence[Match]) -> tuple[float, ...]:
-    """How many units of each target one of the first's is; 1 where all bodies are of a like size as they are."""
-    heights = [find_root_scale(performer.matching) for performer in performers]
-    if max(heights) <= SAME_UNITS * min(heights):
-        return (1.0,) * len(performers)
-    cm = [centimetres(performer.matching.target.unit) for performer in performers]
-    return tuple(cm[0] / each for each in cm)
-
-
-def _in_one_unit(sources: Sequence[Motion], targets: Sequence[AnyTarget], units: Sequence[float]) -> list[LoadedTarget]:
-    """The targets in the unit of the first."""
-    each = zip(sources, targets, units, strict=True)
-    return [
-        (given if isinstance(given, SkeletonEdit) else target_for(source, given)).scaled(1.0 / unit)
-        for source, given, unit in each
-    ]
+    return performers, heights, tuple(units)
 
 
 @contextmanager
@@ -290,7 +281,9 @@ def _looking_alike(
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
-    """A prop in the target's axes, and the joints of targets that hold it."""
+    """A prop in the target's axes, and the joints of targets that hold it. While nobody does, it goes along the floor
+    with the world's scale, `level`, and upwards with its own.
+    """
     matching = performers[0].matching
     scale = level if prop.scale == "world" else prop.scale
     if isinstance(scale, int):
@@ -308,7 +301,8 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
         grips[grip.performer] = (*grips.get(grip.performer, ()), int(driven[0]))
     source = matching.source_motion
     motion = prop_in_world(prop.motion, performers[0].world, len(source), source.frame_time_text)
-    free = free_placement(motion.positions, scale, level, matching.source.up_vector)
+    centre, turn = motion.positions.mean(axis=1), np.broadcast_to(np.eye(3), (len(motion), 3, 3))
+    free = Placement(centre, RootScale(level, scale).places(centre, matching.source.up_vector), turn, scale)
     prop.check_size(scale, extent(free(motion.positions)))
     return PlacedProp(prop.name, motion, free, grips, prop.surface)
 

@@ -86,12 +86,9 @@ class SceneContacts:
         some of them by their numbers, or to all.
         """
         springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
-        copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
         for (i, k), touching in self.on_props.items():
-            if props is not None and k not in props:
-                continue
-            unit = self.performers[i].clip.unit
-            springs[i] = joined(springs[i], touching.springs(places[k], copies[i], unit))
+            if props is None or k in props:
+                springs[i] = joined(springs[i], touching.springs(places[k], self.performers[i].clip))
         return springs
 
     def gap_error(self, now: Sequence[Motion]) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
@@ -12,7 +13,7 @@ from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import DistretargetError, MotionError, closest, counted
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text, safe_file_name
-from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
@@ -60,11 +61,6 @@ class PerformerFiles(SceneClip):
     skin: SkinMode | Path | None = None
     source_skin: Path | None = None
     contacts: Path | None = None
-
-    @property
-    def other_files(self) -> list[Path | None]:
-        """The paths of all files but the motion's; None for those that are not given."""
-        return [self.target, self.map_path, self.contacts, *self.skin_files]
 
     @property
     def skin_files(self) -> list[Path]:
@@ -126,8 +122,8 @@ class SceneSetup:
     @property
     def inputs(self) -> list[Path]:
         """The paths of all files of the scene."""
-        others = [path for each in self.performers for path in each.other_files if path]
-        return [*(clip.file for clip in self.clips), *others]
+        given = [(each.target, each.map_path, each.contacts, *each.skin_files) for each in self.performers]
+        return [*(clip.file for clip in self.clips), *filter(None, chain(*given))]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
         """Read the motions of the performers, and the props, and synchronise them as `cut` and `resample` say.
@@ -181,7 +177,7 @@ def _read(clip: SceneClip) -> tuple[Motion, Surface | None]:
     has no start.
     """
     file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
-    if is_prop and _is_obj(file):
+    if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
         motion, (vertices, triangles) = parse_obj(file.text, clip.file), parse_obj_mesh(file.text, clip.file)
         surface = Surface.of_mesh(vertices - motion.positions[0, 0], triangles)
     else:
@@ -192,10 +188,6 @@ def _read(clip: SceneClip) -> tuple[Motion, Surface | None]:
         return started(motion, clip.start), surface
     except MotionError as error:
         raise error.in_file(clip.file) from None
-
-
-def _is_obj(file: InputFile) -> bool:
-    return file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY")
 
 
 def started(motion: Motion, start: float) -> Motion:
