@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg
+from distretarget.body.limbs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, steps_along

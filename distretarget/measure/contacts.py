@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from distretarget.body.arms import hanging_distances
-from distretarget.body.legs import passing_regions
+from distretarget.body.limbs import hanging_distances, passing_regions
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion

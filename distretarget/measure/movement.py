@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.baseline.rest_pose import rest_alignment
+from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
