@@ -27,7 +27,7 @@ STRIDE = 0.2  # a body stands or walks in frames within this time of one in whic
 FAR_ALONG = 5  # ... and at least this many joints on the path between them
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Candidates:
     """The pairs of target joints that may touch, ordered by their pairs of regions."""
 
@@ -149,9 +149,8 @@ class Contacts:
 
 
 def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
-    """Find the contacts of a source. Until `in_result`, their distances in the result are those in the source.
-
-    `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
+    """Find the contacts of a source, which is its own result until `in_result`. `feet_rest`, (frames, foot joints), is
+    whether each foot joint rests in the source; without legs it has no columns.
     """
     candidates, reach = find_candidates(matching), round(STRIDE / source.frame_time)
     strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
@@ -185,17 +184,10 @@ def find_candidates(matching: Matching) -> Candidates:
     hanging = hanging_distances(matching.source.hanging, drivers[u], drivers[v], tau_source)
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
     passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
-    return Candidates(
-        points=points,
-        names=tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs),
-        passing=passing[tuple(pairs.reshape(-1, 2).T)],
-        first=first,
-        u=u,
-        v=v,
-        tau_source=tau_source,
-        tau=tau,
-        limits=np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE),
-    )
+    names = tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs)
+    passing = passing[tuple(pairs.reshape(-1, 2).T)]
+    limits = np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE)
+    return Candidates(points, names, passing, first, u, v, tau_source, tau, limits)
 
 
 def _apart(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:

@@ -13,7 +13,7 @@ from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.skin import TOUCHING, Skin
 from distretarget.measure.skin_depths import find_depths
-from distretarget.measure.skin_points import LIMBS
+from distretarget.measure.skin_shapes import LIMBS
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, lengths
@@ -34,9 +34,7 @@ class ScenePart:
 
 
 def body_part(matching: Matching, a: Array, b: Array, region: int | None = None) -> ScenePart:
-    """Return the driven joints of a body, or of one of its regions; `a` and `b`, (frames, joints, 3), are the positions
-    of source and target.
-    """
+    """Return the driven joints of a body, or of one of its regions, at positions `a` of source and `b` of target."""
     joints, regions = matching.body_joints, matching.regions
     if region is not None:
         joints = joints[regions.of_joint[joints] == region]
@@ -109,7 +107,6 @@ def measure_gaps(
     bodies: Sequence[Sequence[ScenePart]], props: Sequence[tuple[ScenePart, float]], scale: float
 ) -> Iterator[tuple[tuple[int, int], Gap | None]]:
     """Measure the gaps between each two bodies, and between each body and each prop, with the numbers of the two.
-
     `bodies` are given as their parts, `props` with scales of their own; bodies are counted before props.
     """
     pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]

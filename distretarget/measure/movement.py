@@ -40,9 +40,7 @@ def shared_bones(matching: Matching) -> Numbers:
 
 
 def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array:
-    """(frames, bones), the angle between the bones above the joints `lower`, (bones,), and their `expected` directions
-    [degrees].
-    """
+    """(frames, bones), the angle of the bones above the joints `lower` to their `expected` directions [degrees]."""
     upper = result.skeleton.parents[lower]
 
     def angles(block: slice) -> Array:

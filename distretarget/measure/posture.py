@@ -103,9 +103,7 @@ def _head_axes(body: Body, head: int) -> Axes:
 
 
 def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
-    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average. The
-    legs have a `length` [file units].
-    """
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average."""
     if leg.toe == leg.ankle:
         return UNKNOWN
     if body.up_at_rest:
@@ -119,9 +117,7 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
 
 
 def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
-    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames of its motion;
-    unknown without frames.
-    """
+    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames; or unknown."""
     if body.motion is None or body.moving is None or not frames.any():
         return UNKNOWN
     turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()

@@ -14,15 +14,17 @@ from distretarget.body.limbs import raised
 from distretarget.body.segments import find_segments
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.skin_depths import find_depths
-from distretarget.measure.skin_points import (
+from distretarget.measure.skin_shapes import (
     LIMBS,
+    Clusters,
     Patches,
     SkinPoints,
+    clusters_of,
+    inner_balls,
     patches_of,
     points_of_capsules,
     points_of_mesh,
 )
-from distretarget.measure.solid_parts import Clusters, clusters_of, inner_balls
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of, over_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers
@@ -62,10 +64,7 @@ class Skin:
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
-    """Return the skin of a body, by its mesh if it has one, else by its capsules.
-
-    Points that are inside in the bind pose are left out.
-    """
+    """Return the skin of a body, by its mesh, or else by its capsules, without points inside in the bind pose."""
     if mesh is not None:
         return _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()), body.height)
     return _skin(points_of_capsules(capsules), capsules, body.skeleton.rest_positions, body.height)

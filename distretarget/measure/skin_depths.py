@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from distretarget.measure.skin_points import LIMBS, Patches
-from distretarget.measure.solid_parts import Clusters
+from distretarget.measure.skin_shapes import LIMBS, Clusters, Patches
 from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.kinematics import turned
 from distretarget.numerics.vectors import Array

@@ -81,9 +81,8 @@ class FlatFoot:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Feet:
-    """The feet of a result against those of its source. All arrays have no columns if the bodies have no legs.
-
-    Errors are nan in frames in which nothing is to be measured.
+    """The feet of a result against those of its source. Arrays have no columns if the bodies have no legs; errors are
+    nan in frames in which nothing is to be measured.
     """
 
     joints: Numbers  # (foot joints,), the target's left ankle and toe, then the right ones
@@ -177,9 +176,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersi
 
 
 def _on_floor(soles: Array, rests: Flags) -> Array:
-    """(frames, legs), the heights at which soles belong that are at these heights in the source, (frames, legs), and
-    rest or not.
-    """
+    """(frames, legs), the heights at which soles belong that rest, or not, at these heights in the source."""
     if not rests.any():
         return soles
     means = [over_runs(sole[:, None], rest.astype(float))[:, 0] for sole, rest in zip(soles.T, rests.T, strict=True)]
@@ -250,10 +247,7 @@ class SupportsMeasured:
 def find_supports(
     source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None
 ) -> SupportsMeasured:
-    """Find the joints that rest in a source, which is its own result until `in_result`.
-
-    `up`, (3,), is the unit vector up in source and results; `undersides` are the skins of both bodies, if known.
-    """
+    """Find the joints that rest in a source, which is its own result until `in_result`; arguments as in `find_feet`."""
     joints = matching.joints_but_feet()
     drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)

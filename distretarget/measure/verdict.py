@@ -17,9 +17,7 @@ LEAST_BOUND = 0.1  # the least error that is given for the height of the hips [%
 
 def limit_warnings(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[str]:
     """Yield a warning for each metric of the result above its limit, with value, worst frame and likely cause; and one
-    warning that names the other metrics that are worse than the rotation copy's.
-
-    `metrics` are of the whole clip, computed from `tracks`.
+    that names the other metrics that are worse than the rotation copy's. `metrics` are those of `tracks`.
     """
     for metric in METRICS:
         if metric.limit and metric.over_limit(metrics):
@@ -45,9 +43,7 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
     """Return a sentence on contacts, skin, feet, other supports, hips and the largest direction error, and the names of
-    the metrics over their limits or worse than copied rotations.
-
-    `metrics` are of the whole clip, computed from `tracks`.
+    the metrics over their limits or worse than copied rotations. `metrics` are those of `tracks`.
     """
     of_result = tracks["result"]
     parts = [_contacts(metrics), *_skin(metrics, of_result), _feet(metrics), *_supports(metrics)]

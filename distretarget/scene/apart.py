@@ -87,9 +87,7 @@ def _write_ways(centres, radii, others, other_radii, along, give, ahead, ways): 
 
 
 def kept_apart(contacts: SceneContacts, skins: Sequence[Skins | None]) -> SceneContacts:
-    """Return the scene with performers moved apart whose skins would be in each other; `skins` are theirs, None for no
-    thickness.
-    """
+    """Return the scene with performers apart whose skins would be in each other; `skins` have None for no thickness."""
     known = [number for number, skin in enumerate(skins) if skin]
     ways = [way for both in combinations(known, 2) for way in _ways_between(contacts, skins, both)]
     moves = np.zeros((len(skins), len(contacts.performers[0].clip), 3))

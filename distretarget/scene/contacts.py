@@ -82,9 +82,8 @@ class PerformerContacts:
         ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring for each joint to where its pairs are in balance, over `count` frames.
-
-        Each entry draws its joint to its place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
+        """One spring for each joint, over `count` frames, to where its pairs are in balance. Each entry draws its joint
+        to its place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
         """
         touches = np.bincount(joints) > 0
         kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1

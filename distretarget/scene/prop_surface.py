@@ -80,9 +80,8 @@ class Surface:
         return KDTree(np.concatenate(points)), np.concatenate(of_triangle)
 
     def nearest(self, x: Array, farthest: float) -> tuple[Array, Array]:
-        """Return the places on the surface nearest to points x, (points, 3), and the directions out of it there.
-
-        Where no place is nearer than `farthest`, they are nan. The triangles of the `CANDIDATES` nearest samples count.
+        """Return the places on the surface nearest to points x, (points, 3), by the triangles of the `CANDIDATES`
+        nearest samples, and the directions out of it there; nan where no place is nearer than `farthest`.
         """
         tree, of_triangle = self._samples
         count = min(CANDIDATES, len(of_triangle))
@@ -154,9 +153,8 @@ def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
 
 
 def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Array, Array]:
-    """Return the places on the bones nearest to points x, (frames, points, 3), and the directions from there to them.
-
-    `positions`, (frames, joints, 3), are the joints, `parents`, (joints,), theirs, the first having none.
+    """Return the places on bones nearest to points x, (frames, points, 3), and the directions from there to them; the
+    joints are at `positions`, (frames, joints, 3), the first without a parent.
     """
     feet, out = np.empty_like(x), np.empty_like(x)
     for block in blocks_of(len(x)):

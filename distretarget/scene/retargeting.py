@@ -232,9 +232,7 @@ def _matched(modes: Sequence[SkinMode], *given: Sequence[Any]) -> list[Match]:
 def _in_one_unit(
     modes: Sequence[SkinMode], sources: Sequence[Motion], targets: Sequence[AnyTarget], *given: Sequence[Any]
 ) -> tuple[list[Match], list[float], tuple[float, ...]]:
-    """The performers, of a like size in the unit of the first target; their root scales; and how many units of each
-    target one of the first's is, 1 where all are of a like size as they are.
-    """
+    """The performers, of a like size in the unit of the first target; their root scales; and `SceneResult.units`."""
     performers = _matched(modes, sources, targets, *given)
     heights, units = [find_root_scale(one.matching) for one in performers], [1.0] * len(performers)
     if max(heights) > SAME_UNITS * min(heights):

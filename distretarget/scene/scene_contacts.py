@@ -67,9 +67,8 @@ class SceneContacts:
         return held_placement(prop.free, holds) if holds else prop.free
 
     def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
-        """The springs that draw each performer to the others and to props, from where it is `alone`.
-
-        Without `alone`, those to other performers have no stiffness.
+        """The springs that draw each performer to the others and to props, from where it is `alone`; without that,
+        those to other performers have no stiffness.
         """
         start = alone or now
         springs = [no_springs(len(one.clip)) for one in self.performers]
@@ -82,9 +81,7 @@ class SceneContacts:
         return [joined(*both) for both in zip(springs, self.springs_to_props(now), strict=True)]
 
     def springs_to_props(self, now: Sequence[Motion], props: Container[int] | None = None) -> list[Springs]:
-        """The springs that draw each performer to props, where these are while the performers move as they do now; to
-        some of them by their numbers, or to all.
-        """
+        """The springs that draw each performer to all props, or to some, where they are while performers move so."""
         springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
         for (i, k), touching in self.on_props.items():
             if props is None or k in props:
@@ -179,9 +176,8 @@ def _contact_points(one: Performer) -> ContactPoints:
 
 
 def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, holders: Sequence[int]) -> PropContacts:
-    """The contacts of a performer with a prop, which draws no standing feet.
-
-    If a single joint holds the prop, the prop does not draw the joint's region; several joints are drawn themselves.
+    """The contacts of a performer with a prop, which draws no standing feet. Where a single joint holds the prop, it
+    does not draw the joint's region; several joints are drawn themselves.
     """
     supports = one.supports
     free = np.ones((len(one.clip), len(points.joints)))
@@ -206,9 +202,8 @@ def _resting_on(supports: Supports, near: PropContacts, free: Placement) -> Supp
 
 
 def _yielding(one: Performer, supports: Supports, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Supports:
-    """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet.
-
-    `moving` has the frames, joints and activations of contacts with performers and held props.
+    """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet. `moving`
+    has frames, joints and activations of these contacts.
     """
     clip, reach = one.clip, REST_HEIGHT * one.clip.leg_lengths[1]
     floor = clip.scale.height * clip.source_floor[:, None]
@@ -255,8 +250,8 @@ def seated(one: Performer, near: PropContacts, prop: PlacedProp) -> Performer:
 
 
 def moved_by(one: Performer, by: Array) -> Performer:
-    """Return the performer on its path moved by vectors, (frames, 3) [target file units], and what rests moved by their
-    mean over the rest; feet along the floor.
+    """Return the performer with its path moved by vectors, (frames, 3), and what rests by their mean over the rest,
+    feet along the floor [target file units].
     """
     clip, supports = one.clip, one.supports
     if not by.any():

@@ -199,10 +199,8 @@ def started(motion: Motion, start: float) -> Motion:
 
 
 def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest.
-
-    Raises:
-        MotionError: a motion that is resampled and not cut has not as many frames as the first.
+    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest; raise a
+    MotionError if one that is resampled and not cut has not as many frames as the first.
     """
     time = motions[0].frame_time_text
     counts = [motion.resampled_frames(time) if resample else len(motion) for motion in motions]

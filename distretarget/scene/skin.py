@@ -93,10 +93,9 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
 
 
 def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
-    """The shapes of the props, by their numbers, for performers with these skins.
-
-    A prop follows a hand that alone holds it, and does not keep that hand off. A stick, of which only the line is
-    known, may be within hands that hold it.
+    """The shapes of the props, by their numbers, for performers with these skins. A prop follows a hand that alone
+    holds it, and does not keep that hand off. A stick, of which only the line is known, may be within hands that hold
+    it.
     """
     shapes = {}
     for k, prop in enumerate(contacts.props):

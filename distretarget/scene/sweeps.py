@@ -103,9 +103,7 @@ def solve_scene(
 def _carriers(
     performers: Sequence[Performer], motions: Sequence[Motion], props: Sequence[PlacedProp], places: Sequence[Placement]
 ) -> dict[str, Carrier]:
-    """What parts may rest on: performers by their numbers from 1, while they move like this, and props by their names,
-    where they are placed.
-    """
+    """What parts may rest on: performers by numbers from 1, while they move like this, and placed props by name."""
     found = {}
     for number, (one, motion) in enumerate(zip(performers, motions, strict=True), 1):
         skin, unit = one.match.skins and one.match.skins.target, one.clip.unit
@@ -134,9 +132,8 @@ def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
 def solve_in_sweeps(
     contacts: SceneContacts, mapper: Mapper, progress: Callable[[int], object]
 ) -> tuple[list[Poses], int, float]:
-    """Solve all performers as if alone, and again, drawn to each other, while gaps are off.
-
-    Return the poses of each, the number of sweeps, and the mean gap error after the last [leg lengths].
+    """Solve all performers as if alone, and again, drawn to each other, while gaps are off. Return the poses of each,
+    the number of sweeps, and the mean gap error after the last [leg lengths].
     """
     performers = contacts.performers
 

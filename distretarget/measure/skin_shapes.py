@@ -1,13 +1,15 @@
-"""The solid parts of a body: balls that touch a mesh from within, more detail than a few capsules have, in clusters.
+"""The skin of hands and forearms as points, and what they may sink into: capsules, or the inside of a mesh as balls.
 
-A ball of the medial axis touches the skin in two places and lies inside. It is found from one of them by shrinking: the
-largest ball that touches there and whose inside holds no other point of the skin (J. Ma, S. W. Bae, S. Choi, "3D medial
-axis point approximation using nearest neighbors and the normal field", The Visual Computer 28, 2012). Holes, seams and
-layers of clothes do no harm, as each ball sees only what is near it.
+A ball of the medial axis touches the skin in two places and lies inside; balls show more than a few capsules do. One is
+found from one of the two places by shrinking: the largest ball that touches there and whose inside holds no other point
+of the skin (J. Ma, S. W. Bae, S. Choi, "3D medial axis point approximation using nearest neighbors and the normal
+field", The Visual Computer 28, 2012). Holes, seams and layers of clothes do no harm, as each ball sees only what is
+near it. Points are in patches and capsules in clusters, each within a ball: what is apart need not be looked at.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +17,17 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from distretarget.measure.skin_points import halves
-from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised, spread_out
 from distretarget.skeleton import Skeleton
-from distretarget.skin.capsules import Capsules
+from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
+LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
+MOST = (128, 128, 64, 64)  # points of each limb
+INFLUENCES = 4  # most joints that move a point
+PATCH = 8  # most points of a patch
+BLENDED = 1.2  # room for points that other joints move as well [radii of a patch]
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a spiral over a surface [rad]
 SPACING = 0.02  # between neighbouring places where balls touch the skin [extents of the mesh]
 LARGEST_BALL = 0.25  # radius from which balls shrink [extents of the mesh]
 SAME = 0.004  # balls that stick out of another by less than this are left out [extents of the mesh]
@@ -28,6 +35,110 @@ MOST_PARTS = 12  # into which an edge of a large triangle is divided
 SHRINKS = 30  # most steps of shrinking
 CLUSTER = 8  # most capsules of a cluster
 STEEP = 1e9  # slope of a capsule of which one end is within the other
+
+
+@dataclass(frozen=True, eq=False)
+class SkinPoints:
+    """Points of the skin, bound to joints as a mesh is."""
+
+    limbs: Numbers  # (points,), of each, a number of `LIMBS`
+    joints: Numbers  # (points, influences), the joints that move each
+    weights: Array  # (points, influences), their shares, which sum to 1
+    offsets: Array  # (points, influences, 3), from each of these joints to the point in the rest pose [file units]
+    counts: Array  # (points,), the number of vertices of the mesh that each stands for, those nearest to it
+
+    def __len__(self) -> int:
+        return len(self.limbs)
+
+    def __getitem__(self, chosen: Flags | Numbers) -> SkinPoints:
+        return SkinPoints(*(each[chosen] for each in vars(self).values()))
+
+
+class Patches(NamedTuple):
+    """Points of one limb that one joint moves most, in patches of a few neighbours."""
+
+    limbs: Numbers  # (limbs + 1,), the first patch of each; the last is their end
+    patches: Numbers  # (patches + 1, 2), joint and first point of each; the last is their end
+    balls: Array  # (patches, 4), centre relative to the joint, and radius [file units]
+    joints: Numbers  # (points, influences), as in `SkinPoints`, but in this order
+    bound: Array  # (points, influences, 4), their offsets and weights
+    counts: Array  # (points,)
+
+
+def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
+    """Return vertices of a mesh, spread over each limb; `segments`, (joints,), are those that joints carry, or -1."""
+    strongest = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
+    chosen, limbs, counts = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros(0)]
+    for limb, name in enumerate(LIMBS):
+        on = np.flatnonzero(segments[strongest] == SEGMENTS.index(name))
+        if len(on):
+            chosen.append(on[spread_out(mesh.vertices[on], MOST[limb])])
+            limbs.append(np.full(len(chosen[-1]), limb))
+            nearest = KDTree(mesh.vertices[chosen[-1]]).query(mesh.vertices[on])[1]
+            counts.append(np.bincount(nearest, minlength=len(chosen[-1])).astype(np.float64))
+    vertices = np.concatenate(chosen)
+    order = np.argsort(-mesh.weights[vertices], axis=1, kind="stable")[:, :INFLUENCES]
+    joints = np.take_along_axis(mesh.joints[vertices], order, axis=1)
+    weights = np.take_along_axis(mesh.weights[vertices], order, axis=1)
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    offsets = mesh.vertices[vertices][:, None] - skeleton.rest_positions[joints]
+    return SkinPoints(np.concatenate(limbs), joints, weights, offsets, np.concatenate(counts))
+
+
+def points_of_capsules(capsules: Capsules) -> SkinPoints:
+    """Return points spread over the capsules of each limb, without those within another capsule of the same joint."""
+    joints, offsets, limbs = [], [], []
+    for limb, name in enumerate(LIMBS):
+        on = np.flatnonzero(capsules.segments == SEGMENTS.index(name))
+        for capsule in on.tolist():
+            points = _spiral(capsules.ends[capsule], capsules.radii[capsule], max(MOST[limb] // len(on), 4))
+            joints += [capsules.joints[capsule]] * len(points)
+            limbs += [limb] * len(points)
+            offsets.append(points)
+    moved = np.array(joints, np.intp)[:, None]
+    places = np.concatenate([np.zeros((0, 3)), *offsets])[:, None]
+    return SkinPoints(np.array(limbs, np.intp), moved, np.ones(moved.shape), places, np.ones(len(limbs)))
+
+
+def _spiral(ends: Array, radii: Array, count: int) -> Array:
+    """Points on a tapered capsule, (count, 3), on a spiral from one tip to the other."""
+    (start, end), (first, last) = ends, radii
+    length = float(lengths(end - start))
+    along = normalised(end - start) if length else np.array([0.0, 1.0, 0.0])
+    across = normalised(np.cross(along, np.eye(3)[np.abs(along).argmin()]))
+    places = -first + (np.arange(count) + 0.5) / count * (first + length + last)
+    angles = GOLDEN_ANGLE * np.arange(count)
+    on_axis = np.clip(places, 0.0, length)
+    radii = first + (last - first) * (on_axis / length if length else 0.0)
+    beyond = places - on_axis
+    radii = np.sqrt(np.maximum(radii**2 - beyond**2, 0.0))
+    around = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * np.cross(along, across)
+    return np.asarray(start + places[:, None] * along + radii[:, None] * around)
+
+
+def patches_of(points: SkinPoints) -> Patches:
+    """Return points in patches."""
+    rows, strongest = np.arange(len(points)), points.weights.argmax(axis=1)
+    joints, offsets = points.joints[rows, strongest], points.offsets[rows, strongest]
+    limbs, patches, balls = [0], [], []
+    order: list[int] = []
+    for limb in range(len(LIMBS)):
+        for joint in np.unique(joints[points.limbs == limb]).tolist():
+            for patch in _halves(offsets, np.flatnonzero((points.limbs == limb) & (joints == joint)), PATCH):
+                middle = offsets[patch].mean(axis=0)
+                patches.append((joint, len(order)))
+                balls.append((*middle, BLENDED * lengths(offsets[patch] - middle).max()))
+                order.extend(patch.tolist())
+        limbs.append(len(patches))
+    points = points[np.array(order, np.intp)]
+    return Patches(
+        limbs=np.array(limbs, np.intp),
+        patches=np.array([*patches, (-1, len(order))], np.intp),
+        balls=np.array(balls).reshape(-1, 4),
+        joints=points.joints,
+        bound=np.concatenate([points.offsets, points.weights[..., None]], axis=2),
+        counts=points.counts,
+    )
 
 
 class _Surface(NamedTuple):
@@ -39,9 +150,8 @@ class _Surface(NamedTuple):
 
 
 def inner_balls(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> Capsules:
-    """Return balls, capsules without length, that fill a mesh in its bind pose.
-
-    `segments`, (joints,), is the part of the body that each joint of the skeleton carries, -1 for none.
+    """Return balls, capsules without length, that fill a mesh in its bind pose. `segments`, (joints,), is the part of
+    the body that each joint of the skeleton carries, -1 for none.
     """
     size = float(np.ptp(mesh.vertices, axis=0).max())
     surface = _surface(mesh, SPACING * size)
@@ -87,7 +197,6 @@ def _surface(mesh: SkinnedMesh, spacing: float) -> _Surface:
 
 def _inside_out(corners: Array, areas: Array, joined: Numbers, count: int) -> Flags:
     """(triangles,), whether each belongs to a part of the mesh whose triangles face inwards, by the sign of its volume.
-
     `joined`, (triangles, 3), are the numbers of their corners, below `count`.
     """
     edges = np.concatenate([joined[:, :2], joined[:, 1:]])
@@ -156,7 +265,7 @@ def clusters_of(capsules: Capsules) -> Clusters:
         on = np.flatnonzero((capsules.joints == joint) & (capsules.segments == segment))
         groups.append((joint, segment, len(clusters)))
         balls.append(_ball_around(capsules, on))
-        clusters += halves(middles, on, CLUSTER)
+        clusters += _halves(middles, on, CLUSTER)
     balls += [_ball_around(capsules, on) for on in clusters]
     order = np.concatenate([np.zeros(0, np.intp), *clusters])
     ends, radii = capsules.ends[order], capsules.radii[order]
@@ -179,3 +288,12 @@ def _ball_around(capsules: Capsules, on: Numbers) -> Array:
     ends = capsules.ends[on]
     centre = ends.mean(axis=(0, 1))
     return np.append(centre, (lengths(ends - centre) + capsules.radii[on]).max())
+
+
+def _halves(places: Array, on: Numbers, most: int) -> list[Numbers]:
+    """Some of the places in halves of halves along their longest extent, down to parts of `most` at most."""
+    if len(on) <= most:
+        return [on]
+    in_line = on[np.argsort(places[on, np.ptp(places[on], axis=0).argmax()], kind="stable")]
+    half = len(on) // 2
+    return _halves(places, in_line[:half], most) + _halves(places, in_line[half:], most)
