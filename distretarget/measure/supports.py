@@ -19,7 +19,7 @@ from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
-from distretarget.matching.undersides import Underside, Undersides
+from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.kinematics import turned_by
@@ -215,8 +215,7 @@ class SupportsMeasured:
     skin_source: Array  # (frames, joints), how far the skin reaches below each, less than below soles [leg lengths]
     up: Array  # (3,), the unit vector up
     leg: float  # the length of the target's leg [file units]; 1 without legs
-    underside: Underside | None  # the target's skin; None if it is not known
-    soles: float  # how far the target's skin reaches below the lowest joint of a foot that stands flat [file units]
+    undersides: Undersides | None  # the skins of source and target; None if they are not known, or without legs
 
     @property
     def rest(self) -> Flags:
@@ -238,8 +237,9 @@ class SupportsMeasured:
         paths = result.positions[:, self.joints] / self.leg
         skate = speeds_along(level(paths, self.up), result.frame_time)
         off = paths @ self.up - self.height_source
-        if self.underside is not None:
-            thicker = (self.underside.below(result, self.joints, self.up) - self.soles) / self.leg - self.skin_source
+        if self.undersides is not None:
+            below = self.undersides.target.below(result, self.joints, self.up) - self.undersides.soles[1]
+            thicker = below / self.leg - self.skin_source
             off -= np.clip(off, np.minimum(thicker, 0.0), np.maximum(thicker, 0.0)) * self.on_floor
         return replace(self, skate=skate, height=100.0 * np.abs(off))
 
@@ -257,10 +257,9 @@ def find_supports(
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
     skate = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
-    soles, skin, underside = 0.0, np.zeros_like(skate), None
-    if undersides is not None and matching.legs:
-        underside, (source_sole, soles) = undersides.target, undersides.soles
-        skin = (undersides.source.below(source, drivers[some], up) - source_sole) / source_leg
+    known, skin = undersides if matching.legs else None, np.zeros_like(skate)
+    if known is not None:
+        skin = (known.source.below(source, drivers[some], up) - known.soles[0]) / source_leg
     return SupportsMeasured(
         joints=joints[some],
         on_floor=on_floor[:, some],
@@ -272,8 +271,7 @@ def find_supports(
         skin_source=skin,
         up=up,
         leg=leg,
-        underside=underside,
-        soles=soles,
+        undersides=known,
     )
 
 

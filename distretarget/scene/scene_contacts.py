@@ -18,7 +18,7 @@ from distretarget.measure.gaps import TOUCH_DISTANCE
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, averaged, by_shot, over_runs
 from distretarget.numerics.vectors import Array, Numbers, level, spread_out
-from distretarget.objectives.supports import RESTS, ROOT_BLEND, Supports
+from distretarget.objectives.supports import RESTS, ROOT_BLEND
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.contacts import (
     ContactPoints,
@@ -124,7 +124,6 @@ def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) 
         )
     for i, one in enumerate(performers):
         moving = [(near.frames, near.joints[both.index(i)], near.f) for both, near in between.items() if i in both]
-        supports = one.supports
         for k, prop in enumerate(props):
             near = on_props[i, k] = _prop_contacts(one, points[i], prop, prop.grips.get(i, ()))
             if prop.grips:
@@ -132,9 +131,8 @@ def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) 
                 moving.append((frames, near.joints[columns], near.f[frames, columns]))
             else:
                 near = on_props[i, k] = replace(near, rises=rises_over(one, near, prop))
-                one = seated(replace(one, supports=supports), near, prop)
-                supports = _resting_on(one.supports, near, prop.free)
-        supported.append(replace(one, supports=_yielding(one, supports, moving)))
+                one = _resting_on(seated(one, near, prop), near, prop.free)
+        supported.append(_yielding(one, moving))
     return SceneContacts(tuple(supported), tuple(props), between, on_props, tuple(map(how_far_joints_give, supported)))
 
 
@@ -192,27 +190,27 @@ def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, hold
     return replace(near, A=np.where(left[:, None, None], 0.0, near.A))
 
 
-def _resting_on(supports: Supports, near: PropContacts, free: Placement) -> Supports:
+def _resting_on(one: Performer, near: PropContacts, free: Placement) -> Performer:
     """Move supports, except feet, that touch a prop nobody holds to their places on the prop."""
-    places, on_prop = np.array(supports.places), near.places(free)
+    supports, places, on_prop = one.supports, np.array(one.supports.places), near.places(free)
     for support in range(supports.feet, len(supports.joints)):
         for column in np.flatnonzero(near.joints == supports.joints[support]):
             places[:, support] += near.f[:, column, None] * (on_prop[:, column] - places[:, support])
-    return replace(supports, places=places)
+    return replace(one, supports=replace(supports, places=places))
 
 
-def _yielding(one: Performer, supports: Supports, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Supports:
+def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Performer:
     """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet. `moving`
     has frames, joints and activations of these contacts.
     """
-    clip, reach = one.clip, REST_HEIGHT * one.clip.leg_lengths[1]
+    clip, supports, reach = one.clip, one.supports, REST_HEIGHT * one.clip.leg_lengths[1]
     floor = clip.scale.height * clip.source_floor[:, None]
     touched = np.zeros((len(clip), len(clip.regions.names)))
     for frames, joints, f in moving:
         np.maximum.at(touched, (frames, clip.regions.of_joint[joints]), f)
     yields = np.where(supports.places @ clip.up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
     yields[:, : supports.feet] = 0.0
-    return replace(supports, weights=supports.weights * (1.0 - yields))
+    return replace(one, supports=replace(supports, weights=supports.weights * (1.0 - yields)))
 
 
 def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
