@@ -13,11 +13,10 @@ import pytest
 from input_files import named_target, text_hash
 
 from distretarget.batch import journal
+from distretarget.batch.job import Recipe
 from distretarget.batch.manifest import Manifest
-from distretarget.batch.metric_rows import parse_row, row_of
 from distretarget.batch.plan import MANIFEST, METRICS, Clip
-from distretarget.batch.recipe import Recipe
-from distretarget.batch.record import clip_line, new_record, parse_line, settings_line
+from distretarget.batch.record import clip_line, new_record, parse_line, parse_row, row_of, settings_line
 from distretarget.errors import FileError
 from distretarget.io.files import hash_of_file
 from distretarget.io.map_json import MapFile
@@ -231,8 +230,7 @@ def test_the_newest_lines_come_last(manifest):
 
 
 def check(manifest, one, folder):
-    path = folder / one["output"]
-    manifest.check_replaceable(one, path, hash_of_file(path))
+    manifest.check_replaceable(one, one["output"], hash_of_file(folder / one["output"]))
 
 
 def test_only_what_was_made_here_may_be_replaced(manifest, tmp_path):

@@ -1,4 +1,6 @@
-"""The clips of a folder as they are: what is wrong with each, by itself and among the others of its rig."""
+"""The clips of a folder as they are: what is wrong with each, by itself and among the others of its rig; and the page
+on that, with the worst frames.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import json
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path, PurePath
 
 import numpy as np
@@ -14,17 +17,20 @@ from numpy.typing import NDArray
 
 from distretarget.batch.plan import animations_of
 from distretarget.body.body import Body
-from distretarget.errors import DistretargetError
+from distretarget.errors import DistretargetError, counted
 from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
 from distretarget.measure.clip_faults import find_faults
 from distretarget.measure.faults import KINDS, Finding, Findings
 from distretarget.motion import Motion
+from distretarget.report.index_page import folder_of
+from distretarget.report.page import html_page
 from distretarget.stick_figures import stick_figures
 
 LEAST = 3  # clips of a rig that show what is usual
 SAMPLES = 16  # frames by which two clips are compared
 ALIKE = 1e-3  # joints this near to each other are at the same place [leg lengths]
+LIMITS = {key: kind.limit for key, kind in KINDS.items()}  # the usual limit of each kind of fault
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,17 +99,12 @@ def audit(
     return clips
 
 
-def usual_limits() -> dict[str, float]:
-    """Return the limit of each kind of fault, by its key."""
-    return {key: kind.limit for key, kind in KINDS.items()}
-
-
 def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
     try:
         motion, _ = parse_motion(load_file(path), clip)
         findings = find_faults(motion)
     except DistretargetError as error:
-        return AuditedClip(path=path, animation=clip, findings={"unreadable": Finding(1.0, None, error.reason)})
+        findings = {"unreadable": Finding(1.0, None, error.reason)}
     if "unreadable" in findings:
         return AuditedClip(path=path, animation=clip, findings=findings)
     body = Body.of_motion(motion)
@@ -124,18 +125,13 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
 
 def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[str, str]]:
     """The worst frame of each kind of fault, between those before and after it."""
-    keys = motion.skeleton.keys
+    skeleton = motion.skeleton
     for kind, found in findings.items():
         if found.frame is not None:
-            frames = range(max(found.frame - 1, 0), min(found.frame + 2, len(motion)))
-            marked = keys.index(found.where) if found.where in keys else -1
-            label = f"frames {frames[0]} to {frames[-1]}"
-            yield (
-                kind,
-                stick_figures(
-                    motion.skeleton.parents, motion.positions[frames[0] : frames[-1] + 1], body.up_vector, label, marked
-                ),
-            )
+            first, end = max(found.frame - 1, 0), min(found.frame + 2, len(motion))
+            marked = skeleton.keys.index(found.where) if found.where in skeleton.keys else -1
+            label = f"frames {first} to {end - 1}"
+            yield kind, stick_figures(skeleton.parents, motion.positions[first:end], body.up_vector, label, marked)
 
 
 def _rig(motion: Motion) -> str:
@@ -177,3 +173,40 @@ def _compare(clips: Sequence[AuditedClip]) -> None:
             off = 100.0 * abs(clip.frame_time * rate - 1.0)
             own = f"{1.0 / clip.frame_time:.4g} frames/s, {rate:.4g} in most" if off > KINDS["frame_time"].limit else ""
             clip.findings["frame_time"] = Finding(off, None, own)
+
+
+def audit_page(clips: Sequence[AuditedClip], limits: Mapping[str, float], title: str) -> str:
+    """Return the HTML of the page, for limits by kind of fault."""
+    summary = "\n".join(f"<p>{escape(line)}</p>" for line in summary_lines(clips, limits))
+    worst = sorted((clip for clip in clips if clip.faults(limits)), key=lambda clip: -len(clip.faults(limits)))
+    folder = folder_of(clip.name for clip in clips)
+    rows = "\n".join(_row(clip, clip.name.removeprefix(folder), limits) for clip in worst)
+    return html_page("audit", title, {}, summary=summary, rows=rows)
+
+
+def _row(clip: AuditedClip, name: str, limits: Mapping[str, float]) -> str:
+    faults = "".join(
+        f"<div><p>{escape(fault_text(kind, found))}</p>{clip.pictures.get(kind, '')}</div>"
+        for kind, found in clip.faults(limits).items()
+    )
+    size = f"<br><small>{counted(clip.frames, 'frame')}, {1 / clip.frame_time:.4g} frames/s</small>" if clip.rig else ""
+    return f'<tr><th scope="row">{escape(name)}{size}</th><td><div>{faults}</div></td></tr>'
+
+
+def fault_text(kind: str, found: Finding) -> str:
+    """Return a fault in words: its kind, number and unit, and where it is."""
+    unit, where = KINDS[kind].unit, [] if found.frame is None else [f"frame {found.frame}"]
+    number = "" if KINDS[kind].plain else f"{found.value:.3g} {unit}".rstrip()
+    number = counted(int(found.value), "frame") if unit == "frames" else number
+    where += [found.where] if found.where else []
+    return f"{kind} {number}".rstrip() + (f" ({', '.join(where)})" if where else "")
+
+
+def summary_lines(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> Iterator[str]:
+    """Yield how many clips have faults, and of which kinds."""
+    faults = [clip.faults(limits) for clip in clips]
+    yield f"{counted(len(clips), 'clip')}: {sum(not each for each in faults)} without faults"
+    counts = {kind: sum(kind in each for each in faults) for kind in KINDS}
+    for kind, count in counts.items():
+        if count:
+            yield f"{count} {kind}: {KINDS[kind].meaning}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -10,16 +11,15 @@ from functools import cached_property
 from pathlib import Path
 
 from distretarget.batch.alignment_spread import spread_warnings
-from distretarget.batch.job import Job, Output, Packed, Result
+from distretarget.batch.job import Job, Output, Recipe, Result
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import Clip
-from distretarget.batch.recipe import Recipe
 from distretarget.batch.record import ManifestRecord, new_record
 from distretarget.batch.results import Results
 from distretarget.batch.tally import Tally
 from distretarget.batch.workers import Workers, convert_all
 from distretarget.character.nodes import Animation
-from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.contacts_file import SUFFIX as CONTACTS_SUFFIX
 from distretarget.io.contacts_file import load_contacts
@@ -39,7 +39,7 @@ Show = Callable[[ManifestRecord | None], object]
 
 @dataclass(frozen=True)
 class Batch:
-    """Clips to retarget, and how.
+    """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read.
 
     Attributes:
         clips: what to retarget, and to what.
@@ -61,41 +61,45 @@ class Batch:
     time_limit: float | None = None
     fail_fast: bool = False
 
+    def __post_init__(self) -> None:
+        if self.contacts not in (None, BESIDE):
+            load_contacts(self.contacts)
+
     def record_of(self, clip: Clip, input_hash: str = "") -> ManifestRecord:
         """Return the record of a clip that is not done, whose file has this hash."""
-        settings = dict(self.recipe.of_animation(clip.animation).settings)
+        settings = self._recipe(clip).settings
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
         if self.joints and clip.path.suffix.lower() in ARRAY_SUFFIXES:
             settings["joints"] = self.joints.hash
         return {**new_record(clip, settings), "input_hash": input_hash}
 
-    def _contacts_path(self, clip: Clip) -> Path | None:
-        """The path of a clip's contact file, which may be missing if it is that beside the clip; None for none."""
-        return clip.path.with_suffix(CONTACTS_SUFFIX) if self.contacts == BESIDE else self.contacts
+    def _recipe(self, clip: Clip) -> Recipe:
+        """How a clip is retargeted, which may be one of several animations of its file."""
+        return replace(self.recipe, clip=clip.animation or self.recipe.clip)
 
-    def _contacts(self, clip: Clip) -> ContactList:
-        """What is said of the contacts of a clip."""
-        path = self._contacts_path(clip)
-        return load_contacts(path) if path and (self.contacts != BESIDE or path.exists()) else NO_CONTACTS
+    def _contacts_path(self, clip: Clip) -> Path | None:
+        """The path of a clip's contact file; None if it has none."""
+        beside = clip.path.with_suffix(CONTACTS_SUFFIX)
+        return self.contacts if self.contacts != BESIDE else beside if beside.exists() else None
 
     @cached_property
-    def _characters(self) -> dict[str, TargetFile]:
+    def _targets(self) -> dict[str, TargetFile]:
         """The targets, by the paths of their files."""
         return {str(clip.target.path): clip.target for clip in self.clips}
 
     @cached_property
-    def _packed(self) -> dict[str, Packed]:
-        """The targets as workers get them: with the capsules of a character, and without its file."""
-        return {path: Packed.of(self._prepared(file)) for path, file in self._characters.items()}
+    def _packed(self) -> dict[str, bytes]:
+        """The targets as workers get them: with the capsules of a character if they are needed, without its file."""
+        return {path: pickle.dumps(replace(self._prepared(file), file=None)) for path, file in self._targets.items()}
 
     def _prepared(self, file: TargetFile) -> TargetFile:
         """The target in a file, with its capsules if its mesh shows them and they are needed."""
         target, options = file.target, self.recipe.options
         known = options.skin == "none" or options.objective == "paper" or self.recipe.builds.target is not None
-        if isinstance(target, CharacterTarget) and not known:
-            target = replace(target, capsules=target_capsules(target))
-        return replace(file, target=target, file=None)
+        if known or not isinstance(target, CharacterTarget):
+            return file
+        return replace(file, target=replace(target, capsules=target_capsules(target)))
 
     @property
     def kept_clips(self) -> list[Clip]:
@@ -179,13 +183,14 @@ class Batch:
 
     def _job(self, source: InputFile, clip: Clip, record: ManifestRecord) -> Job:
         """The job of a clip; an error if a file cannot be read."""
+        contacts_path = self._contacts_path(clip)
         return Job(
             replace(with_files_beside(source), joints=self.joints),
             self._packed[str(clip.target.path)],
-            self.recipe.of_animation(clip.animation),
+            self._recipe(clip),
             record,
             clip.outputs,
-            contacts=self._contacts(clip),
+            contacts=load_contacts(contacts_path) if contacts_path else NO_CONTACTS,
             time_limit=self.time_limit,
         )
 
@@ -198,14 +203,15 @@ class Batch:
                 record = self.results.put(record, contents)
         except DistretargetError as error:
             record = {**record, "status": "failed", "error": str(error)}
-        if record["status"] == "failed" and not record["left_out"]:
+        has_failed = record["status"] == "failed" and not record["left_out"]
+        if has_failed:
             try:
                 self.results.manifest.add(record)
             except FileError as error:
                 record["error"] = f"{record['error']} ({error})"
         self.results.manifest.release(record["output"])
         show(record)
-        if record["status"] == "failed" and not record["left_out"] and self.fail_fast:
+        if has_failed and self.fail_fast:
             raise BatchError(f"stopped at the first failure: {record['error']}")
         if record["status"] == "done":
             self.pages.write_report(record, result.report, self.results)
@@ -214,12 +220,5 @@ class Batch:
         """The content of the file of a result, in parts."""
         if not isinstance(output, Animation):
             return [output]
-        character = self._characters[record["target"]]
-        return with_animations(self.results.folder / name, character, [output], self.recipe.writing.animations)
-
-
-def checked_contacts(path: Path | None) -> Path | None:
-    """Return the path of a contact file that can be read, `BESIDE` or None; errors as in `load_contacts`."""
-    if path not in (None, BESIDE):
-        load_contacts(path)
-    return path
+        target = self._targets[record["target"]]
+        return with_animations(self.results.folder / name, target, [output], self.recipe.writing.animations)

@@ -8,14 +8,13 @@ from contextlib import closing
 from pathlib import Path
 from types import NoneType
 
-from distretarget.batch.batch import Batch, checked_contacts
+from distretarget.batch.batch import Batch
+from distretarget.batch.job import TIME_LIMITS, Recipe
 from distretarget.batch.keep import Condition
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, load_targets, plan
-from distretarget.batch.recipe import Reading, Recipe
 from distretarget.batch.results import Results
 from distretarget.batch.tally import Tally
-from distretarget.batch.time_limit import TIME_LIMITS
 from distretarget.batch.workers import Processes
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_choice, check_kind, check_number, check_path
@@ -115,14 +114,14 @@ def convert_folder(
     batch = Batch(
         clips,
         Results(Path(folder), overwrite, Condition(keep) if keep else None),
-        Recipe(options, load_map(map_file, rest), Reading(clip, fps), writing, builds),
+        Recipe(options, load_map(map_file, rest), clip, fps, writing, builds),
         Pages(
             lambda clip, result: About(a=clip.name, b=result.name),
             Path(report) if report else None,
             reports,
             Path(table) if table else None,
         ),
-        checked_contacts(None if contacts is None else Path(contacts)),
+        None if contacts is None else Path(contacts),
         load_file(joints) if joints else None,
         time_limit,
         fail_fast,

@@ -2,16 +2,17 @@
 
 A condition has names of metrics, numbers, comparisons, and, or, not, and brackets; nothing else is evaluated. What was
 not measured in a clip, such as the error of contacts where nothing touches, decides nothing: a comparison with it is
-neither true nor false, and a clip is kept unless its condition is false.
+neither true nor false, and a clip is kept unless its condition is false. This is Kleene's logic of three values.
 """
 
 from __future__ import annotations
 
 import ast
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 from distretarget.batch.record import ManifestRecord
 from distretarget.errors import SettingsError, closest
@@ -27,6 +28,7 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
     ast.NotEq: operator.ne,
 }
 NAMES = ("frames", "warnings", *COLUMNS)
+FALSE, UNKNOWN, TRUE = 0.0, 0.5, 1.0  # "and" is the least of some values, "or" the largest, "not" 1 minus the value
 
 Values = Mapping[str, float | None]
 
@@ -38,7 +40,7 @@ class Condition:
     text: str
 
     def __post_init__(self) -> None:
-        _check(self._tree, self.text)
+        self._value(self._tree, dict.fromkeys(NAMES))
 
     @cached_property
     def _tree(self) -> ast.expr:
@@ -47,90 +49,64 @@ class Condition:
         try:
             return ast.parse(self.text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise _refusal(self.text) from None
+            raise self._refusal from None
+
+    @property
+    def _refusal(self) -> SettingsError:
+        return SettingsError(
+            f"keep is {self.text!r}; expected comparisons of metrics and numbers with and, or, not, such as "
+            "'contact_error < 0.01 and pop == 0'"
+        )
 
     def fault(self, record: ManifestRecord) -> str:
         """Return why a clip fails the condition; empty if it does not."""
         counts: dict[str, float | None] = {"frames": record["frames"], "warnings": len(record["warnings"])}
         values = {**dict.fromkeys(COLUMNS), **record["metrics"], **counts}
-        if _value(self._tree, values) is not False:
-            return ""
         return "; ".join(
             f"{', '.join(f'{name} is {values[name]:.4g}' for name in _names(part))}, expected {ast.unparse(part)}"
-            for part in _false_parts(self._tree, values)
+            for part in self._false_parts(self._tree, values)
         )
 
+    def _value(self, node: ast.expr, values: Values) -> float:
+        """Whether a part of the condition is `TRUE`, `FALSE` or `UNKNOWN`."""
+        match node:
+            case ast.BoolOp(op=op, values=parts):
+                decisive = min if isinstance(op, ast.And) else max
+                return decisive([self._value(part, values) for part in parts])
+            case ast.UnaryOp(op=ast.Not(), operand=part):
+                return TRUE - self._value(part, values)
+            case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in COMPARISONS for op in ops):
+                numbers = [self._operand(each, values) for each in (left, *others)]
+                return min(
+                    UNKNOWN if a is None or b is None else float(COMPARISONS[type(op)](a, b))
+                    for op, (a, b) in zip(ops, pairwise(numbers), strict=True)
+                )
+        raise self._refusal
 
-def _refusal(text: str) -> SettingsError:
-    return SettingsError(
-        f"keep is {text!r}; expected comparisons of metrics and numbers with and, or, not, such as "
-        "'contact_error < 0.01 and pop == 0'"
-    )
+    def _operand(self, node: ast.expr, values: Values) -> float | None:
+        match node:
+            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+                return value
+            case ast.Name(id=name):
+                if _known(name) not in NAMES:
+                    raise SettingsError(f"keep has {name!r}, which is no metric; {closest(name, NAMES)}")
+                return values[_known(name)]
+        raise self._refusal
 
-
-def _check(node: ast.expr, text: str) -> None:
-    """Raise a SettingsError unless a condition has only what it may have."""
-    match node:
-        case ast.BoolOp(values=parts):
-            for part in parts:
-                _check(part, text)
-        case ast.UnaryOp(op=ast.Not(), operand=part):
-            _check(part, text)
-        case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in COMPARISONS for op in ops):
-            for operand in (left, *others):
-                _check_operand(operand, text)
-        case _:
-            raise _refusal(text)
-
-
-def _check_operand(node: ast.expr, text: str) -> None:
-    match node:
-        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+    def _false_parts(self, node: ast.expr, values: Values) -> Iterator[ast.expr]:
+        """The parts, joined by "and", that make a part of the condition false; none if it is not."""
+        if self._value(node, values) != FALSE:
             return
-        case ast.Name(id=name):
-            if _known(name) not in NAMES:
-                raise SettingsError(f"keep has {name!r}, which is no metric; {closest(name, NAMES)}")
-        case _:
-            raise _refusal(text)
+        if isinstance(node, ast.BoolOp) and isinstance(node.op, ast.And):
+            for part in node.values:
+                yield from self._false_parts(part, values)
+        else:
+            yield node
 
 
 def _known(name: str) -> str:
     """The name of a metric, which may be given in the plural: pops."""
     return name if name in NAMES else name.removesuffix("s")
-
-
-def _value(node: ast.expr, values: Values) -> bool | None:
-    """Whether a checked condition holds; None where a metric that was not measured would decide it."""
-    match node:
-        case ast.BoolOp(op=op, values=parts):
-            found, decides = [_value(part, values) for part in parts], isinstance(op, ast.Or)
-            return decides if decides in found else None if None in found else not decides
-        case ast.UnaryOp(operand=part):
-            found_one = _value(part, values)
-            return None if found_one is None else not found_one
-        case ast.Compare(left=left, ops=ops, comparators=others):
-            numbers = [_operand(each, values) for each in (left, *others)]
-            pairs = zip(ops, numbers, numbers[1:], strict=False)
-            return _all([None if None in (a, b) else COMPARISONS[type(op)](a, b) for op, a, b in pairs])  # type: ignore[arg-type]
-    raise AssertionError(node)
-
-
-def _all(found: Sequence[bool | None]) -> bool | None:
-    return False if False in found else None if None in found else True
-
-
-def _operand(node: ast.expr, values: Values) -> float | None:
-    return values[_known(node.id)] if isinstance(node, ast.Name) else float(ast.literal_eval(node))
-
-
-def _false_parts(node: ast.expr, values: Values) -> Iterator[ast.expr]:
-    """The parts, joined by "and", that make a condition false."""
-    if isinstance(node, ast.BoolOp) and isinstance(node.op, ast.And):
-        for part in node.values:
-            if _value(part, values) is False:
-                yield from _false_parts(part, values)
-    else:
-        yield node
 
 
 def _names(node: ast.expr) -> list[str]:

@@ -1,17 +1,26 @@
-"""The folder of results: what is done in it, how a result gets into it, and how one that is not kept goes."""
+"""The folder of results: what is done in it, how a result gets into it, how one that is not kept goes, and how all of
+them become animations of one file.
+"""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
 
 from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest
+from distretarget.batch.plan import MANIFEST, METRICS, Clip
 from distretarget.batch.record import ManifestRecord
 from distretarget.io.files import check_inside, hash_of, hash_of_file, make_folder, write_whole
 from distretarget.io.gltf_writer import Parts
+from distretarget.io.input_file import load_file
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.motion_writer import OutputSettings, character_animation, with_animations
+from distretarget.io.target_file import TargetFile
 
 
 @dataclass(frozen=True)
@@ -53,8 +62,8 @@ class Results:
 
     def check_replaceable(self, record: ManifestRecord, outputs: Sequence[str]) -> None:
         """Raise a FileError if one of the results exists and may be replaced only with --overwrite."""
-        for path, name in ((self.folder / name, name) for name in outputs if not self.overwrite):
-            self.manifest.check_replaceable(record, path, hash_of_file(path), name)
+        for name in outputs if not self.overwrite else ():
+            self.manifest.check_replaceable(record, name, hash_of_file(self.folder / name))
 
     def put(self, record: ManifestRecord, contents: Mapping[str, Parts]) -> ManifestRecord:
         """Put the results of a clip, by their paths in the folder, in place, unless it is left out, and return its
@@ -80,7 +89,7 @@ class Results:
                     add()
                     continue
                 if not self.overwrite:
-                    self.manifest.check_replaceable(record, path, there, name)
+                    self.manifest.check_replaceable(record, name, there)
                 write_whole(path, contents[name], self.overwrite or there is not None, add)
         return record
 
@@ -102,3 +111,36 @@ class Results:
                     path.unlink(missing_ok=True)
             self.manifest.add(gone)
         return gone
+
+
+def clips_folder(path: Path) -> Path:
+    """Return the folder beside a file that keeps its clips as BVH, with a manifest, until the file is written; so an
+    interrupted run continues where it stopped.
+    """
+    return path.with_name(f"{path.name}.clips")
+
+
+def write_merged(
+    path: Path, target: TargetFile, clips: Sequence[Clip], settings: OutputSettings, overwrite: bool
+) -> int:
+    """Write the character file with an animation for each clip that is done, in the order of their names, and return
+    how many; if all are done, the folder of clips goes, and its manifest and metrics stay beside the file.
+
+    An animation has its clip's name, or in a tree of folders its path in it.
+
+    Raises:
+        DistretargetError: the file cannot be written.
+    """
+    folder = clips_folder(path)
+    done = [clip.place for clip in clips if (folder / clip.place).is_file()]
+    animations = []
+    for place in sorted(done, key=lambda place: place.with_suffix("")):
+        motion, _ = parse_motion(load_file(folder / place))
+        animations.append(character_animation(target, settings.clip(motion, place.with_suffix("").as_posix())))
+    write_whole(path, with_animations(path, target, animations, settings.animations), overwrite)
+    if len(done) == len(clips):
+        for name in (MANIFEST, METRICS):
+            with suppress(OSError):
+                (folder / name).replace(path.with_name(f"{path.name}.{name}"))
+        shutil.rmtree(folder, ignore_errors=True)
+    return len(animations)

@@ -10,8 +10,7 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from distretarget.batch.audit import AuditedClip, audit, usual_limits
-from distretarget.batch.audit_page import audit_page, fault_text, summary_lines
+from distretarget.batch.audit import LIMITS, AuditedClip, audit, audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
@@ -78,7 +77,7 @@ def audit_command(
         raise BatchError("there are no clips to audit")
     with tqdm(total=len(found), unit=" clips", disable=is_quiet() or None, leave=False) as bar:
         clips = audit([path for path, _ in found], lambda _path: bar.update(), clip, pictures=report is not None)
-    limits = usual_limits() | dict(given)
+    limits = LIMITS | dict(given)
     title = f"Audit of {', '.join(source.resolve().name for source in sources)}"
     write_outputs({table: lambda: _csv(clips, limits), report: lambda: audit_page(clips, limits, title)}, overwrite)
     faulty = [each for each in clips if each.faults(limits)]

@@ -13,19 +13,16 @@ from typing import TextIO
 import click
 from tqdm import tqdm
 
-from distretarget.batch.batch import Batch, checked_contacts
+from distretarget.batch.batch import Batch
+from distretarget.batch.job import TIME_LIMITS, Recipe
 from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest
-from distretarget.batch.merge import clips_folder
-from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, load_targets, plan
-from distretarget.batch.recipe import Reading, Recipe
 from distretarget.batch.record import ManifestRecord
-from distretarget.batch.results import Results
+from distretarget.batch.results import Results, clips_folder, write_merged
 from distretarget.batch.tally import Tally
-from distretarget.batch.time_limit import TIME_LIMITS
-from distretarget.batch.workers import Processes, Workers
+from distretarget.batch.workers import Cluster, Processes, Workers
 from distretarget.cli.options import (
     PATH,
     SkinFiles,
@@ -232,9 +229,9 @@ def batch_command(
     batch = Batch(
         clips,
         Results(results, overwrite and not merge, keep, read_only=dry_run),
-        Recipe(options, map_file, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()),
+        Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, skins.builds()),
         Pages(about, index, reports, table),
-        checked_contacts(contacts_path),
+        contacts_path,
         load_file(joints_path) if joints_path else None,
         time_limit,
         fail_fast,
@@ -283,8 +280,6 @@ def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_r
 def _workers(dask: str | None, jobs: int | None, options: Options) -> Workers:
     if dask is None:
         return Processes(jobs or cores(), options.objective)
-    from distretarget.batch.cluster import Cluster
-
     return Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
 
 
