@@ -20,7 +20,7 @@ from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSetting
 from distretarget.io.npz import Precision
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
 from distretarget.numerics.rotations import RotationKind
-from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
+from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
@@ -115,6 +115,11 @@ def of_reports(text: str) -> int | None:
     return int(number)
 
 
+def of_skin(text: str) -> SkinMode | Path:
+    """How thick a body is, in the text: a mode, or a build by its name or file."""
+    return next((mode for mode in get_args(SkinMode) if mode == text), Path(text))
+
+
 def _choice(name: str, text: str) -> Decorator:
     """An option with the choices and the default of a field of `Options`."""
     default = getattr(DEFAULT_OPTIONS, name)
@@ -200,6 +205,7 @@ OPTIONS = (
     ENVIRONMENT_OPTION,
     click.option(
         "--skin",
+        type=of_skin,
         metavar="[auto|average|BUILD|none|FILE]",
         default="auto",
         show_default=True,
@@ -281,9 +287,9 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
     the others as `options`.
     """
 
-    def with_options(skin: str, source_skin: Path | None, **given: Any) -> None:
-        given["skin"] = skin if skin in CHOICES["skin"] else "auto"
-        skins = SkinFiles(source_skin, None if skin in CHOICES["skin"] else Path(skin))
+    def with_options(skin: SkinMode | Path, source_skin: Path | None, **given: Any) -> None:
+        given["skin"] = "auto" if isinstance(skin, Path) else skin
+        skins = SkinFiles(source_skin, skin if isinstance(skin, Path) else None)
         if skin == "none" and source_skin:
             raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
