@@ -4,8 +4,6 @@ on that, with the worst frames.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,30 +33,19 @@ LIMITS = {key: kind.limit for key, kind in KINDS.items()}  # the usual limit of 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AuditedClip:
-    """A clip, and what was found of each kind of fault.
-
-    Attributes:
-        path: of the file.
-        animation: which of several in the file, such as "#2"; None for the only one.
-        findings: by the key of the kind; kinds that could not be measured are missing.
-        rig: a hash of names and tree of the joints; empty if the file cannot be read.
-        frames: their number.
-        frame_time: [s].
-        leg: the length of a leg [file units].
-        up: the axis that points up.
-        pictures: SVG of the worst frame of each kind of fault, if they are asked for, and the frames around it.
-        places: of the joints in some frames, from that of the first joint in the first frame [leg lengths].
-    """
+    """A clip, and what was found of each kind of fault."""
 
     path: Path
-    findings: Findings
-    animation: str | None = None
-    rig: str = ""
+    findings: Findings  # by the key of the kind; kinds that could not be measured are missing
+    animation: str | None = None  # which of several in the file, such as "#2"
+    rig: tuple[tuple[str, ...], bytes] | None = None  # names and tree of the joints; None if the file cannot be read
     frames: int = 0
-    frame_time: float = 0.0
-    leg: float = 0.0
-    up: str = ""
+    frame_time: float = 0.0  # [s]
+    leg: float = 0.0  # the length of a leg [file units]
+    up: str = ""  # the axis that points up
+    # SVG of the worst frame of each kind of fault, if they are asked for, and the frames around it
     pictures: Mapping[str, str] = field(default_factory=dict)
+    # of the joints in some frames, from that of the first joint in the first frame [leg lengths]
     places: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
 
     @property
@@ -113,7 +100,7 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
         path=path,
         animation=clip,
         findings=findings,
-        rig=_rig(motion),
+        rig=(motion.skeleton.names, motion.skeleton.parents.tobytes()),
         frames=len(motion),
         frame_time=motion.frame_time,
         leg=leg,
@@ -132,12 +119,6 @@ def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[
             marked = skeleton.keys.index(found.where) if found.where in skeleton.keys else -1
             label = f"frames {first} to {end - 1}"
             yield kind, stick_figures(skeleton.parents, motion.positions[first:end], body.up_vector, label, marked)
-
-
-def _rig(motion: Motion) -> str:
-    skeleton = motion.skeleton
-    text = json.dumps([skeleton.names, skeleton.parents.tolist()])
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _places(motion: Motion, leg: float) -> NDArray[np.float32]:
@@ -195,18 +176,17 @@ def _row(clip: AuditedClip, name: str, limits: Mapping[str, float]) -> str:
 
 def fault_text(kind: str, found: Finding) -> str:
     """Return a fault in words: its kind, number and unit, and where it is."""
-    unit, where = KINDS[kind].unit, [] if found.frame is None else [f"frame {found.frame}"]
+    unit = KINDS[kind].unit
     number = "" if KINDS[kind].plain else f"{found.value:.3g} {unit}".rstrip()
     number = counted(int(found.value), "frame") if unit == "frames" else number
-    where += [found.where] if found.where else []
-    return f"{kind} {number}".rstrip() + (f" ({', '.join(where)})" if where else "")
+    where = ", ".join(filter(None, ("" if found.frame is None else f"frame {found.frame}", found.where)))
+    return f"{kind} {number}".rstrip() + (f" ({where})" if where else "")
 
 
 def summary_lines(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> Iterator[str]:
     """Yield how many clips have faults, and of which kinds."""
     faults = [clip.faults(limits) for clip in clips]
     yield f"{counted(len(clips), 'clip')}: {sum(not each for each in faults)} without faults"
-    counts = {kind: sum(kind in each for each in faults) for kind in KINDS}
-    for kind, count in counts.items():
-        if count:
+    for kind in KINDS:
+        if count := sum(kind in each for each in faults):
             yield f"{count} {kind}: {KINDS[kind].meaning}"

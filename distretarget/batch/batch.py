@@ -39,27 +39,16 @@ Show = Callable[[ManifestRecord | None], object]
 
 @dataclass(frozen=True)
 class Batch:
-    """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read.
-
-    Attributes:
-        clips: what to retarget, and to what.
-        results: where results belong.
-        recipe: how clips are retargeted.
-        pages: what is made of all of them.
-        contacts: a contact file for all clips, or `BESIDE`, for the one beside each clip.
-        joints: the skeleton for clips that are arrays.
-        time_limit: of a clip [s].
-        fail_fast: whether to end with the first failure.
-    """
+    """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read."""
 
     clips: Sequence[Clip]
     results: Results
     recipe: Recipe
     pages: Pages
-    contacts: Path | None = None
-    joints: InputFile | None = None
-    time_limit: float | None = None
-    fail_fast: bool = False
+    contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
+    joints: InputFile | None = None  # the skeleton for clips that are arrays
+    time_limit: float | None = None  # of a clip [s]
+    fail_fast: bool = False  # whether to end with the first failure
 
     def __post_init__(self) -> None:
         if self.contacts not in (None, BESIDE):

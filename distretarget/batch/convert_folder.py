@@ -12,7 +12,7 @@ from distretarget.batch.batch import Batch
 from distretarget.batch.job import TIME_LIMITS, Recipe
 from distretarget.batch.keep import Condition
 from distretarget.batch.pages import Pages
-from distretarget.batch.plan import find_clips, load_targets, plan
+from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.results import Results
 from distretarget.batch.tally import Tally
 from distretarget.batch.workers import Processes
@@ -21,6 +21,7 @@ from distretarget.checks import check_choice, check_kind, check_number, check_pa
 from distretarget.io.input_file import load_file
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings
+from distretarget.io.target_file import TargetFile
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.report.diff_document import About
@@ -110,7 +111,8 @@ def convert_folder(
     found, unread = find_clips(paths, (), include, exclude, arrays=joints is not None)
     if unread:
         raise unread[0]
-    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, formats, clip)
+    files = [TargetFile.of(load_file(path)) for path in _listed("targets", targets)]
+    clips = plan(found, files, Path(folder), paths, formats, clip)
     batch = Batch(
         clips,
         Results(Path(folder), overwrite, Condition(keep) if keep else None),

@@ -70,29 +70,17 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Job:
-    """A clip to retarget.
-
-    Attributes:
-        source: the file of the clip.
-        target: the `TargetFile` as it goes to workers: pickled, so that each unpacks it once for all clips.
-        recipe: how to retarget the clip.
-        record: what the manifest says of it while it is not done.
-        outputs: the paths of the results in the folder of results, that of `record` first.
-        contacts: what is said of its contacts.
-        about: what its report says; None for no report.
-        time_limit: [s]; None for none.
-        threads: of a long clip, which would keep one core busy when all others are done; None for the usual number.
-    """
+    """A clip to retarget."""
 
     source: InputFile
-    target: bytes
+    target: bytes  # a `TargetFile`, pickled, so that a worker unpacks it once for all clips
     recipe: Recipe
-    record: ManifestRecord
-    outputs: tuple[str, ...]
+    record: ManifestRecord  # what the manifest says of the clip while it is not done
+    outputs: tuple[str, ...]  # the paths of the results in the folder of results, that of `record` first
     contacts: ContactList = NO_CONTACTS
-    about: About | None = None
-    time_limit: float | None = None
-    threads: int | None = None
+    about: About | None = None  # what its report says; None for no report
+    time_limit: float | None = None  # [s]
+    threads: int | None = None  # of a long clip, which would keep one core busy when all others are done
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""

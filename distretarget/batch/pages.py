@@ -39,21 +39,13 @@ PARQUET_TAIL = 1 << 18  # the end of a Parquet file that has its metadata [bytes
 
 @dataclass(frozen=True)
 class Pages:
-    """The pages and the table of a batch.
+    """The pages and the table of a batch."""
 
-    Attributes:
-        about: what a report says of a clip, from its path and that of its result.
-        index: the page over all clips; None for no pages.
-        reports: how many clips get a report beside it, the worst first; None for all.
-        table: the table of all clips, .csv or .parquet.
-        problems: why a report could not be written, by its path.
-    """
-
-    about: Callable[[PurePath, PurePath], About]
-    index: Path | None = None
-    reports: int | None = None
-    table: Path | None = None
-    problems: dict[Path, FileError] = field(default_factory=dict)
+    about: Callable[[PurePath, PurePath], About]  # what a report says of a clip, from its path and that of its result
+    index: Path | None = None  # the page over all clips; None for no pages
+    reports: int | None = None  # how many clips get a report beside it, the worst first; None for all
+    table: Path | None = None  # of all clips, .csv or .parquet
+    problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def check(self, clips: Sequence[Clip], results: Results, map_path: str | Path) -> None:
         """Raise a BatchError or FileError if page or table cannot be written, or would replace a file of the batch."""

@@ -14,7 +14,7 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.character_file import animations_in
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
 from distretarget.io.gltf_animation import free_name
-from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile, load_file
+from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.scene.scene_file import SCENE_NAME
@@ -103,7 +103,7 @@ def plan(
             raise BatchError(
                 f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
-    names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
+    names = [""] if len(targets) == 1 else [_stem(Path(target.path)) for target in targets]
     parts = [
         part for path, place in found for part in ([(path, place, None)] if animation else animations_of(path, place))
     ]
@@ -113,7 +113,7 @@ def plan(
         for target in targets
     ]
     clips = [
-        Clip(path, target, name / place.with_name(place.name + first), size, number, tuple(others))
+        Clip(path, target, PurePath(name, f"{place}{first}"), size, number, tuple(others))
         for target, name, (first, *others) in zip(targets, names, suffixes, strict=True)
         for (path, place, number), size in zip(parts, sizes, strict=True)
     ]
@@ -132,11 +132,6 @@ def plan(
             if _file(result) in inputs:
                 raise BatchError(f"{result} is an input and would be replaced; choose another folder with -o")
     return sorted(clips, key=lambda clip: -clip.size)
-
-
-def load_targets(paths: Sequence[Path]) -> list[TargetFile]:
-    """Read the files of targets."""
-    return [TargetFile.of(load_file(path)) for path in paths]
 
 
 def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
@@ -210,9 +205,9 @@ def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:
     return False
 
 
-def _folder_name(target: Path) -> PurePath:
+def _stem(target: Path) -> str:
     """The name of the folder for a target's results: its stem, or for `...json` its whole name instead of `..`."""
-    return PurePath(target.stem if target.stem.strip(".") else target.name)
+    return target.stem if target.stem.strip(".") else target.name
 
 
 def _inputs(clips: Sequence[Clip]) -> set[tuple[int, ...]]:

@@ -25,19 +25,12 @@ from distretarget.io.target_file import TargetFile
 
 @dataclass(frozen=True)
 class Results:
-    """A folder of results.
-
-    Attributes:
-        folder: where it is.
-        overwrite: whether to make again what is done, and to replace files that no batch made.
-        keep: clips that fail this condition are left out.
-        read_only: whether nothing is to be written, not even a manifest.
-    """
+    """A folder of results."""
 
     folder: Path
-    overwrite: bool = False
-    keep: Condition | None = None
-    read_only: bool = False
+    overwrite: bool = False  # whether to make again what is done, and to replace files that no batch made
+    keep: Condition | None = None  # clips that fail it are left out
+    read_only: bool = False  # whether nothing is to be written, not even a manifest
 
     @cached_property
     def manifest(self) -> Manifest:

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from distretarget.batch.audit import LIMITS, AuditedClip, audit, audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
-from distretarget.cli.options import OVERWRITE_OPTION, PATH, limit_of, quiet
+from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest
 from distretarget.measure.faults import KINDS
@@ -44,7 +44,7 @@ def of_kind(text: str) -> tuple[str, float]:
     "--table", type=PATH, metavar="FILE", help="Write a CSV file with a row for each clip and the numbers of all kinds."
 )
 @click.option("--report", type=PATH, metavar="FILE", help="Write an HTML page with the worst frame of each fault.")
-@click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
+@CLIP_OPTION
 @OVERWRITE_OPTION
 @quiet
 def audit_command(

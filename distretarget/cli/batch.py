@@ -18,7 +18,7 @@ from distretarget.batch.job import TIME_LIMITS, Recipe
 from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest
 from distretarget.batch.pages import Pages
-from distretarget.batch.plan import find_clips, load_targets, plan
+from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.record import ManifestRecord
 from distretarget.batch.results import Results, clips_folder, write_merged
 from distretarget.batch.tally import Tally
@@ -200,7 +200,7 @@ def batch_command(
         sources, targets = sources[:-1], sources[-1:]
         if is_folder(targets[0]):
             raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
-    texts = load_targets(list(dict.fromkeys(targets)))
+    files = [TargetFile.of(load_file(path)) for path in dict.fromkeys(targets)]
     sources = tuple(dict.fromkeys(sources))
     listed = [*dict.fromkeys(_listed(input_list))] if input_list else []
     if not sources and input_list is None:
@@ -219,11 +219,11 @@ def batch_command(
     if merge:
         if kinds or npz:
             raise click.UsageError("--merge writes what the name of -o says; leave out --format and --npz.")
-        results, kinds = _for_merge(folder, texts, overwrite, dry_run), ("bvh",)
+        results, kinds = _for_merge(folder, files, overwrite, dry_run), ("bvh",)
     elif npz:
         kinds = (*(kinds or ("own",)), "npz")
     try:
-        clips = plan(found, texts, results, sources, kinds or (), clip)
+        clips = plan(found, files, results, sources, kinds or (), clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     batch = Batch(
@@ -253,7 +253,7 @@ def batch_command(
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:
-        count = write_merged(folder, texts[0], batch.kept_clips, settings, overwrite)
+        count = write_merged(folder, files[0], batch.kept_clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
 

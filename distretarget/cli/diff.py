@@ -10,6 +10,7 @@ import click
 
 from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over, over_limits
 from distretarget.cli.options import (
+    CLIP_OPTION,
     OVERWRITE_OPTION,
     FileOrStandard,
     limit_of,
@@ -53,7 +54,7 @@ def of_metric(text: str) -> tuple[str, float]:
 @report_option("Write an HTML report to this file: one file, no network.", None, "-o")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all metrics to this file.")
 @click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the metrics to this file, a row for each frame.")
-@click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
+@CLIP_OPTION
 @map_option(
     'A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names or '
     "shape."

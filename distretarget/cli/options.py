@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, get_args
@@ -23,7 +24,8 @@ from distretarget.numerics.rotations import RotationKind
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
 from distretarget.skeleton import LARGEST, SMALLEST
 
-Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+Command = Callable[..., None]
+Decorator = Callable[[Command], Command]
 
 PATH = click.Path(path_type=Path)
 
@@ -61,38 +63,37 @@ quiet = click.option(
 OVERWRITE_OPTION = click.option(
     "--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced."
 )
+CLIP_OPTION = click.option(
+    "--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second."
+)
+
+
+def _number(text: str, least: float, most: float) -> float | None:
+    """The number in the text, if it is within bounds."""
+    with contextlib.suppress(ValueError):
+        if least <= (number := float(text)) <= most:
+            return number
+    return None
 
 
 def positive(text: str) -> float:
     """The number above 0 in the text."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = 0.0
-    if not SMALLEST <= number <= LARGEST:
+    if (number := _number(text, SMALLEST, LARGEST)) is None:
         raise click.BadParameter(f"expected a number above 0, from {SMALLEST:g} to {LARGEST:g}, found {text!r}")
     return number
 
 
-def limit_of(name: str, number: str) -> float:
+def limit_of(name: str, text: str) -> float:
     """The limit of what has a name, a number from 0 up."""
-    try:
-        limit = float(number)
-    except ValueError:
-        limit = -1.0
-    if not 0 <= limit <= LARGEST:
-        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {number!r}")
+    if (limit := _number(text, 0.0, LARGEST)) is None:
+        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {text!r}")
     return limit
 
 
 def of_rate(text: str) -> float:
     """The frame rate in the text [frames/s]."""
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = 0.0
-    if not 1 / LONGEST_FRAME <= rate <= 1 / SHORTEST_FRAME:
-        least, most = 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME
+    least, most = 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME
+    if (rate := _number(text, least, most)) is None:
         raise click.BadParameter(f"expected frames per second, from {least:g} to {most:g}, found {text!r}")
     return rate
 
@@ -169,7 +170,7 @@ STRIP_NAMESPACE_OPTION = click.option(
     is_flag=True,
     help="In BVH, write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
 )
-OPTIONS = (
+RETARGETING = (
     map_option(
         'A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs overrule '
         "those in the target's file; joints in neither are matched by names or shape."
@@ -224,16 +225,15 @@ OPTIONS = (
 )
 
 
-def reading(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options --clip, --fps and --skeleton to a command that reads a motion."""
-    clip = click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
-    fps = click.option(
+READING = (
+    CLIP_OPTION,
+    click.option(
         "--fps",
         type=of_rate,
         metavar="NUMBER",
         help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys. Of .npy, its frame rate.",
-    )
-    joints = click.option(
+    ),
+    click.option(
         "--skeleton",
         "--smpl-joints",
         "joints_path",
@@ -241,48 +241,61 @@ def reading(command: Callable[..., None]) -> Callable[..., None]:
         metavar="FILE",
         help="For a SOURCE in .npz or .npy: the skeleton of its positions or SMPL parameters. It may be a skeleton "
         "file, BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
-    )
-    return clip(fps(joints(command)))
-
-
-def writing(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of writing to a command, which receives them as `settings`."""
-
-    def with_settings(
-        animations: Mode, in_place: bool, rotations: RotationKind, precision: Precision, **given: Any
-    ) -> None:
-        command(settings=OutputSettings(animations, in_place, rotations, precision), **given)
-
-    kept = click.option(
+    ),
+)
+WRITING = (
+    click.option(
         "--animations",
         type=click.Choice(get_args(Mode)),
         default="add",
         show_default=True,
         help="In a character file: whether the motion is added to the animations in it, or replaces them.",
-    )
-    in_place = click.option(
+    ),
+    click.option(
         "--in-place",
         is_flag=True,
         help="Leave out the root's path along the floor. Character files and .vrma keep it in the animation's extras.",
-    )
-    rotations = click.option(
+    ),
+    click.option(
         "--rotations",
         type=click.Choice(get_args(RotationKind)),
         default=DEFAULT_OUTPUT.rotations,
         show_default=True,
         help="In .npz, what rotations are: quaternions x y z w, matrices, or the first two columns of these.",
-    )
-    precision = click.option(
+    ),
+    click.option(
         "--precision",
         type=click.Choice(get_args(Precision)),
         default=DEFAULT_OUTPUT.precision,
         show_default=True,
         help="The precision of numbers in .npz.",
-    )
-    return kept(in_place(rotations(precision(functools.update_wrapper(with_settings, command)))))
+    ),
+)
 
 
-def retargeting(command: Callable[..., None]) -> Callable[..., None]:
+def _with(options: Sequence[Decorator], command: Command) -> Command:
+    """Add options to a command, in their order."""
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def reading(command: Command) -> Command:
+    """Add the options --clip, --fps and --skeleton to a command that reads a motion."""
+    return _with(READING, command)
+
+
+def writing(command: Command) -> Command:
+    """Add the options of writing to a command, which receives them as `settings`."""
+
+    def with_settings(**given: Any) -> None:
+        own = {field.name: given.pop(field.name) for field in fields(OutputSettings)}
+        command(settings=OutputSettings(**own), **given)
+
+    return _with(WRITING, functools.update_wrapper(with_settings, command))
+
+
+def retargeting(command: Command) -> Command:
     """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, the files `skins`, and
     the others as `options`.
     """
@@ -301,7 +314,4 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
             )
         command(options=options, skins=skins, **given)
 
-    decorated: Callable[..., None] = functools.update_wrapper(with_options, command)
-    for option in reversed(OPTIONS):
-        decorated = option(decorated)
-    return decorated
+    return _with(RETARGETING, functools.update_wrapper(with_options, command))
