@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from distretarget.batch.audit import LIMITS, AuditedClip, audit, audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
-from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, limit_of, quiet
+from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest
 from distretarget.measure.faults import KINDS
@@ -40,10 +40,8 @@ def of_kind(text: str) -> tuple[str, float]:
     help=f"The number above which a clip has this fault; KIND is one of {', '.join(KINDS)}. May be given "
     "several times.",
 )
-@click.option(
-    "--table", type=PATH, metavar="FILE", help="Write a CSV file with a row for each clip and the numbers of all kinds."
-)
-@click.option("--report", type=PATH, metavar="FILE", help="Write an HTML page with the worst frame of each fault.")
+@file_option("--table", help="Write a CSV file with a row for each clip and the numbers of all kinds.")
+@file_option("--report", help="Write an HTML page with the worst frame of each fault.")
 @CLIP_OPTION
 @OVERWRITE_OPTION
 @quiet

@@ -27,6 +27,7 @@ from distretarget.cli.options import (
     PATH,
     SkinFiles,
     contacts_option,
+    file_option,
     of_formats,
     of_reports,
     quiet,
@@ -88,8 +89,8 @@ def of_condition(text: str) -> Condition:
 @reading
 @retargeting
 @contacts_option(
-    "Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, such as "
-    "walk.contacts.json beside walk.bvh."
+    help="Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, "
+    "such as walk.contacts.json beside walk.bvh."
 )
 @click.option(
     "--format",
@@ -121,11 +122,9 @@ def of_condition(text: str) -> Condition:
     help="The longest time for a clip. One that takes longer fails, and the next run tries it again. Default: none.",
 )
 @click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
-@click.option(
+@file_option(
     "--report",
     "index",
-    type=PATH,
-    metavar="FILE",
     help="Write an HTML page on all clips to this file; reports on single clips go to a folder beside it.",
 )
 @click.option(
@@ -137,10 +136,8 @@ def of_condition(text: str) -> Condition:
     help="With --report, the clips that get a report of their own: worst:N for the N with the largest "
     f"{METRICS[0].label}, all or none.",
 )
-@click.option(
+@file_option(
     "--table",
-    type=PATH,
-    metavar="FILE",
     help="Write a table, .csv or .parquet, with a row for each clip: its metrics, verdict, warnings, and hashes.",
 )
 @click.option(

@@ -13,11 +13,11 @@ from distretarget.cli.options import (
     CLIP_OPTION,
     OVERWRITE_OPTION,
     FileOrStandard,
+    file_option,
     limit_of,
     map_option,
     positive,
     quiet,
-    report_option,
 )
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
@@ -51,13 +51,13 @@ def of_metric(text: str) -> tuple[str, float]:
 @click.command("diff")
 @click.argument("a", type=FileOrStandard())
 @click.argument("b", type=FileOrStandard())
-@report_option("Write an HTML report to this file: one file, no network.", None, "-o")
+@file_option("-o", "--report", type=FileOrStandard(), help="Write an HTML report to this file: one file, no network.")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all metrics to this file.")
 @click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the metrics to this file, a row for each frame.")
 @CLIP_OPTION
 @map_option(
-    'A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names or '
-    "shape."
+    help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names '
+    "or shape."
 )
 @click.option("--fail-over", "limits", type=of_metric, multiple=True, metavar="METRIC=LIMIT", help=FAIL_OVER_HELP)
 @click.option(

@@ -121,39 +121,27 @@ def of_skin(text: str) -> SkinMode | Path:
     return next((mode for mode in get_args(SkinMode) if mode == text), Path(text))
 
 
-def _choice(name: str, text: str) -> Decorator:
-    """An option with the choices and the default of a field of `Options`."""
-    default = getattr(DEFAULT_OPTIONS, name)
-    kind = click.Choice([choice for choice in CHOICES[name] if choice is not None])
+def _choice(
+    name: str, text: str, choices: Sequence[str] = (), settings: Options | OutputSettings = DEFAULT_OPTIONS
+) -> Decorator:
+    """An option with the choices, by default those of `Options`, and the default of a field of some settings."""
+    default = getattr(settings, name)
+    kind = click.Choice(choices or [choice for choice in CHOICES[name] if choice is not None])
     flag = f"--{name.replace('_', '-')}"
     return click.option(flag, type=kind, default=default, show_default=default is not None, help=text)
 
 
-def map_option(text: str, kind: click.Path = PATH) -> Decorator:
-    """The option --map with this help."""
-    return click.option("--map", "map_path", type=kind, metavar="FILE", help=text)
-
-
-def contacts_option(text: str) -> Decorator:
-    """The option --contacts with this help."""
-    return click.option("--contacts", "contacts_path", type=PATH, metavar="FILE", help=text)
-
-
-def report_option(text: str, kind: click.Path | None = None, *names: str) -> Decorator:
-    """The option --report with this help."""
-    return click.option(*names, "--report", "report", type=kind or FileOrStandard(), metavar="FILE", help=text)
-
-
-def rest_option(kind: click.Path = PATH) -> Decorator:
-    """The option --rest."""
-    text = (
-        "A BVH file of SOURCE's rig that stands in its first frame, in T-pose, A-pose or with arms down: the pose in "
-        "which SOURCE is aligned with TARGET. For rigs whose rest pose does not stand; see 'skeleton match' to keep it "
-        "in a map."
-    )
-    return click.option("--rest", "rest_path", type=kind, metavar="FILE", help=text)
-
-
+file_option = functools.partial(click.option, type=PATH, metavar="FILE")
+map_option = functools.partial(file_option, "--map", "map_path")
+contacts_option = functools.partial(file_option, "--contacts", "contacts_path")
+rest_option = functools.partial(
+    file_option,
+    "--rest",
+    "rest_path",
+    help="A BVH file of SOURCE's rig that stands in its first frame, in T-pose, A-pose or with arms down: the pose in "
+    "which SOURCE is aligned with TARGET. For rigs whose rest pose does not stand; see 'skeleton match' to keep it in "
+    "a map.",
+)
 SUPPORTS_OPTION = _choice(
     "supports",
     "What stays in place while it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
@@ -172,8 +160,8 @@ STRIP_NAMESPACE_OPTION = click.option(
 )
 RETARGETING = (
     map_option(
-        'A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs overrule '
-        "those in the target's file; joints in neither are matched by names or shape."
+        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs '
+        "overrule those in the target's file; joints in neither are matched by names or shape."
     ),
     rest_option(),
     click.option(
@@ -233,43 +221,33 @@ READING = (
         metavar="NUMBER",
         help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys. Of .npy, its frame rate.",
     ),
-    click.option(
+    file_option(
         "--skeleton",
         "--smpl-joints",
         "joints_path",
-        type=PATH,
-        metavar="FILE",
         help="For a SOURCE in .npz or .npy: the skeleton of its positions or SMPL parameters. It may be a skeleton "
         "file, BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
     ),
 )
 WRITING = (
-    click.option(
-        "--animations",
-        type=click.Choice(get_args(Mode)),
-        default="add",
-        show_default=True,
-        help="In a character file: whether the motion is added to the animations in it, or replaces them.",
+    _choice(
+        "animations",
+        "In a character file: whether the motion is added to the animations in it, or replaces them.",
+        get_args(Mode),
+        DEFAULT_OUTPUT,
     ),
     click.option(
         "--in-place",
         is_flag=True,
         help="Leave out the root's path along the floor. Character files and .vrma keep it in the animation's extras.",
     ),
-    click.option(
-        "--rotations",
-        type=click.Choice(get_args(RotationKind)),
-        default=DEFAULT_OUTPUT.rotations,
-        show_default=True,
-        help="In .npz, what rotations are: quaternions x y z w, matrices, or the first two columns of these.",
+    _choice(
+        "rotations",
+        "In .npz, what rotations are: quaternions x y z w, matrices, or the first two columns of these.",
+        get_args(RotationKind),
+        DEFAULT_OUTPUT,
     ),
-    click.option(
-        "--precision",
-        type=click.Choice(get_args(Precision)),
-        default=DEFAULT_OUTPUT.precision,
-        show_default=True,
-        help="The precision of numbers in .npz.",
-    ),
+    _choice("precision", "The precision of numbers in .npz.", get_args(Precision), DEFAULT_OUTPUT),
 )
 
 
@@ -280,9 +258,7 @@ def _with(options: Sequence[Decorator], command: Command) -> Command:
     return command
 
 
-def reading(command: Command) -> Command:
-    """Add the options --clip, --fps and --skeleton to a command that reads a motion."""
-    return _with(READING, command)
+reading = functools.partial(_with, READING)
 
 
 def writing(command: Command) -> Command:

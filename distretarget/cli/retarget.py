@@ -19,9 +19,9 @@ from distretarget.cli.options import (
     FileOrStandard,
     SkinFiles,
     contacts_option,
+    file_option,
     quiet,
     reading,
-    report_option,
     retargeting,
     writing,
 )
@@ -75,13 +75,17 @@ from distretarget.report.run_summary import metrics_json, metrics_line, summary_
 @reading
 @retargeting
 @contacts_option(
-    "Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget contacts' lists "
-    "what is found, and writes such a file to edit."
+    help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget contacts' "
+    "lists what is found, and writes such a file to edit."
 )
 @writing
 @STRIP_NAMESPACE_OPTION
 @click.option("--json", "metrics", type=FileOrStandard(), help="Write the metrics of each frame to this file.")
-@report_option("Write an HTML report to this file: result and rotation copy, measured against the source.")
+@file_option(
+    "--report",
+    type=FileOrStandard(),
+    help="Write an HTML report to this file: result and rotation copy, measured against the source.",
+)
 @click.option(
     "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."
 )

@@ -21,10 +21,10 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     PATH,
     SUPPORTS_OPTION,
+    file_option,
     of_skin,
     positive,
     quiet,
-    report_option,
 )
 from distretarget.cli.outputs import check_outputs, complain, say
 from distretarget.errors import DistretargetError, FileError, counted
@@ -68,10 +68,10 @@ EACH = {  # what is given once for all performers or once for each, as in `Perfo
 )
 @click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION
-@report_option(
-    "Write an HTML report to this file: all performers and props in one player. Of a folder of scenes each has one of "
-    "this name beside its results.",
-    PATH,
+@file_option(
+    "--report",
+    help="Write an HTML report to this file: all performers and props in one player. Of a folder of scenes each has "
+    "one of this name beside its results.",
 )
 @click.option("--cut", is_flag=True, help="Cut all clips to the length of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
@@ -107,11 +107,9 @@ EACH = {  # what is given once for all performers or once for each, as in `Perfo
     help="How thick the performer of a source is, once for all, or once for each in order, as in retarget. Default: "
     "what the mesh in the source shows, else an average adult, child or baby.",
 )
-@click.option(
+@file_option(
     "--contacts",
     multiple=True,
-    type=PATH,
-    metavar="FILE",
     help="Contacts to drop, make or change, as in retarget: once for all performers, or once for each in order. Frames "
     "count from the start of the scene.",
 )

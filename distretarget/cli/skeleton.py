@@ -48,12 +48,12 @@ def of_bone(text: str) -> tuple[str, float]:
 
 
 @click.group("skeleton")
-def skeleton_group() -> None:
+def skeleton_command() -> None:
     """Show, edit and match skeletons, and write skeleton files. - means standard input or output."""
     click.get_current_context().with_resource(uncompiled())
 
 
-@skeleton_group.command("show")
+@skeleton_command.command("show")
 @click.argument("file", type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="An .obj file for the capsules that approximate the skin.")
 @OVERWRITE_OPTION
@@ -84,7 +84,7 @@ def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
         write_output(output, capsules_to_obj(capsules, skeleton), overwrite)
 
 
-@skeleton_group.command("export")
+@skeleton_command.command("export")
 @click.argument("file", type=FileOrStandard())
 @click.option(
     "-o",
@@ -111,7 +111,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     write_output(output, skeleton_to_json(skeleton, name, joint_map, _radii(target)), overwrite)
 
 
-@skeleton_group.command("edit")
+@skeleton_command.command("edit")
 @click.argument("file", type=FileOrStandard())
 @click.option("--scale", type=positive, metavar="FACTOR", help="The factor for all bones and the root's offset.")
 @click.option(
@@ -170,11 +170,11 @@ def edit_command(
     say(f"{changed} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
 
 
-@skeleton_group.command("match")
+@skeleton_command.command("match")
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
-@map_option("A map file whose pairs overrule all others.", FileOrStandard())
-@rest_option(FileOrStandard())
+@map_option(type=FileOrStandard(), help="A map file whose pairs overrule all others.")
+@rest_option(type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The map file to write.")
 @OVERWRITE_OPTION
 @quiet
