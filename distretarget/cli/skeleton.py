@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -156,12 +156,8 @@ def edit_command(
     check_suffix(output, ".json")
     given = read_input(file)
     name, target = _target_in(given)
-    options = [("--length", *each) for each in lengths] + [("--factor", *each) for each in factors]
-    chosen = _bones(given.path, target.skeleton, options)
-    new_lengths, new_factors = (
-        {key: number for key, (by, _, number) in chosen.items() if by == option} for option in ("--length", "--factor")
-    )
-    edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, given.path)
+    chosen = _bones(given.path, target.skeleton, {"--length": lengths, "--factor": factors})
+    edit = SkeletonEdit(1.0 if scale is None else scale, chosen["--length"], chosen["--factor"], given.path)
     radii = {joint: edit.scale * radius for joint, radius in _radii(target).items()}
     edited = edit.apply(target.skeleton)
     write_output(output, skeleton_to_json(edited, name, target.map, radii), overwrite)
@@ -240,24 +236,24 @@ def _body_in(file: InputFile) -> Body:
 
 
 def _bones(
-    file: str | Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
-) -> dict[str, tuple[str, str, float]]:
-    """For each bone that an option names: the option, the name or pattern, and the number.
+    file: str | Path, skeleton: Skeleton, given: Mapping[str, Sequence[tuple[str, float]]]
+) -> dict[str, dict[str, float]]:
+    """The numbers of the bones that options name, by option and bone; `given` are names or patterns, and numbers.
 
     It is an error if an option names no bone, or a second one the same bone.
     """
-    chosen: dict[str, tuple[str, str, float]] = {}
-    for option, name, number in options:
-        bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
+    bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
+    chosen: dict[str, dict[str, float]] = {option: {} for option in given}
+    named_by: dict[str, str] = {}
+    for option, name, number in ((option, *each) for option, pairs in given.items() for each in pairs):
         named = [name] if name in skeleton.keys else [key for key in bones if fnmatchcase(key, name)]
         if not named:
             raise FileError(file, f"{option} {name}: no such bone; {closest(name, bones)}")
         for key in named:
-            if key in chosen:
-                other, pattern, _ = chosen[key]
-                both = f"{other} {pattern} and {option} {name}"
+            if key in named_by:
+                both = f"{named_by[key]} and {option} {name}"
                 raise FileError(file, f"{both} are both for the bone {key!r}; each bone may be named only once")
-            chosen[key] = option, name, number
+            named_by[key], chosen[option][key] = f"{option} {name}", number
     return chosen
 
 
@@ -271,10 +267,9 @@ def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[st
     yield f"thickness of {source}{unit}, and in % of the height:"
     names = [SEGMENTS[segment].removeprefix("left ").removeprefix("right ") for segment in capsules.segments]
     rows = []
-    for name in dict.fromkeys((*LIMB_SEGMENTS, *SEGMENTS)):
-        own = capsules.radii[[each == name for each in names]]
-        if len(own):
-            thick = 2.0 * float(own.mean())
+    for name in (*LIMB_SEGMENTS, *SEGMENTS):
+        if name in names:
+            thick = 2.0 * float(capsules.radii[[each == name for each in names]].mean())
             rows.append((f"  {name}", f"{thick:.4g}", f"{100.0 * thick / height:.1f} %"))
     yield from aligned(rows, "<>>")
 
