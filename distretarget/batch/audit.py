@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
-from pathlib import Path, PurePath
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +55,8 @@ class AuditedClip:
 
     def faults(self, limits: Mapping[str, float]) -> Findings:
         """Return the findings above their limits, by kind, in the order of `KINDS`."""
-        found = {kind: self.findings[kind] for kind in KINDS if kind in self.findings}
-        return {kind: each for kind, each in found.items() if each.value > limits[kind]}
+        found = self.findings
+        return {kind: found[kind] for kind in KINDS if kind in found and found[kind].value > limits[kind]}
 
 
 def audit(
@@ -73,8 +73,7 @@ def audit(
     clips = []
     for path in paths:
         show(path)
-        numbers = [clip] if clip else [number for _, _, number in animations_of(path, PurePath(path.name))]
-        clips += [_audited(path, number, pictures) for number in numbers]
+        clips += [_audited(path, number, pictures) for number in ([clip] if clip else animations_of(path))]
     rigs = defaultdict(list)
     for each in clips:
         if each.rig:
@@ -92,14 +91,13 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
         findings = find_faults(motion)
     except DistretargetError as error:
         findings = {"unreadable": Finding(1.0, None, error.reason)}
+    audited = AuditedClip(path=path, animation=clip, findings=findings)
     if "unreadable" in findings:
-        return AuditedClip(path=path, animation=clip, findings=findings)
+        return audited
     body = Body.of_motion(motion)
     leg = 0.5 * body.unit
-    return AuditedClip(
-        path=path,
-        animation=clip,
-        findings=findings,
+    return replace(
+        audited,
         rig=(motion.skeleton.names, motion.skeleton.parents.tobytes()),
         frames=len(motion),
         frame_time=motion.frame_time,

@@ -23,7 +23,7 @@ from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.contacts_file import SUFFIX as CONTACTS_SUFFIX
 from distretarget.io.contacts_file import load_contacts
-from distretarget.io.files import hash_of, hash_of_file, read_bytes
+from distretarget.io.files import hash_of_file, read_bytes
 from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import ARRAY_SUFFIXES, InputFile, with_files_beside
 from distretarget.io.motion_writer import with_animations
@@ -61,7 +61,7 @@ class Batch:
             settings["contacts"] = contacts_hash
         if self.joints and clip.path.suffix.lower() in ARRAY_SUFFIXES:
             settings["joints"] = self.joints.hash
-        return {**new_record(clip, settings), "input_hash": input_hash}
+        return new_record(clip, settings, input_hash)
 
     def _recipe(self, clip: Clip) -> Recipe:
         """How a clip is retargeted, which may be one of several animations of its file."""
@@ -149,13 +149,13 @@ class Batch:
         """The job of a clip that is not done."""
         record = self.record_of(clip)
         try:
-            content = read_bytes(clip.path)
-            record["input_hash"] = hash_of(content)
+            source = InputFile(read_bytes(clip.path), clip.path)
+            record["input_hash"] = source.hash
             if known := self.results.known(record, clip.outputs):
                 show(self.results.again(known, clip.outputs))
                 self.results.manifest.release(record["output"])
                 return
-            job = self._job(InputFile(content, clip.path), clip, record)
+            job = self._job(source, clip, record)
         except DistretargetError as error:
             self._finish(Result({**record, "error": str(error)}), show)
             return

@@ -105,7 +105,9 @@ def plan(
             )
     names = [""] if len(targets) == 1 else [_stem(Path(target.path)) for target in targets]
     parts = [
-        part for path, place in found for part in ([(path, place, None)] if animation else animations_of(path, place))
+        (path, place / name, number)
+        for path, place in found
+        for number, name in ({None: ""} if animation else animations_of(path)).items()
     ]
     sizes = [status.st_size if (status := _status(path)) else 0 for path, _, _ in parts]
     suffixes = [
@@ -134,20 +136,18 @@ def plan(
     return sorted(clips, key=lambda clip: -clip.size)
 
 
-def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
-    """Yield the animations of a file: its path, the place of the result, and which it is; None for the only one."""
+def animations_of(path: Path) -> dict[str | None, str]:
+    """Return the animations of a file, such as "#2", each with a name for its result; None for the only one."""
     names: Sequence[str] = ()
     if KINDS.get(path.suffix.lower()) == "glTF":
         with suppress(DistretargetError):  # reading the clip will report it
             names = animations_in(InputFile(read_bytes(path), path))
     if len(names) < 2:
-        yield path, place, None
-        return
-    taken: set[str] = set()
+        return {None: ""}
+    found: dict[str | None, str] = {}
     for number, name in enumerate(names, start=1):
-        clean = free_name(safe_file_name(name) or f"animation {number}", taken)
-        taken.add(clean)
-        yield path, place / clean, f"#{number}"
+        found[f"#{number}"] = free_name(safe_file_name(name) or f"animation {number}", {*found.values()})
+    return found
 
 
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
