@@ -80,12 +80,9 @@ def audit_command(
     write_outputs({table: lambda: _csv(clips, limits), report: lambda: audit_page(clips, limits, title)}, overwrite)
     faulty = [each for each in clips if each.faults(limits)]
     if faulty:
-        for line in aligned([HEAD, *(_row(each, limits) for each in faulty)], SIDES):
-            say(line)
-    for line in summary_lines(clips, limits):
-        say(line)
-    for error in unread:
-        complain(f"not searched: {error}")
+        say(*aligned([HEAD, *(_row(each, limits) for each in faulty)], SIDES))
+    say(*summary_lines(clips, limits))
+    complain(*(f"not searched: {error}" for error in unread))
     if faulty or unread:
         click.get_current_context().exit(1)
 

@@ -233,20 +233,16 @@ def batch_command(
         time_limit,
         fail_fast,
     )
-    for each in unread:
-        complain(f"not searched: {each}")
+    complain(*(f"not searched: {each}" for each in unread))
     if dry_run:
         _print_plan(batch)
         return
     batch.check()
     tally = Tally(clips=len(clips))
     stopped, status = _convert(batch, _workers(dask, jobs, options), tally)
-    for line in tally.lines:
-        say(line)
-    for line in tally.failures if is_quiet() else ():
-        complain(line)
-    for problem in batch.pages.problems.values():
-        complain(f"no report: {problem}")
+    say(*tally.lines)
+    complain(*(tally.failures if is_quiet() else ()))
+    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:

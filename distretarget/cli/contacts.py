@@ -59,7 +59,6 @@ def contacts_command(
     except DistretargetError as error:
         raise error.in_file(error.path or source) from None
     write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
-    for line in contact_lines(found):
-        say(line)
+    say(*contact_lines(found))
     if not len(found):
         say("no contacts found: no parts of the body touch, and none is planted")

@@ -111,8 +111,7 @@ def diff_command(
         account = _measure_clips(a, b, clip, map_path, limits, verbose)
     texts = {report: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
     write_outputs(texts, overwrite)
-    for line in account.lines:
-        say(line)
+    say(*account.lines)
     if account.faults:
         raise click.ClickException(f"{account.path}: {'; '.join(account.faults)}")
 

@@ -172,13 +172,11 @@ def retarget_command(
     write_outputs(contents, overwrite)
     content = ()  # frees its numbers before metrics are measured
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
-    for line in _account(result) if verbose else others:
-        say(line, err=True)
+    say(*(_account(result) if verbose else others), err=True)
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
-    for warning in (*parts_without_source(result.matching), *lost, *left_out, *result.warnings):
-        say(f"warning: {warning}", err=True)
-    for line in refusals(written.skeleton) if kind == "BVH" else ():
-        say(line, err=True)
+    warnings = (*parts_without_source(result.matching), *lost, *left_out, *result.warnings)
+    say(*(f"warning: {warning}" for warning in warnings), err=True)
+    say(*(refusals(written.skeleton) if kind == "BVH" else ()), err=True)
     say(summary_line(result, seconds))
 
 

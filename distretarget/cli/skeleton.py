@@ -23,7 +23,7 @@ from distretarget.cli.options import (
     quiet,
     rest_option,
 )
-from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_output
+from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_outputs
 from distretarget.errors import FileError, closest, counted, cut
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
@@ -75,13 +75,10 @@ def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
     legs = f", legs {body.leg_length:.6g}{unit}" if body.legs else ""
     size = f"height {body.height:.6g}{unit}{legs}"
     say(f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}")
-    for line in _tree(skeleton):
-        say(line)
+    say(*_tree(skeleton))
     capsules = target_capsules(target)
-    for line in _thickness(target, capsules, body.height):
-        say(line)
-    if output:
-        write_output(output, capsules_to_obj(capsules, skeleton), overwrite)
+    say(*_thickness(target, capsules, body.height))
+    write_outputs({output: lambda: capsules_to_obj(capsules, skeleton)}, overwrite)
 
 
 @skeleton_command.command("export")
@@ -108,7 +105,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     if strip_namespace:
         skeleton = skeleton.without_namespaces
         joint_map = {skeleton.keys[target.skeleton.index(key)]: driver for key, driver in joint_map.items()}
-    write_output(output, skeleton_to_json(skeleton, name, joint_map, _radii(target)), overwrite)
+    write_outputs({output: lambda: skeleton_to_json(skeleton, name, joint_map, _radii(target))}, overwrite)
 
 
 @skeleton_command.command("edit")
@@ -160,7 +157,7 @@ def edit_command(
     edit = SkeletonEdit(1.0 if scale is None else scale, chosen["--length"], chosen["--factor"], given.path)
     radii = {joint: edit.scale * radius for joint, radius in _radii(target).items()}
     edited = edit.apply(target.skeleton)
-    write_output(output, skeleton_to_json(edited, name, target.map, radii), overwrite)
+    write_outputs({output: lambda: skeleton_to_json(edited, name, target.map, radii)}, overwrite)
     changed = counted(int(np.sum(edited.lengths != target.skeleton.lengths)), "bone")
     unit = f" {edited.units}" if edited.units else ""
     say(f"{changed} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
@@ -202,14 +199,10 @@ def match_command(
         map_file.rest.on(source_body.skeleton)
     pairs = joint_map(source_body.skeleton, whole_target, target_file.path, map_file)
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
-    for line in (*headline(matching), "", *rows(matching), ""):
-        say(line)
-    for parts in parts_without_source(matching):
-        say(parts)
+    say(*headline(matching), "", *rows(matching), "", *parts_without_source(matching))
     say(f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}")
     say(f"joints of the source not used: {', '.join(unused(matching)) or 'none'}")
-    if output:
-        write_output(output, map_to_json(matching, map_file.rest), overwrite)
+    write_outputs({output: lambda: map_to_json(matching, map_file.rest)}, overwrite)
     if reason := refusal(matching):
         map_name = str(output) if output else "a map, which -o MAP.json writes,"
         raise FileError(target_file.path, f"{reason}; fill in {map_name} and give it with --map")
