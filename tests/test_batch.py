@@ -108,7 +108,7 @@ def go(folder, workers=None, clips=None, **others):
 
 
 def lines(folder):
-    return [*Manifest(folder / "out", read_only=True).latest(clips_in(folder))]
+    return [*Manifest(folder / "out", read_only=True).latest(clip.output for clip in clips_in(folder))]
 
 
 def runs(folder):

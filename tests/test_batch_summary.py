@@ -1,6 +1,6 @@
 """The summary of a run."""
 
-from pathlib import Path, PurePath
+from pathlib import Path
 
 from input_files import named_target
 
@@ -10,7 +10,7 @@ from distretarget.batch.tally import Tally
 
 
 def record(name):
-    return new_record(Clip(Path(name), named_target("{}", "hero.json"), PurePath(name), 1), {})
+    return new_record(Clip(Path(name), named_target("{}", "hero.json"), (name,), 1), {})
 
 
 def done(name, contact):

@@ -7,7 +7,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path, PurePath
+from pathlib import Path
 
 import pytest
 from bodies import other_lengths, person, swaying
@@ -29,7 +29,7 @@ TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json
 
 
 def job_of(text, target=TARGET, about=None):
-    record = new_record(Clip(Path("in.bvh"), target, PurePath("out.bvh"), 0), {})
+    record = new_record(Clip(Path("in.bvh"), target, ("out.bvh",), 0), {})
     return Job(file_of(text, "in.bvh"), pickle.dumps(target), Recipe(), record, ("out.bvh",), about=about)
 
 

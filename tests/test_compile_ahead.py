@@ -13,7 +13,6 @@ from distretarget.pipeline.compile_ahead import warm
 WATCHED = """
 import pickle
 import sys
-from pathlib import PurePath
 from distretarget import load_target, read_bvh
 from distretarget.batch.job import Job, Recipe, convert
 from distretarget.batch.plan import Clip
@@ -30,7 +29,7 @@ Dispatcher.compile = lambda self, signature: late.append(self.py_func.__name__) 
 for target in sys.argv[2:4]:
     for clip in sys.argv[4:]:
         recipe = Recipe(Options(objective=sys.argv[1]))
-        planned = Clip(clip, TargetFile.of(load_file(target)), PurePath("out.bvh"), 0)
+        planned = Clip(clip, TargetFile.of(load_file(target)), ("out.bvh",), 0)
         job = Job(load_file(clip), pickle.dumps(planned.target), recipe, new_record(planned, {}), planned.outputs)
         assert convert(job).outputs
 print(late)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from distretarget.batch.alignment_spread import spread_warnings
 from distretarget.batch.job import Job, Output, Recipe, Result
@@ -93,8 +93,13 @@ class Batch:
     @property
     def kept_clips(self) -> list[Clip]:
         """The clips that are not left out."""
-        left_out = {record["output"] for record in self.results.manifest.latest(self.clips) if record["left_out"]}
-        return [clip for clip in self.clips if clip.place.as_posix() not in left_out]
+        left_out = {record["output"] for record in self._records if record["left_out"]}
+        return [clip for clip in self.clips if clip.output not in left_out]
+
+    @property
+    def _records(self) -> list[ManifestRecord]:
+        """The last record of each clip, if any, the newest last."""
+        return [*self.results.manifest.latest(clip.output for clip in self.clips)]
 
     def check(self) -> None:
         """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
@@ -122,7 +127,7 @@ class Batch:
             for result in convert_all(workers, self._jobs(workers.count, count)):
                 self._finish(result, count)
             manifest.sort_metrics()
-            records = [*manifest.latest(self.clips)]
+            records = self._records
             tally.alignments = [*spread_warnings(records)]
             for result in convert_all(workers, self._report_jobs(records)):
                 self.pages.write_report(result.record, result.report, self.results)
@@ -137,12 +142,12 @@ class Batch:
         for clip in self.clips:
             is_long = clip.size > max(SPLIT_SIZE, left / workers)
             left -= clip.size
-            if self.results.manifest.claim(clip.place.as_posix()):
+            if self.results.manifest.claim(clip.output):
                 yield from self._unless_done(clip, is_long, show)
             else:
                 others.append(clip)
         for clip in others:
-            self.results.manifest.claim(clip.place.as_posix())
+            self.results.manifest.claim(clip.output)
             yield from self._unless_done(clip, False, show)
 
     def _unless_done(self, clip: Clip, is_long: bool, show: Show) -> Iterator[Job]:
@@ -165,10 +170,10 @@ class Batch:
         """The clips that need a report on their present output, from their records."""
         of_output, wanted = {record["output"]: record for record in records}, {*self.pages.without_report(records)}
         for clip in self.clips:
-            if (name := clip.place.as_posix()) in wanted:
+            if clip.output in wanted:
                 with suppress(DistretargetError):
-                    job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[name])
-                    yield replace(job, about=self.pages.about(clip.path, clip.place))
+                    job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[clip.output])
+                    yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)))
 
     def _job(self, source: InputFile, clip: Clip, record: ManifestRecord) -> Job:
         """The job of a clip; an error if a file cannot be read."""

@@ -17,7 +17,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from distretarget.batch.journal import Journal, MetricRows
-from distretarget.batch.plan import MANIFEST, Clip
+from distretarget.batch.plan import MANIFEST
 from distretarget.batch.record import ManifestRecord, clip_line, made_from, parse_line, settings_line, whole_record
 from distretarget.errors import FileError
 from distretarget.io.files import check_inside, check_writable, make_folder
@@ -102,11 +102,10 @@ class Manifest(Journal):
         elif _is_other(made["input"], record["input"]) or _is_other(made["target"], record["target"]):
             raise FileError(path, f"is the result of {made['input']} onto {made['target']}; --overwrite replaces it")
 
-    def latest(self, clips: Iterable[Clip]) -> Iterator[ManifestRecord]:
-        """Yield the last record of each clip, if any, the newest last."""
+    def latest(self, outputs: Iterable[str]) -> Iterator[ManifestRecord]:
+        """Yield the last record of each output, if any, the newest last."""
         self._catch_up()
-        places = (clip.place.as_posix() for clip in clips)
-        yield from self._records_at(sorted(self._last[place] for place in places if place in self._last))
+        yield from self._records_at(sorted(self._last[output] for output in outputs if output in self._last))
 
     def add(self, record: ManifestRecord) -> None:
         """Add what a clip has become, and flush it to the disk; if that fails, raise a FileError and change nothing."""

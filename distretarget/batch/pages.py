@@ -61,7 +61,7 @@ class Pages:
 
     def about_at_once(self, clip: Clip) -> About | None:
         """What the report on a clip says, if all clips get one; they are made as clips are retargeted."""
-        return self.about(clip.path, clip.place) if self.index and self.reports is None else None
+        return self.about(clip.path, PurePath(clip.output)) if self.index and self.reports is None else None
 
     def without_report(self, records: Sequence[ManifestRecord]) -> Iterator[str]:
         """Yield the outputs that are to get a report, and have none on their present content."""

@@ -29,16 +29,14 @@ class Clip:
 
     path: Path  # of the clip's file
     target: TargetFile
-    place: PurePath  # of the result, relative to the folder of results; its suffix is the kind of file
+    outputs: tuple[str, ...]  # paths of the results in the folder of results, with slashes; suffixes say what they are
     size: int  # of the clip's file [bytes]; 0 if it cannot be read
     animation: str | None = None  # which of several in the file, such as "#2"
-    suffixes: tuple[str, ...] = ()  # of the other results, which are beside the first and named like it
 
     @property
-    def outputs(self) -> tuple[str, ...]:
-        """The paths of all results in the folder of results, with slashes."""
-        stem = self.place.as_posix().removesuffix(self.place.suffix)
-        return (self.place.as_posix(), *(stem + suffix for suffix in self.suffixes))
+    def output(self) -> str:
+        """The first result, which stands for all of them."""
+        return self.outputs[0]
 
 
 def find_clips(
@@ -111,12 +109,12 @@ def plan(
     ]
     sizes = [status.st_size if (status := _status(path)) else 0 for path, _, _ in parts]
     suffixes = [
-        list(dict.fromkeys(suffix_of(target, None if kind == "own" else kind) for kind in kinds or ("own",)))
+        dict.fromkeys(suffix_of(target, None if kind == "own" else kind) for kind in kinds or ("own",))
         for target in targets
     ]
     clips = [
-        Clip(path, target, PurePath(name, f"{place}{first}"), size, number, tuple(others))
-        for target, name, (first, *others) in zip(targets, names, suffixes, strict=True)
+        Clip(path, target, tuple(PurePath(name, f"{place}{suffix}").as_posix() for suffix in own), size, number)
+        for target, name, own in zip(targets, names, suffixes, strict=True)
         for (path, place, number), size in zip(parts, sizes, strict=True)
     ]
     taken: dict[str, Clip] = {}

@@ -74,7 +74,7 @@ class ManifestRecord(ClipRecord, Measured):
 
 def new_record(clip: Clip, options: Mapping[str, object], input_hash: str = "") -> ManifestRecord:
     """Return the record of a clip that is not done: failed, without a reason; `options` decide its output."""
-    line = {"input": str(clip.path), "output": clip.place.as_posix(), "status": "failed", "frames": 0, "seconds": 0.0}
+    line = {"input": str(clip.path), "output": clip.output, "status": "failed", "frames": 0, "seconds": 0.0}
     line["input_hash"] = input_hash
     target_hash = clip.target.file.hash if clip.target.file else ""
     settings = {"target": str(clip.target.path), "target_hash": target_hash, "options": options, "version": VERSION}

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest
@@ -125,7 +125,7 @@ def write_merged(
         DistretargetError: the file cannot be written.
     """
     folder = clips_folder(path)
-    done = [clip.place for clip in clips if (folder / clip.place).is_file()]
+    done = [PurePath(clip.output) for clip in clips if (folder / clip.output).is_file()]
     animations = []
     for place in sorted(done, key=lambda place: place.with_suffix("")):
         motion, _ = parse_motion(load_file(folder / place))

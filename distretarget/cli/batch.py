@@ -7,7 +7,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TextIO
 
 import click
@@ -314,8 +314,9 @@ def _print_plan(batch: Batch) -> None:
         except DistretargetError as error:
             say(f"fail     {error}")
         else:
-            beside = ", ".join([str(results.folder / clip.place), *clip.suffixes])
-            say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {beside}")
+            beside = (PurePath(output).suffix for output in clip.outputs[1:])
+            made = ", ".join([str(results.folder / clip.output), *beside])
+            say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {made}")
 
 
 def _print_broken(manifest: Manifest) -> None:

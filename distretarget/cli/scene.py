@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from itertools import cycle
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import click
@@ -214,7 +214,7 @@ def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Pa
         check_inside(report, folder)
     names = [path.relative_to(results.folder).as_posix() for path in (*outputs, report) if path]
     inputs = hash_of(*(hash_of(read_bytes(path)).encode() for path in (file, *setup.inputs)))
-    record = new_record(Clip(file, targets[0], PurePath(names[0]), 0), {}, inputs)
+    record = new_record(Clip(file, targets[0], (names[0],), 0), {}, inputs)
     record["status"] = "done"
     if results.known(record, names):
         return False
