@@ -5,7 +5,7 @@ on that, with the worst frames.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
@@ -59,21 +59,12 @@ class AuditedClip:
         return {kind: found[kind] for kind in KINDS if kind in found and found[kind].value > limits[kind]}
 
 
-def audit(
-    paths: Iterable[Path],
-    show: Callable[[Path], object] = lambda _path: None,
-    clip: str | None = None,
-    pictures: bool = False,
-) -> list[AuditedClip]:
+def audit(paths: Iterable[Path], clip: str | None = None, pictures: bool = False) -> list[AuditedClip]:
     """Return what is wrong with the clips in some files, in their order, with or without pictures.
 
-    Of a file with several animations each is a clip, unless `clip` names one; `show` is called with each path before it
-    is read.
+    Of a file with several animations each is a clip, unless `clip` names one.
     """
-    clips = []
-    for path in paths:
-        show(path)
-        clips += [_audited(path, number, pictures) for number in ([clip] if clip else animations_of(path))]
+    clips = [_audited(path, number, pictures) for path in paths for number in ([clip] if clip else animations_of(path))]
     rigs = defaultdict(list)
     for each in clips:
         if each.rig:

@@ -62,10 +62,13 @@ class Condition:
         """Return why a clip fails the condition; empty if it does not."""
         counts: dict[str, float | None] = {"frames": record["frames"], "warnings": len(record["warnings"])}
         values = {**dict.fromkeys(COLUMNS), **record["metrics"], **counts}
-        return "; ".join(
-            f"{', '.join(f'{name} is {values[name]:.4g}' for name in _names(part))}, expected {ast.unparse(part)}"
-            for part in self._false_parts(self._tree, values)
-        )
+        faults = []
+        for part in self._false_parts(self._tree, values):
+            names = dict.fromkeys(_known(each.id) for each in ast.walk(part) if isinstance(each, ast.Name))
+            faults.append(
+                f"{', '.join(f'{name} is {values[name]:.4g}' for name in names)}, expected {ast.unparse(part)}"
+            )
+        return "; ".join(faults)
 
     def _value(self, node: ast.expr, values: Values) -> float:
         """Whether a part of the condition is `TRUE`, `FALSE` or `UNKNOWN`."""
@@ -107,8 +110,3 @@ class Condition:
 def _known(name: str) -> str:
     """The name of a metric, which may be given in the plural: pops."""
     return name if name in NAMES else name.removesuffix("s")
-
-
-def _names(node: ast.expr) -> list[str]:
-    """The metrics in a part of a condition."""
-    return list(dict.fromkeys(_known(each.id) for each in ast.walk(node) if isinstance(each, ast.Name)))

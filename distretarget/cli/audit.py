@@ -73,8 +73,8 @@ def audit_command(
     found, unread = find_clips(sources)
     if not found:
         raise BatchError("there are no clips to audit")
-    with tqdm(total=len(found), unit=" clips", disable=is_quiet() or None, leave=False) as bar:
-        clips = audit([path for path, _ in found], lambda _path: bar.update(), clip, pictures=report is not None)
+    bar = tqdm([path for path, _ in found], unit=" clips", disable=is_quiet() or None, leave=False)
+    clips = audit(bar, clip, pictures=report is not None)
     limits = LIMITS | dict(given)
     title = f"Audit of {', '.join(source.resolve().name for source in sources)}"
     write_outputs({table: lambda: _csv(clips, limits), report: lambda: audit_page(clips, limits, title)}, overwrite)

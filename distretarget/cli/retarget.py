@@ -155,10 +155,9 @@ def retarget_command(
             contacts=contacts,
             progress=bar.update,
         )
-    motion = result.motion
-    written = (
-        replace(motion, skeleton=motion.skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
-    )
+    written = result.motion
+    if strip_namespace and kind == "BVH":
+        written = replace(written, skeleton=written.skeleton.without_namespaces)
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
     named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
