@@ -18,14 +18,13 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
-from distretarget.io.build_file import with_source
 from distretarget.io.bvh_writer import refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, character_animation, content_of
-from distretarget.io.target_file import TargetFile
+from distretarget.io.target_file import TargetFile, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit

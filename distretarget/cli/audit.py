@@ -15,7 +15,7 @@ from distretarget.batch.plan import find_clips
 from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest
-from distretarget.measure.faults import KINDS
+from distretarget.measure.clip_faults import KINDS
 
 HEAD = ("clip", "frames", "frames/s", "leg", "up", "faults")
 SIDES = "<>>><<"

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict
 
+from distretarget.measure.diff import SceneDiff
+from distretarget.measure.gaps import Gap
 from distretarget.measure.metrics import METRICS
-from distretarget.measure.scene_gaps import Gap, SceneDiff
 from distretarget.report.diff_document import About, DiffDocument, DiffLimit, Program, csv_text, rounded
 
 GAP_ERROR = "gap_error"  # the metric of a whole scene
