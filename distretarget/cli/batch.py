@@ -15,12 +15,11 @@ from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
 from distretarget.batch.job import TIME_LIMITS, Recipe
-from distretarget.batch.keep import Condition
 from distretarget.batch.manifest import Manifest
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.record import ManifestRecord
-from distretarget.batch.results import Results, clips_folder, write_merged
+from distretarget.batch.results import Condition, Results, clips_folder, write_merged
 from distretarget.batch.tally import Tally
 from distretarget.batch.workers import Cluster, Processes, Workers
 from distretarget.cli.options import (
