@@ -70,10 +70,8 @@ def find_clips(
                 clips.append((source / place, above / _result(place)))
     paths = [os.path.normpath(path.absolute()) for path in listed]
     shared = os.path.commonpath([os.path.dirname(path) for path in paths]) if paths else ""  # noqa: PTH120
-    clips += [
-        (clip, _result(PurePath(os.path.relpath(path, shared)))) for clip, path in zip(listed, paths, strict=True)
-    ]
-    return clips, unread
+    places = [_result(PurePath(os.path.relpath(path, shared))) for path in paths]
+    return [*clips, *zip(listed, places, strict=True)], unread
 
 
 def plan(

@@ -24,9 +24,10 @@ from distretarget.batch.tally import Tally
 from distretarget.batch.workers import Cluster, Processes, Workers
 from distretarget.cli.options import (
     PATH,
-    SkinFiles,
+    Skins,
     contacts_option,
     file_option,
+    load_builds,
     of_formats,
     of_reports,
     quiet,
@@ -165,7 +166,7 @@ def batch_command(
     map_path: Path | None,
     rest_path: Path | None,
     options: Options,
-    skins: SkinFiles,
+    skins: Skins,
     contacts_path: Path | None,
     jobs: int | None,
     dask: str | None,
@@ -225,7 +226,7 @@ def batch_command(
     batch = Batch(
         clips,
         Results(results, overwrite and not merge, keep, read_only=dry_run),
-        Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, skins.builds()),
+        Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, load_builds(skins)),
         Pages(about, index, reports, table),
         contacts_path,
         load_file(joints_path) if joints_path else None,

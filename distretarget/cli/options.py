@@ -6,7 +6,7 @@ import contextlib
 import functools
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -26,20 +26,9 @@ from distretarget.skeleton import LARGEST, SMALLEST
 
 Command = Callable[..., None]
 Decorator = Callable[[Command], Command]
+Skins = tuple[Path | None, Path | None]  # the builds, by name or file, of source and target; None for their own
 
 PATH = click.Path(path_type=Path)
-
-
-@dataclass(frozen=True)
-class SkinFiles:
-    """The builds, by name or file, of source and target; None for what their own files show."""
-
-    source: Path | None
-    target: Path | None
-
-    def builds(self) -> Builds:
-        """Return the builds in them; errors as in `load_build`."""
-        return Builds(*(load_build(path) if path else None for path in (self.source, self.target)))
 
 
 class FileOrStandard(click.Path):
@@ -119,6 +108,11 @@ def of_reports(text: str) -> int | None:
 def of_skin(text: str) -> SkinMode | Path:
     """How thick a body is, in the text: a mode, or a build by its name or file."""
     return next((mode for mode in get_args(SkinMode) if mode == text), Path(text))
+
+
+def load_builds(skins: Skins) -> Builds:
+    """Read the builds of source and target; errors as in `load_build`."""
+    return Builds(*(load_build(skin) if skin else None for skin in skins))
 
 
 def _choice(
@@ -272,13 +266,13 @@ def writing(command: Command) -> Command:
 
 
 def retargeting(command: Command) -> Command:
-    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, the files `skins`, and
-    the others as `options`.
+    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, the `skins` of source and
+    target, as `load_builds` takes them, and the others as `options`.
     """
 
     def with_options(skin: SkinMode | Path, source_skin: Path | None, **given: Any) -> None:
         given["skin"] = "auto" if isinstance(skin, Path) else skin
-        skins = SkinFiles(source_skin, skin if isinstance(skin, Path) else None)
+        skins = (source_skin, skin if isinstance(skin, Path) else None)
         if skin == "none" and source_skin:
             raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})

@@ -17,9 +17,10 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     STRIP_NAMESPACE_OPTION,
     FileOrStandard,
-    SkinFiles,
+    Skins,
     contacts_option,
     file_option,
+    load_builds,
     quiet,
     reading,
     retargeting,
@@ -101,7 +102,7 @@ def retarget_command(
     rest_path: Path | None,
     contacts_path: Path | None,
     options: Options,
-    skins: SkinFiles,
+    skins: Skins,
     metrics: Path | None,
     report: Path | None,
     strip_namespace: bool,
@@ -126,7 +127,7 @@ def retarget_command(
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
-    inputs = [source, target, joints_path, map_path, rest_path, contacts_path, skins.source, skins.target]
+    inputs = [source, target, joints_path, map_path, rest_path, contacts_path, *skins]
     check_outputs([output, metrics, report], inputs, overwrite)
     started = time.perf_counter()
     source_file, target_file = read_source(source, joints_path), read_input(target)
@@ -138,7 +139,7 @@ def retarget_command(
     if source_file.kind == "BVH":
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
-    builds = skins.builds() if options.skin == "none" else with_source(skins.builds(), source_file)
+    builds = load_builds(skins) if options.skin == "none" else with_source(load_builds(skins), source_file)
     reading = time.perf_counter() - started
     warm(options.objective, skin=has_skin(target_for(motion, body.target), body.target, options, builds))
     started = time.perf_counter()
