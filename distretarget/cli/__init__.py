@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import click
 
-from distretarget.errors import DistretargetError, shown
+from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
 from distretarget.numerics.interrupts import interrupts_kept
 
@@ -185,8 +185,7 @@ def _leave(status: int) -> NoReturn:
 
 def _complain(message: str, status: int) -> int:
     """Print an error on one line and return the exit status."""
-    from distretarget.cli.outputs import as_options
+    from distretarget.cli.outputs import complain
 
-    line = as_options(" ".join(message.split("\n")))
-    click.echo(shown(f"distretarget: {line}"), err=True)
+    complain("distretarget: " + message.replace("\n", " "))
     return status

@@ -114,21 +114,21 @@ def _is_set(key: str) -> bool:
 
 def say(*lines: str, err: bool = False) -> None:
     """Print lines, unless --quiet is given."""
-    for line in () if is_quiet() else lines:
-        click.echo(shown(as_options(line)), err=err or _is_set(OUTPUT_TAKEN))
+    if not is_quiet():
+        _print(lines, err or _is_set(OUTPUT_TAKEN))
 
 
 def complain(*lines: str) -> None:
     """Print lines on standard error, even with --quiet."""
+    _print(lines, err=True)
+
+
+def _print(lines: Sequence[str], err: bool) -> None:
+    """Print lines, in which arguments of Python functions are called as the options of the program."""
     for line in lines:
-        click.echo(shown(as_options(line)), err=True)
-
-
-def as_options(text: str) -> str:
-    """Return a text in which arguments of Python functions are called as the options of the program."""
-    for argument, option in ARGUMENTS.items():
-        text = text.replace(argument, option)
-    return text
+        for argument, option in ARGUMENTS.items():
+            line = line.replace(argument, option)
+        click.echo(shown(line), err=err)
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
