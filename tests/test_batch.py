@@ -16,7 +16,7 @@ from distretarget.batch.manifest import Manifest
 from distretarget.batch.pages import MARK, OF, Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.results import Results
-from distretarget.batch.tally import Tally
+from distretarget.batch.summary import Tally
 from distretarget.errors import BatchError, FileError
 from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile

@@ -6,7 +6,7 @@ from input_files import named_target
 
 from distretarget.batch.plan import Clip
 from distretarget.batch.record import new_record
-from distretarget.batch.tally import Tally
+from distretarget.batch.summary import Tally
 
 
 def record(name):

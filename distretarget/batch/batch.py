@@ -14,13 +14,12 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from types import NoneType
 
-from distretarget.batch.alignment_spread import spread_warnings
 from distretarget.batch.job import TIME_LIMITS, Job, Output, Recipe, Result
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import Clip, find_clips, plan
 from distretarget.batch.record import ManifestRecord, new_record
 from distretarget.batch.results import Condition, Results
-from distretarget.batch.tally import Tally
+from distretarget.batch.summary import Tally, spread_warnings
 from distretarget.batch.workers import Processes, Workers, convert_all
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation

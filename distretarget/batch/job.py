@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import PurePath
 
-from distretarget.batch.alignment_spread import alignment_text
 from distretarget.batch.record import VERSION, ManifestRecord
+from distretarget.batch.summary import alignment_text
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList

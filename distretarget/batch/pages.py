@@ -14,7 +14,7 @@ from typing import Any
 from distretarget.batch.plan import Clip, check_page
 from distretarget.batch.record import BETWEEN, VERSION, ManifestRecord
 from distretarget.batch.results import Results
-from distretarget.batch.tally import worst
+from distretarget.batch.summary import worst
 from distretarget.errors import DistretargetError, FileError, MissingPackageError
 from distretarget.io.files import check_inside, check_writable, is_folder, make_folder, write_whole
 from distretarget.io.input_file import load_file

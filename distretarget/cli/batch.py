@@ -20,7 +20,7 @@ from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.record import ManifestRecord
 from distretarget.batch.results import Condition, Results, clips_folder, write_merged
-from distretarget.batch.tally import Tally
+from distretarget.batch.summary import Tally
 from distretarget.batch.workers import Cluster, Processes, Workers
 from distretarget.cli.options import (
     PATH,
