@@ -165,7 +165,7 @@ def _rig(skeleton: Skeleton) -> str:
 
 
 def spread_warnings(records: Iterable[ManifestRecord]) -> Iterator[str]:
-    """Yield a line for each rig and target whose alignments differ by more than `MOST_SPREAD`, from the lines of a batch."""
+    """Yield a line for each rig and target whose alignments in a batch differ by more than `MOST_SPREAD`."""
     groups: dict[tuple[str, ...], list[tuple[str, Array]]] = defaultdict(list)
     for record in records:
         rig, _, text = record["alignment"].partition(":")

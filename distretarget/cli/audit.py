@@ -17,9 +17,6 @@ from distretarget.cli.outputs import aligned, check_outputs, check_suffix, compl
 from distretarget.errors import BatchError, closest
 from distretarget.measure.clip_faults import KINDS
 
-HEAD = ("clip", "frames", "frames/s", "leg", "up", "faults")
-SIDES = "<>>><<"
-
 
 def of_kind(text: str) -> tuple[str, float]:
     """The kind of fault and its limit in a text KIND=LIMIT."""
@@ -80,7 +77,8 @@ def audit_command(
     write_outputs({table: lambda: _csv(clips, limits), report: lambda: audit_page(clips, limits, title)}, overwrite)
     faulty = [each for each in clips if each.faults(limits)]
     if faulty:
-        say(*aligned([HEAD, *(_row(each, limits) for each in faulty)], SIDES))
+        head = ("clip", "frames", "frames/s", "leg", "up", "faults")
+        say(*aligned([head, *(_row(each, limits) for each in faulty)], "<>>><<"))
     say(*summary_lines(clips, limits))
     complain(*(f"not searched: {error}" for error in unread))
     if faulty or unread:
@@ -99,8 +97,7 @@ def _csv(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("clip", "frames", "frame_time", "leg", "up", "faults", *KINDS))
     for clip in clips:
-        numbers = (clip.findings.get(kind) for kind in KINDS)
         size = (clip.frames, clip.frame_time, clip.leg, clip.up) if clip.rig else ("",) * 4
-        cells = ("" if found is None else f"{found.value:.6g}" for found in numbers)
+        cells = (f"{clip.findings[kind].value:.6g}" if kind in clip.findings else "" for kind in KINDS)
         writer.writerow((clip.name, *size, " ".join(clip.faults(limits)), *cells))
     return text.getvalue()
