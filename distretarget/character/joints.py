@@ -124,6 +124,8 @@ def bind_poses(nodes: Nodes, skins: Sequence[Skin]) -> dict[int, Array]:
     found: dict[int, Array] = {}
     depth = np.argsort(nodes.top_down)
     for skin in sorted(skins, key=lambda skin: (depth[skin.joints].min(initial=len(nodes)), -len(skin.joints))):
+        if found.keys() >= set(skin.joints.tolist()):  # as with the many skins of one body
+            continue
         if skin.inverse_binds is None:
             found = {joint: nodes.world[joint] for joint in skin.joints.tolist()} | found
             continue
