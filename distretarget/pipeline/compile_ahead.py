@@ -69,22 +69,18 @@ def _clip() -> tuple[Motion, Skeleton]:
 
 
 def _measure_skin(source: Motion) -> None:
-    """Run what only bodies with a skin need."""
+    """Run what measures the skin of a body, and what keeps it apart."""
     body, segments = Body.of_motion(source), [SEGMENTS.index(name) for name in ("pelvis", "left hand")]
     ends, radii = np.zeros((2, 2, 3)), np.ones((2, 2))
     capsules = Capsules(np.array([0, JOINTS - 1]), ends, radii, np.array(segments))
     skin = find_skin(body, capsules)
     find_source_skin(source, body, axis_vector("Y"), skin, skin).in_result(source)
-    _keep_apart(BodySkin.of(body, capsules), source)
-
-
-def _keep_apart(body: BodySkin, motion: Motion) -> None:
-    """Run what keeps the skin of a body apart."""
-    ends, frames = median_of_three(body.posed(motion)), len(motion)
-    gaps, some = segment_gaps(body.balls, ends, 1.0), np.zeros((frames, 1, 2, 3))
+    solid = BodySkin.of(body, capsules)
+    posed, frames = median_of_three(solid.posed(source)), len(source)
+    gaps, some = segment_gaps(solid.balls, posed, 1.0), np.zeros((frames, 1, 2, 3))
     limbs, free = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2))
-    displacements(body.balls, body.displaced, ends, limbs, free, gaps, gaps, gaps, some)
-    bent(motion, (Limb(1, 2, 3, True),), some + 0.1)
+    displacements(solid.balls, solid.displaced, posed, limbs, free, gaps, gaps, gaps, some)
+    bent(source, (Limb(1, 2, 3, True),), some + 0.1)
 
 
 def _run_for_legs(source: Motion) -> None:
