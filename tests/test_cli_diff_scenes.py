@@ -16,7 +16,7 @@ from sample_scenes import SCENES
 
 from distretarget import write_bvh
 from distretarget.report.diff_document import DiffLimit
-from distretarget.report.scene_diff_document import DiffGaps, SceneDiffDocument
+from distretarget.report.scene_page import DiffGaps, SceneDiffDocument
 
 HANDSHAKE = SAMPLES / "scenes" / "handshake"
 

@@ -8,8 +8,7 @@ from html import escape
 from distretarget.batch.audit import AuditedClip
 from distretarget.errors import counted
 from distretarget.measure.faults import KINDS, Finding
-from distretarget.report.index_page import folder_of
-from distretarget.report.page import html_page
+from distretarget.report.page import folder_of, html_page
 
 
 def audit_page(clips: Sequence[AuditedClip], limits: Mapping[str, float], title: str) -> str:

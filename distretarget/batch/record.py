@@ -12,7 +12,7 @@ from typing import Any, cast
 
 from distretarget.batch.metric_rows import Measured
 from distretarget.batch.plan import Clip
-from distretarget.report.index_page import ClipRecord
+from distretarget.report.page import ClipRecord
 
 VERSION = version("distretarget")
 MOST = sys.float_info.max  # of a number in a line; JSON may have larger ones

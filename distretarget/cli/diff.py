@@ -27,7 +27,7 @@ from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import DiffContact, DiffDocument, MetricValues, csv_text, document, json_text
-from distretarget.report.scene_diff_document import GAP_ERROR
+from distretarget.report.scene_page import GAP_ERROR
 
 MOST = 5  # frames and contacts that are printed
 RATIOS = " and ".join(metric.key for metric in METRICS if metric.judged == "ratio")

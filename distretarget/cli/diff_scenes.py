@@ -18,17 +18,16 @@ from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.measure.verdict import limit_warnings
 from distretarget.motion import Motion
 from distretarget.pipeline.retargeting import needs_map
-from distretarget.report.diff_document import DiffLimit, document
-from distretarget.report.scene_diff_document import (
+from distretarget.report.diff_document import DiffLimit, Table, document
+from distretarget.report.scene_page import (
     GAP_ERROR,
     SceneDiffDocument,
-    Table,
     gap_table,
     metric_table,
     scene_csv,
+    scene_diff_page,
     scene_document,
 )
-from distretarget.report.scene_page import scene_diff_page
 from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 

@@ -57,7 +57,7 @@ from distretarget.pipeline.performer import has_skin, target_for
 from distretarget.pipeline.result import RetargetResult, labels_of
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
-from distretarget.report.run_summary import metrics_json, metrics_line, summary_line
+from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
 
 
 @click.command("retarget")

@@ -154,13 +154,9 @@ def _body_data(actor: Actor) -> dict[str, Any]:
     bind = packed(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
     if actor.mesh is not None:
         return {"bind": bind, "mesh": _mesh_data(actor.mesh.whole or actor.mesh, turn, unit)}
-    carried = actor.capsules.joints if actor.capsules is not None else np.zeros(0, np.intp)
-    joints, ends, radii = _bones(actor, carried)
-    if actor.capsules is not None and len(actor.capsules):
-        own = actor.capsules
-        joints = np.concatenate([own.joints, joints])
-        ends = np.concatenate([own.ends, ends])
-        radii = np.concatenate([own.radii, radii])
+    solid = [] if actor.capsules is None else [(actor.capsules.joints, actor.capsules.ends, actor.capsules.radii)]
+    bones = _bones(actor, solid[0][0] if solid else np.zeros(0, np.intp))
+    joints, ends, radii = (np.concatenate(parts) for parts in zip(*solid, bones, strict=True))
     places = _turned(turn, rest[joints][:, None] + ends) / unit
     return {
         "bind": bind,

@@ -1,7 +1,7 @@
-"""The numbers of a diff as one document, for JSON, or CSV with a row for each frame.
+"""The numbers of a diff or a run as one document, for JSON, or CSV with a row for each frame; and a run in lines.
 
-`diff.schema.json` describes every key; the types here have the same keys. `measure.metrics.METRICS` has the keys of
-metrics.
+`diff.schema.json` describes every key of a diff; the types here have the same keys. `measure.metrics.METRICS` has the
+keys of metrics.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
+from distretarget.errors import counted
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY, Tracks, Variant, clip_limits, clip_metrics, frame_metrics, metrics_at
+from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -100,6 +102,39 @@ class DiffDocument(TypedDict):
     contacts: list[DiffContact]
 
 
+class RunMetricsDocument(TypedDict):
+    """The metrics of a run, with the keys and units of `measure.metrics.METRICS`.
+
+    Attributes:
+        format, version: of the document.
+        frame_time: the time between frames [s].
+        root_scale: target units per source unit of the root's path.
+        verdict: what was kept and what changed, in a sentence.
+        warnings: a line each.
+        metrics: of the whole clip, for source, rotation copy and result; None where nothing was to be measured.
+        frames: columns with an entry for each frame: the metrics, with `_source` or `_copy` after their keys for source
+            and rotation copy; the solver's `iterations` and `evaluations`, and the `reason` why it stopped; with the
+            paper's objective `stress_solved_points`.
+    """
+
+    format: Literal["distretarget-metrics"]
+    version: Literal[1]
+    frame_time: float
+    root_scale: float
+    verdict: str
+    warnings: Sequence[str]
+    metrics: Mapping[Variant, Mapping[str, float | None]]
+    frames: Mapping[str, Sequence[float | str | None]]
+
+
+class Table(TypedDict):
+    """A table below the player; an integer cell is the number of a frame, and becomes a button that goes there."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str | int]]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class About:
     """What a document says besides the numbers of its diff."""
@@ -141,7 +176,10 @@ def document(diff: Diff, about: About) -> DiffDocument:
             "result": result,
             "limits": clip_limits({"source": source, "rotation_copy": copy or {}, "result": result}),
         },
-        "limits": [_limit(key, limit, result[key], source.get(key)) for key, limit in about.limits],
+        "limits": [
+            judged(key, limit, _known(BY_KEY[key].judgement(result[key], source.get(key))))
+            for key, limit in about.limits
+        ],
         "worst": {metric.key: _worst(frames[metric.key]) for metric in metrics_at("worst frames")},
         "frames": [dict(zip(frames, row, strict=True)) for row in zip(*frames.values(), strict=True)],
         "contacts": _contacts(diff),
@@ -180,10 +218,9 @@ def _of_clip(tracks: Tracks) -> MetricValues:
     return {key: _known(value) for key, value in clip_metrics(tracks).items()}
 
 
-def _limit(key: str, limit: float, value: float | None, source: float | None) -> DiffLimit:
+def judged(key: str, limit: float, value: float | None) -> DiffLimit:
     """A limit of a metric, and whether the number it is for is over it."""
-    number = _known(BY_KEY[key].judgement(value, source))
-    return {"metric": key, "limit": limit, "value": number, "over": number is not None and number > limit}
+    return {"metric": key, "limit": limit, "value": value, "over": value is not None and value > limit}
 
 
 def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float | None]]:
@@ -221,3 +258,49 @@ def _contacts(diff: Diff) -> list[DiffContact]:
         }
         for touch in diff.comparison.contacts.touches
     ]
+
+
+def summary_line(result: RetargetResult, seconds: float) -> str:
+    """The last line of a run: its frames, its time, and the verdict on the result."""
+    return f"{counted(len(result.motion), 'frame')} in {seconds:.2f} s. {result.verdict}"
+
+
+def metrics_line(result: RetargetResult) -> str:
+    """One line with the metrics of rotation copy and result, and the frame of most stress."""
+    metrics, stress = result.metrics, BY_KEY["stress"]
+    worst = int(np.argmax(result.written_stress))
+    values = ", ".join(
+        f"{metric.label}{f' [{metric.symbol}]' if metric.symbol else ''} "
+        f"{metric.brief(metrics['rotation_copy'][metric.key])} / {metric.brief(metrics['result'][metric.key])}"
+        for metric in metrics_at("line")
+    )
+    points = result.free_stress
+    solved = "" if points is None else f"; stress of the solved points {stress.brief(float(points.mean()))}"
+    return (
+        f"rotation copy / result: {values}{solved}; "
+        f"most stress in frame {worst} ({stress.brief(float(result.written_stress[worst]))})"
+    )
+
+
+def metrics_json(result: RetargetResult) -> str:
+    """The metrics of a run as JSON: those of the whole clip, and those of each frame."""
+    columns = frame_metrics(result.tracks, len(result.motion))
+    frames: dict[str, Sequence[float | str | None]] = {
+        **{key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in columns.items()},
+        "iterations": result.effort.iterations.tolist(),
+        "evaluations": result.effort.evaluations.tolist(),
+        "reason": result.effort.reason_names,
+    }
+    if result.free_stress is not None:
+        frames["stress_solved_points"] = result.free_stress.tolist()
+    document: RunMetricsDocument = {
+        "format": "distretarget-metrics",
+        "version": 1,
+        "frame_time": result.motion.frame_time,
+        "root_scale": result.root_scale,
+        "verdict": result.verdict,
+        "warnings": result.warnings,
+        "metrics": result.metrics,
+        "frames": frames,
+    }
+    return json_text(document)

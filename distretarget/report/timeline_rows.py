@@ -72,11 +72,6 @@ class Row:
         return [[int(first), int(end)] for first, end in spans_of(np.isfinite(self.values))]
 
     @property
-    def is_asked(self) -> bool:
-        """Whether something of it was dropped or added."""
-        return any(each.mark != "found" for each in self.marked)
-
-    @property
     def data(self) -> dict[str, Any]:
         """The row for the page: each frame is 0, or 1 and how far off it is, in `CODES` steps up to `top`."""
         most = float(np.nanmax(self.values, initial=0.0))
@@ -116,7 +111,9 @@ def rows_of(
     contacts = [*_contacts(diff, actors)]
     told = {name for row in contacts for name in row.name.split(" - ")}
     rows = [*contacts, *(row for row in _tracks(diff, solid, actors) if row.name.removesuffix(TOUCHING) not in told)]
-    rows = sorted(_with_marks(diff, rows, marked, actors), key=lambda row: not row.is_asked)
+    rows = sorted(
+        _with_marks(diff, rows, marked, actors), key=lambda row: all(each.mark == "found" for each in row.marked)
+    )
     return [replace(row, name=prefix + row.name) for row in rows]
 
 
@@ -185,11 +182,11 @@ def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
         limbs = [limb for limb, name in enumerate(skin.parts) if name in touch.name.split(" - ")]
         if limbs and skin.weights.any():
             gaps = np.where(skin.weights > 0, skin.values, 0.0)[:, limbs].max(axis=1)
-            values[contacts.frame[on]] = gaps[contacts.frame[on]]
-            yield Row(touch.name, "contact", values, limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
+            off, limit, unit = gaps[contacts.frame[on]], limit_of("skin_gap"), BY_KEY["skin_gap"].symbol
         else:
-            values[contacts.frame[on]] = contacts.error[on]
-            yield Row(touch.name, "contact", values, FAR, "D", points)
+            off, limit, unit = contacts.error[on], FAR, "D"
+        values[contacts.frame[on]] = off
+        yield Row(touch.name, "contact", values, limit, unit, points)
 
 
 def limit_of(key: str) -> float:
