@@ -1,6 +1,6 @@
 // The page over all clips: head, metrics over the clips, a player, and the table with its filters.
 
-import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms} from './dom.js';
+import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms, total} from './dom.js';
 import {cardOf, metricsAt, nameOf} from './metrics.js';
 import {buildPlayer} from './player.js';
 
@@ -51,10 +51,6 @@ function statusOf(clip) {
   return clip.done ? 'converted' : 'failed';
 }
 
-function total(values) {
-  return values.reduce((sum, value) => sum + value, 0);
-}
-
 /** A duration [s] in words. */
 function duration(seconds) {
   const minutes = Math.round(seconds / 60);
@@ -84,8 +80,8 @@ function buildHead() {
     ['Converted', done.length.toLocaleString('en')],
     ['Failed', failed ? button(number, showFailed, {'aria-label': `Show the ${counted(failed, 'clip')} that failed`})
       : number],
-    ['Frames', total(done.map(clip => clip.frames)).toLocaleString('en')],
-    ['Retargeting', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
+    ['Frames', total(done, clip => clip.frames).toLocaleString('en')],
+    ['Retargeting', `${duration(total(done, clip => clip.seconds))}, all clips added up`],
     ...batch.targets.length === 1 ? [['Target', batch.targets[0]]] : [],
     ...batch.folder ? [['Folder', batch.folder]] : [],
     ['Made by', `distretarget version ${batch.version}`],

@@ -41,7 +41,7 @@ STYLES = {
     "scene": ("style.css", "player.css"),
 }
 SCRIPTS = {
-    "clip": (*PLAYER, "tables.js", "metrics.js", "curves.js", "clip.js"),
+    "clip": (*PLAYER, "tables.js", "metrics.js", "clip.js"),
     "audit": (),
     "index": (*PLAYER, "metrics.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
