@@ -18,10 +18,9 @@ from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.measure.verdict import limit_warnings
 from distretarget.motion import Motion
 from distretarget.pipeline.retargeting import needs_map
-from distretarget.report.diff_document import DiffLimit, Table, document
+from distretarget.report.diff_document import Table, Values, document
 from distretarget.report.scene_page import (
     GAP_ERROR,
-    SceneDiffDocument,
     gap_table,
     metric_table,
     scene_csv,
@@ -56,7 +55,7 @@ class Account:
     faults: Sequence[str]  # metrics over their limits
 
 
-def over(limits: Iterable[DiffLimit]) -> Iterator[str]:
+def over(limits: Iterable[Values]) -> Iterator[str]:
     """Yield a clause for each metric that is over its limit."""
     for limit in limits:
         if limit["over"]:
@@ -181,7 +180,7 @@ def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_pa
         raise error.in_file(b_file) from None
 
 
-def _lines(metrics: SceneDiffDocument, verdicts: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _lines(metrics: Values, verdicts: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """The lines that are printed, with the verdict on each performer, or all metrics if there are none."""
     performers = metrics["performers"]
     first = next(iter(performers.values()))

@@ -1,7 +1,6 @@
 """The numbers of a diff or a run as one document, for JSON, or CSV with a row for each frame; and a run in lines.
 
-`diff.schema.json` describes every key of a diff; the types here have the same keys. `measure.metrics.METRICS` has the
-keys of metrics.
+`diff.schema.json` describes every key of a diff, and `measure.metrics.METRICS` has the keys of metrics.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Literal, SupportsFloat, TypedDict
+from typing import Any, Literal, SupportsFloat, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,55 +27,11 @@ from distretarget.skeleton import Skeleton
 Array = NDArray[np.float64]
 MetricValues = Mapping[str, float | None]
 """Metrics by key; None where nothing was to be measured."""
+Values = Mapping[str, Any]
+"""A part of a document, whose keys its schema describes."""
 
 DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
 VERSION = version("distretarget")
-
-
-class DiffBody(TypedDict):
-    """One of the two motions: its file, number of joints and naming convention."""
-
-    file: str
-    joints: int
-    convention: str
-
-
-class Program(TypedDict):
-    """The program that made the document."""
-
-    version: str
-    command: str
-
-
-class DiffMetrics(TypedDict):
-    """The metrics of the whole clip: of A, of the rotation copy if B was made from A, of B; and the limits for B."""
-
-    source: MetricValues
-    rotation_copy: MetricValues | None
-    result: MetricValues
-    limits: MetricValues
-
-
-class DiffLimit(TypedDict):
-    """A limit as given to `--fail-over`, and the value it is for."""
-
-    metric: str
-    limit: float
-    value: float | None
-    over: bool
-
-
-class DiffContact(TypedDict):
-    """The contacts between two regions of the body, with their distances as D."""
-
-    regions: str
-    joints_a: list[str]
-    joints_b: list[str]
-    frames: int
-    distance_a: float
-    distance_b: float
-    error: float
-    worst_frame: int
 
 
 class DiffDocument(TypedDict):
@@ -84,9 +39,9 @@ class DiffDocument(TypedDict):
 
     format: Literal["distretarget-diff"]
     version: Literal[1]
-    a: DiffBody
-    b: DiffBody
-    program: Program
+    a: Values
+    b: Values
+    program: Values
     verdict: str
     warnings: list[str]
     notes: list[str]
@@ -95,11 +50,11 @@ class DiffDocument(TypedDict):
     unmatched_b: list[str]
     unmatched_a: list[str]
     contact_frames: int
-    metrics: DiffMetrics
-    limits: list[DiffLimit]
+    metrics: Values
+    limits: list[Values]
     worst: dict[str, int | None]
     frames: list[MetricValues]
-    contacts: list[DiffContact]
+    contacts: list[Values]
 
 
 class RunMetricsDocument(TypedDict):
@@ -210,7 +165,7 @@ def _known(value: SupportsFloat | None) -> float | None:
     return None if value is None or not math.isfinite(value) else rounded(value)
 
 
-def _body(file: str, skeleton: Skeleton) -> DiffBody:
+def _body(file: str, skeleton: Skeleton) -> Values:
     return {"file": file, "joints": len(skeleton.joints), "convention": convention_of(skeleton)}
 
 
@@ -218,7 +173,7 @@ def _of_clip(tracks: Tracks) -> MetricValues:
     return {key: _known(value) for key, value in clip_metrics(tracks).items()}
 
 
-def judged(key: str, limit: float, value: float | None) -> DiffLimit:
+def judged(key: str, limit: float, value: float | None) -> Values:
     """A limit of a metric, and whether the number it is for is over it."""
     return {"metric": key, "limit": limit, "value": value, "over": value is not None and value > limit}
 
@@ -242,7 +197,7 @@ def _worst(column: list[float | None]) -> int | None:
     return -max(known)[1] if known else None
 
 
-def _contacts(diff: Diff) -> list[DiffContact]:
+def _contacts(diff: Diff) -> list[Values]:
     drivers = diff.matching.drivers
     a, b = diff.matching.source.skeleton.keys, diff.matching.target.skeleton.keys
     return [

@@ -12,6 +12,8 @@ const LONG = 240; // characters of a reason from which only its beginning shows 
 const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
   + '“source”.';
 const COPY = 'rotation copy';
+const targetOf = clip => batch.targets[clip.target];
+const statusOf = clip => (clip.done ? 'converted' : 'failed');
 const SHOWN = metricsAt('page over clips').map(columnOf);
 const COLUMNS = [
   {name: 'Clip', of: clip => clip.clip, text: true},
@@ -41,14 +43,6 @@ function columnOf(metric) {
   const beside = [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]];
   return {...metric, name: nameOf(metric), of, beside,
     cell: clip => [shown(of(clip)), element('small', {}, shown(beside[0][1](clip)))]};
-}
-
-function targetOf(clip) {
-  return batch.targets[clip.target];
-}
-
-function statusOf(clip) {
-  return clip.done ? 'converted' : 'failed';
 }
 
 /** A duration [s] in words. */
@@ -105,14 +99,8 @@ async function watch(clip) {
   $('watched').hidden = false;
   $('watched-name').replaceChildren(nameOfClip(clip));
   await buildPlayer(embedded(`stage-${clip.stage}`));
-  markWatched(clip);
-}
-
-function markWatched(clip) {
   view.watched = clip;
-  for (const one of document.querySelectorAll('.watch')) {
-    one.setAttribute('aria-pressed', one.dataset.stage === String(clip.stage));
-  }
+  for (const one of document.querySelectorAll('.watch')) one.ariaPressed = one.dataset.stage === String(clip.stage);
 }
 
 // ---- table
@@ -187,9 +175,10 @@ const collator = new Intl.Collator('en', {numeric: true});
 function sorted(some) {
   const {column, down} = view, sign = down ? -1 : 1;
   const compare = column.text ? collator.compare : (p, q) => p - q;
-  const keyed = some.map(clip => [column.of(clip), clip]);
-  const there = keyed.filter(([value]) => value !== null).sort(([p], [q]) => sign * compare(p, q));
-  return [...there, ...keyed.filter(([value]) => value === null)].map(([, clip]) => clip);
+  return some.toSorted((one, other) => {
+    const [p, q] = [column.of(one), column.of(other)];
+    return p === null || q === null ? (p === null) - (q === null) : sign * compare(p, q);
+  });
 }
 
 /** Shows the clips that pass the filters, in order, from the first row. */

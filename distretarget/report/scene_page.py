@@ -2,7 +2,7 @@
 one document, for JSON, or CSV with a row for each frame.
 
 Rows of the timeline are the contacts between performers and props. `scene_diff.schema.json` describes every key of the
-document; the types here have the same keys.
+document.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +31,8 @@ from distretarget.report.clip_page import run_diff, shown_performer
 from distretarget.report.diff_document import (
     About,
     DiffDocument,
-    DiffLimit,
-    Program,
     Table,
+    Values,
     csv_text,
     document,
     judged,
@@ -52,38 +50,6 @@ GAP_ERROR = "gap_error"  # the metric of a whole scene
 OTHER: Role = "other"  # of all performers of a scene
 NO_GAP = "\u2013"  # where two never touch
 OFF = 50.0 * TOUCH_DISTANCE  # a gap that is farther off than this is not kept well [% of leg length]
-
-
-class DiffGaps(TypedDict):
-    """The gaps between two parts of a scene that touch in A [% of leg length]."""
-
-    between: list[str]
-    regions: list[str]
-    joints: list[str]
-    worst_frame: int
-    frames: int
-    gap_a: float
-    gap_b: float
-    gap_worst: float
-    gap_error: float
-
-
-class SceneDiffDocument(TypedDict):
-    """The numbers of a diff of two scenes; performers have the limits of metrics other than `GAP_ERROR`."""
-
-    format: Literal["distretarget-scene-diff"]
-    version: Literal[1]
-    a: str
-    b: str
-    program: Program
-    world_scale: float
-    gap_a: float | None
-    gap_b: float | None
-    gap_error: float | None
-    limits: list[DiffLimit]
-    performers: dict[str, DiffDocument]
-    props: list[str]
-    gaps: list[DiffGaps]
 
 
 def write_scene_report(
@@ -129,7 +95,7 @@ def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables, result.skin_gaps)
 
 
-def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
+def scene_diff_page(diff: SceneDiff, document: Values) -> str:
     """The HTML of the report on the diff of two scenes, A and B."""
     bodies = [shown_performer(name, one) for name, one in zip(document["performers"], diff.performers, strict=True)]
     bodies += [ShownBody(name=name, motions=pair) for name, pair in zip(document["props"], diff.props, strict=True)]
@@ -269,12 +235,14 @@ def _region(body: ShownBody, joint: int) -> str:
 
 def scene_document(
     diff: SceneDiff, performers: Mapping[str, DiffDocument], props: Sequence[str], about: About
-) -> SceneDiffDocument:
+) -> Values:
     """The diff of two scenes as JSON values, from the documents of the performers and the names of the props.
 
     `about` has the limits of `GAP_ERROR`.
     """
-    gap_a, gap_b, error = (None if gap is None else _percent(gap) for gap in diff.mean_gaps or (None, None, None))
+    gap_a, gap_b, error = (
+        None if gap is None else rounded(100.0 * gap) for gap in diff.mean_gaps or (None, None, None)
+    )
     names = [*performers, *props]
     return {
         "format": "distretarget-scene-diff",
@@ -296,27 +264,20 @@ def scene_document(
                 "joints": list(gap.joints),
                 "worst_frame": gap.worst_frame,
                 "frames": gap.frames,
-                "gap_a": _percent(gap.a),
-                "gap_b": _percent(gap.b),
-                "gap_worst": _percent(gap.worst),
-                "gap_error": _percent(gap.error),
+                **{f"gap_{key}": rounded(100.0 * getattr(gap, key)) for key in ("a", "b", "worst", "error")},
             }
             for gap in diff.gaps
         ],
     }
 
 
-def _percent(gap: float) -> float:
-    return rounded(100.0 * gap)
-
-
-def scene_csv(document: SceneDiffDocument) -> str:
+def scene_csv(document: Values) -> str:
     """The frames of all performers as CSV: a row of keys, then a row for each performer and frame."""
     performers = document["performers"].items()
     return csv_text([{"performer": name, **frame} for name, one in performers for frame in one["frames"]])
 
 
-def gap_table(document: SceneDiffDocument) -> Table:
+def gap_table(document: Values) -> Table:
     """The gaps between regions that touch in A, the longest contact first."""
     rows: list[list[str | int]] = []
     for gaps in document["gaps"]:
@@ -328,7 +289,7 @@ def gap_table(document: SceneDiffDocument) -> Table:
     return Table(title="Mean gap where they touch in A, in % of a leg of A\u2019s world", columns=columns, rows=rows)
 
 
-def metric_table(document: SceneDiffDocument) -> Table:
+def metric_table(document: Values) -> Table:
     """The metrics of all performers: of A, where it has one, and of B."""
     sides = [one["metrics"][side] for one in document["performers"].values() for side in ("source", "result")]
     rows: list[list[str | int]] = []
