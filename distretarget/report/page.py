@@ -22,17 +22,7 @@ from urllib.parse import quote
 from distretarget.measure.metrics import COLUMNS, as_data
 
 LIBRARY = "three.min.js"
-PLAYER = (
-    "dom.js",
-    "motion.js",
-    "bodies.js",
-    "ground.js",
-    "stage.js",
-    "playback.js",
-    "timeline.js",
-    "marks.js",
-    "player.js",
-)
+PLAYER = ("dom.js", "motion.js", "bodies.js", "stage.js", "playback.js", "timeline.js", "marks.js", "player.js")
 # The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
 STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),

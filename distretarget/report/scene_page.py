@@ -240,9 +240,7 @@ def scene_document(
 
     `about` has the limits of `GAP_ERROR`.
     """
-    gap_a, gap_b, error = (
-        None if gap is None else rounded(100.0 * gap) for gap in diff.mean_gaps or (None, None, None)
-    )
+    means: Sequence[float | None] = [rounded(100.0 * gap) for gap in diff.mean_gaps or ()] or [None] * 3
     names = [*performers, *props]
     return {
         "format": "distretarget-scene-diff",
@@ -251,10 +249,8 @@ def scene_document(
         "b": about.b,
         "program": {"version": about.version, "command": about.command},
         "world_scale": diff.world_scale,
-        "gap_a": gap_a,
-        "gap_b": gap_b,
-        "gap_error": error,
-        "limits": [judged(key, limit, error) for key, limit in about.limits],
+        **dict(zip(("gap_a", "gap_b", "gap_error"), means, strict=True)),
+        "limits": [judged(key, limit, means[-1]) for key, limit in about.limits],
         "performers": dict(performers),
         "props": list(props),
         "gaps": [

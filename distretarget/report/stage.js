@@ -1,8 +1,7 @@
-// The stage: actors on a floor, in a view for each side or in one, through one camera.
+// The stage: actors on a floor, in a view for each side or in one, through one camera; light, and shadows on the floor.
 /* global THREE */
 
 import {clamp, colourOf, onTheme} from './dom.js';
-import {Ground} from './ground.js';
 import {bend, bendable, bodyOf, materialsOf, SOFTWARE} from './bodies.js';
 import {middleOf, Motion} from './motion.js';
 
@@ -14,6 +13,53 @@ const RESTS = 200; // a picture that has been the same for so long rests [ms]
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
 const VEILED = 0.4; // opacity of what another body is laid over
+const CELL = 0.25, BLOCK = 1; // of the grid, and of its stronger lines [body units]
+const REACH = 7; // of the grid from its middle; the air hides it before [body units]
+const LIFT = 0.001; // of shadows over the floor, and of the grid over shadows [body units]
+
+/** The lines of a grid, in short pieces, as some drivers drop a line that begins behind the camera. */
+function gridOf(cell, tone) {
+  const corners = [];
+  for (let across = -REACH; across <= REACH; across += cell) {
+    for (let along = -REACH; along < REACH; along += BLOCK) {
+      const end = along + BLOCK, y = 2 * LIFT;
+      corners.push(across, y, along, across, y, end, along, y, across, end, y, across);
+    }
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(corners), 3));
+  return Object.assign(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial()), {tone});
+}
+
+class Ground {
+  /** The ground of a scene, lit from the side that looks along `facing`. */
+  constructor(scene, facing) {
+    const light = new THREE.DirectionalLight(0xffffff, 2.1), {x, y, z} = light.position.setFromSphericalCoords(
+      1, 0.51, facing + 0.7);
+    this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
+    this.grid = new THREE.Group().add(gridOf(CELL, 'line-floor'), gridOf(BLOCK, 'line-strong'));
+    this.dark = new THREE.MeshBasicMaterial({fog: false});
+    this.flat = new THREE.Matrix4().set(1, -x / y, 0, 0, 0, 0, 0, LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
+    scene.add(light, light.target, this.sky, this.grid);
+  }
+
+  /** The shadow of a mesh: the mesh pressed flat along the light. */
+  shadowOf({geometry}) {
+    const shadow = Object.assign(new THREE.Mesh(geometry, this.dark), {matrixAutoUpdate: false, frustumCulled: false});
+    shadow.matrix.copy(this.flat);
+    return shadow;
+  }
+
+  /** Takes the colours of the page, and returns that of the air, into which the ground fades. */
+  paint(scene) {
+    const air = new THREE.Color(colourOf('stage'));
+    scene.fog = new THREE.Fog(air, 1, 10);
+    this.sky.groundColor.set(colourOf('stage-below'));
+    this.dark.color.set(colourOf('shadow'));
+    for (const {material, tone} of this.grid.children) material.color.set(colourOf(tone));
+    return air;
+  }
+}
 
 export class Stage {
   /** A stage with the actors of a page; `repaint` is called when the camera moves. */
@@ -152,7 +198,7 @@ export class Stage {
     const away = camera.position.distanceTo(target), {x, z} = sides.at(-1).group.position;
     for (const side of this.sides) side.group.visible = sides.includes(side);
     Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
-    this.ground.moveTo(x, z);
+    this.ground.grid.position.set(x % BLOCK, 0, z % BLOCK); // it moves with the world
     this.renderer.setViewport(...box);
     this.renderer.setScissor(...box);
     this.renderer.render(this.scene, camera);
