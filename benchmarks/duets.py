@@ -20,7 +20,7 @@ from edits import TARGETS, edited
 from tables import publish, several, table
 
 from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
-from distretarget.measure.scene_gaps import Gap, body_part, measure_gap
+from distretarget.measure.gaps import Gap, body_part, measure_gap
 from distretarget.pipeline.compile_ahead import warm
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower

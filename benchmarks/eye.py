@@ -39,8 +39,8 @@ from zoo_quality import Run, clip_name, metrics_of, pairs, plan, run_of
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.batch.alignment_spread import largest_spread, role_rotations
 from distretarget.matching.matching import match
-from distretarget.measure.directions import shared_bones
 from distretarget.measure.metrics import BY_KEY, Variant
+from distretarget.measure.movement import shared_bones
 from distretarget.numerics.vectors import angles_between, level
 
 Array = NDArray[np.float64]

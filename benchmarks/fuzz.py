@@ -54,7 +54,8 @@ from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh, refusals
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
-from distretarget.io.target_file import TargetFile, parse_target, skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import TargetFile, parse_target
 from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.options import OBJECTIVES
 from distretarget.pipeline.retargeting import retarget_onto

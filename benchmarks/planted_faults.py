@@ -16,8 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body, DistretargetError, read_bvh
-from distretarget.measure.clip_faults import find_faults
-from distretarget.measure.faults import KINDS, Finding
+from distretarget.measure.clip_faults import KINDS, Finding, find_faults
 from distretarget.motion import MovingBones
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from distretarget.checks import brief, check_kind, check_number
 from distretarget.errors import ContactsError, SettingsError
@@ -33,6 +33,7 @@ class Entry:
         found: what was found there, in words; it has no effect.
     """
 
+    key: ClassVar[str]  # the field with the names of what it is about
     frames: Span | None = None
     seconds: Span | None = None
     place: str = field(default="", compare=False)
@@ -49,9 +50,15 @@ class Entry:
                 raise SettingsError(f"{name} go back from {span[0]:g} to {span[1]:g}; swap them")
 
     @property
+    def named(self) -> tuple[str, ...]:
+        """The names of what it is about, as they are given."""
+        names = getattr(self, self.key)
+        return (names,) if isinstance(names, str) else names
+
+    @property
     def parts(self) -> tuple[str, ...]:
-        """The names of what it is about."""
-        raise NotImplementedError
+        """The same in alphabetical order."""
+        return tuple(sorted(self.named))
 
     @property
     def acts(self) -> bool:
@@ -73,6 +80,7 @@ class Contact(Entry):
         SettingsError: a value is out of bounds, or a contact is to be dropped and made.
     """
 
+    key = "between"
     between: tuple[str, str]
     keep: bool = True
     gap: float | Literal["source"] | None = None
@@ -88,10 +96,6 @@ class Contact(Entry):
             raise SettingsError('firmness is that of a gap; expected "gap" beside it, such as "source"')
         if not self.keep and self.gap is not None:
             raise SettingsError("an entry with keep false drops a contact, and cannot have a gap; leave one out")
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        return tuple(sorted(self.between))
 
     @property
     def acts(self) -> bool:
@@ -113,6 +117,7 @@ class Plant(Entry):
         SettingsError: a value is out of bounds, or a part is to be let go and planted.
     """
 
+    key = "plant"
     plant: str
     on: str | Place | None = None
     keep: bool = True
@@ -124,10 +129,6 @@ class Plant(Entry):
             _check_numbers("on", self.on, 3, -LONGEST)
         if not self.keep and self.on is not None:
             raise SettingsError("an entry with keep false lets a part go, and cannot plant it; leave one out")
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        return (self.plant,)
 
     @property
     def acts(self) -> bool:
@@ -147,6 +148,7 @@ class Distance(Entry):
         SettingsError: a value is out of bounds.
     """
 
+    key = "distance"
     distance: tuple[str, str]
     value: float
     priority: float = MOST_FIRM
@@ -156,10 +158,6 @@ class Distance(Entry):
         _check_names("distance", self.distance, 2)
         check_number("value", self.value, 0.0, LONGEST)
         check_number("priority", self.priority, 0.0, 1e6)
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        return tuple(sorted(self.distance))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +172,7 @@ class Look(Entry):
         SettingsError: a value is out of bounds, or the direction has no length.
     """
 
+    key = "look"
     look: str
     like: Literal["source"] | Place = "source"
 
@@ -184,10 +183,6 @@ class Look(Entry):
             _check_numbers("like", self.like, 3, -LONGEST)
             if not any(self.like):
                 raise SettingsError("like is 0, 0, 0, which is no direction; expected one number that is not 0")
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        return (self.look,)
 
 
 @dataclass(frozen=True, repr=False)

@@ -6,7 +6,7 @@ from bodies import swaying
 from distretarget import Skeleton
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
 from distretarget.ik.pose_solver import CopiedBones, Workspace
-from distretarget.ik.rigid_parts import part_of_joint
+from distretarget.ik.poses import part_of_joint
 from distretarget.ik.springs import Springs, room_for, spring_energy
 from distretarget.objectives.contact import TOLERANCE, Given, _solve
 from distretarget.objectives.contact_pairs import NearPairs

@@ -7,8 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Body
 from distretarget.body.arms import Arm, raised
-from distretarget.objectives.activation import FADE, SelfContact, activation
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
 
 REACH = ContactSettings().reach
 SELF = SelfContact(lead=5.0, held=5, reach=REACH)
@@ -79,7 +78,7 @@ def test_a_contact_right_after_a_cut_does_not_set_in_before_it():
 
 
 def of_self(D, raised, hanging=HANGING):
-    return SELF.activation(D[:, None], np.array([hanging]), raised[:, None], one_shot(D))[:, 0]
+    return SELF.activation(D[:, None], np.array([hanging]), raised[:, None], one_shot(D), np.ones((len(D), 1)))[:, 0]
 
 
 def test_a_hand_that_hangs_is_in_no_contact_and_one_that_comes_clearly_nearer_is():

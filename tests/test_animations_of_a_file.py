@@ -8,9 +8,7 @@ import pytest
 from bodies import SAMPLES
 from characters import ARMATURE, Bones, Performance, character, chunks
 
-from distretarget import Motion, read_bvh, write_motion
-from distretarget.io.character_file import parse_character
-from distretarget.io.input_file import load_file
+from distretarget import Motion, load_target, read_bvh, write_motion
 
 BONES = Bones.of(read_bvh(SAMPLES / "walk.bvh").skeleton)
 SWAY = Performance.swaying(BONES, 5)
@@ -18,7 +16,7 @@ SWAY = Performance.swaying(BONES, 5)
 
 def still(path):
     """A motion of a character of which only the root turns."""
-    skeleton = parse_character(load_file(path)).skeleton
+    skeleton = load_target(path).character.skeleton
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (3, len(skeleton), 1))
     rotations[1:, 0] = [0.0, np.sin(0.2), 0.0, np.cos(0.2)]
     return Motion(skeleton, np.tile(skeleton.offsets[0], (3, 1)), rotations, "0.1")

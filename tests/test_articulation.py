@@ -6,7 +6,7 @@ from bodies import held_still, matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.ik.rigid_parts import part_of_joint, posed_motion
+from distretarget.ik.poses import part_of_joint, posed_motion
 from distretarget.objectives.clip import rigid_part_roots
 
 STILL = ("LeftHip", "RightHip", "LeftCollar", "RightCollar", "LeftShoulder")

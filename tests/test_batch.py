@@ -21,7 +21,7 @@ from distretarget.batch.tally import Tally
 from distretarget.errors import BatchError, FileError
 from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile
-from distretarget.io.target_file import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.metrics import COLUMNS
 from distretarget.pipeline.options import Options
 

@@ -9,8 +9,8 @@ from program import last_records, run
 
 from distretarget import Body, Build, Builds, FileError, Options, SkeletonEdit, load_build, load_target, read_motion
 from distretarget.body.build import OWN_BUILDS, average_build
-from distretarget.io.build_file import with_source
 from distretarget.io.input_file import load_file
+from distretarget.io.target_file import with_source
 from distretarget.pipeline.options import DEFAULT_OPTIONS
 from distretarget.pipeline.performer import match_performer, target_capsules
 

@@ -21,8 +21,6 @@ from test_characters import BONES, KINDS, ROLLED, WALK
 
 from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.body.body import Body
-from distretarget.io.character_file import parse_character
-from distretarget.io.input_file import load_file
 
 NEAR = 1e-5  # [m]
 
@@ -35,7 +33,7 @@ def by_node(path, made):
 
 def joint_nodes(path):
     """The node of each joint."""
-    return parse_character(load_file(path)).joint_nodes.tolist()
+    return load_target(path).character.joint_nodes.tolist()
 
 
 def played(path, animation, times, nodes):

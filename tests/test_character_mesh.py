@@ -10,8 +10,8 @@ from test_character_files import glb
 from test_characters import BONES, WALK
 
 from distretarget import Motion, load_target, read_motion
-from distretarget.io.character_file import CharacterMesh, parse_character
 from distretarget.io.input_file import InputFile
+from distretarget.io.target_file import CharacterMesh, parse_target
 
 RIGS = {
     "plain": {},
@@ -53,7 +53,7 @@ def test_the_skin_moves_as_a_player_moves_it(tmp_path, rig):
     path = made.write(tmp_path / "hero.glb")
     file = InputFile(path.read_bytes(), path)
     motion = read_motion(path)
-    mesh = CharacterMesh(file, parse_character(file))()
+    mesh = CharacterMesh(file, parse_target(file).character)()
     document, buffer = gltf_player.load(path)
     times = np.arange(len(motion)) * motion.frame_time
     shown = gltf_player.skinned(document, buffer, gltf_player.worlds(document, buffer, 0, times))

@@ -9,7 +9,7 @@ from bodies import SAMPLES, other_lengths, person, swaying
 from program import run, run_process
 
 from distretarget import read_bvh, write_bvh
-from distretarget.io.target_file import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 
 
 def lengths_of(skeleton):

@@ -15,7 +15,7 @@ from program import clip_lines, command, last_records, run, run_process, start_p
 
 from distretarget import Options, read_bvh, retarget, write_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.target_file import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 
 CLIPS = 16  # of the length LONG
 LONG = 600  # frames, which take a moment to convert

@@ -12,7 +12,7 @@ import pytest
 from bodies import clapping, lengthened, person, posed, swaying
 
 from distretarget import write_bvh
-from distretarget.io.target_file import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.diff import diff
 
 PERSON = person()

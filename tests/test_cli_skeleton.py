@@ -11,7 +11,8 @@ from built_rigs import along_bones, with_axes
 from program import run
 
 from distretarget import Body, read_bvh, write_bvh
-from distretarget.io.target_file import load_target, skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import load_target
 from distretarget.scene.scene_file import load_scene
 from distretarget.skeleton import Skeleton
 

@@ -12,7 +12,7 @@ from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, root_path
 from distretarget.body.body import Body
 from distretarget.ik.spg import Reason
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.activation import ContactSettings
 
 PERSON = person()
 WRISTS = PERSON.index("LeftWrist"), PERSON.index("RightWrist")

@@ -11,16 +11,16 @@ from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.anatomy import Regions
 from distretarget.distances import distance_problem
 from distretarget.ik.springs import Springs
+from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_pairs import (
     LEAST_PATH,
     STIFFNESS,
     WITHIN,
     CandidatePairs,
+    Contacts,
     candidate_pairs,
-    near_pairs,
     write_pair_spring,
 )
-from distretarget.objectives.settings import ContactSettings
 
 PERSON = person()
 TARGET = other_lengths(PERSON)
@@ -29,7 +29,7 @@ PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
 UNIT = 1.7
 SETTINGS = ContactSettings()
 BODY = MATCHING.target
-PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, None)
+PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, None, np.ones(len(PROBLEM), bool))
 SIZES = PERSON.path_sizes(np.arange(len(PERSON)))
 REACH = SETTINGS.reach
 
@@ -50,8 +50,17 @@ def springs_of(source, block, lead):
 
 def near(pairs, points, standing, block, settings=SETTINGS):
     """The near pairs of points without cuts and without arms; a frame takes a second, so that a lead is in frames."""
-    shots, raised = one_shot(points[0]), np.zeros(points[0].shape[:2])
-    return near_pairs(pairs, *points, standing, shots, raised, block=block, frame_time=1.0, settings=settings)
+    source, copy = points
+    contacts = Contacts(
+        pairs=pairs,
+        source=source,
+        copy=copy,
+        shots=one_shot(source),
+        raised=np.zeros(source.shape[:2]),
+        frame_time=1.0,
+        settings=settings,
+    )
+    return contacts.near(block, standing)
 
 
 def written(near):
@@ -104,7 +113,7 @@ def test_joints_that_coincide_by_their_bones_are_no_pair():
     )
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
     problem = distance_problem(chain, longer, np.arange(6))
-    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, None)
+    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, None, np.ones(6, bool))
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
 
 
@@ -179,7 +188,7 @@ def lone_and_cluster(count):
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
     tau = np.full(len(u), 2 / REACH)
     far = np.full(len(u), np.inf)
-    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), far, np.zeros(len(u), bool), points)
+    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), far, np.zeros(len(u), bool))
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
     springs = written(near(pairs, (x, x), np.zeros(3), slice(0, 3), replace(SETTINGS, blend=0.0)))
     return np.linalg.eigvalsh(springs.A[1])[:, -1]
@@ -199,7 +208,7 @@ def test_the_pull_of_a_pair_is_bounded_and_within_reach_it_grows_with_the_change
     asked = np.array([0.0, 0.001, 0.002, 0.3, 0.6, 1.2])
     one, far = np.ones(1), np.full(1, np.inf)
     pairs = CandidatePairs(
-        np.array([0]), np.array([1]), np.array([0]), np.array([1]), 2 * one / REACH, one, far, one == 0, 2
+        np.array([0]), np.array([1]), np.array([0]), np.array([1]), 2 * one / REACH, one, far, one == 0
     )
     source = np.tile([[0.0, 0, 0], [1.0, 0, 0]], (len(asked), 1, 1))
     copy = np.array(source)

@@ -10,8 +10,6 @@ from scipy.spatial.transform import Rotation
 from test_deform_bones import ALONE, GENERATED
 
 from distretarget import load_target, read_motion, write_motion
-from distretarget.io.character_file import parse_character
-from distretarget.io.input_file import load_file
 
 
 def made(text):
@@ -38,7 +36,7 @@ def test_a_motion_of_the_bones_that_deform_is_where_a_player_shows_it(tmp_path, 
 
 def test_controls_stay_and_bones_that_hang_from_bones_in_the_file_only_turn(tmp_path):
     path = made(GENERATED).write(tmp_path / "hero.glb")
-    hero = parse_character(load_file(path))
+    hero = load_target(path).character
     animation = hero.animation(swaying(hero.skeleton), "sway")
     names = [node.get("name") for node in gltf_player.load(path)[0]["nodes"]]
     shifted, turned = ({names[node] for node in moving} for moving in (animation.translations, animation.rotations))

@@ -6,7 +6,7 @@ from bodies import matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import retarget
-from distretarget.measure.directions import direction_error, expected_directions, shared_bones
+from distretarget.measure.movement import direction_error, expected_directions, shared_bones
 
 PERSON = person()
 

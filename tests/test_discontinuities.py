@@ -7,8 +7,8 @@ import pytest
 
 from distretarget.ik.poses import Poses
 from distretarget.objectives import contact
-from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.activation import ContactSettings
+from distretarget.objectives.contact import smooth_flips, smooth_landings
 from distretarget.objectives.supports import no_supports
 
 FRAME_TIME = 1 / 60  # [s]

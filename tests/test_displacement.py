@@ -6,7 +6,7 @@ from bodies import person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.objectives.skins import BodySkin
+from distretarget.objectives.skin import BodySkin
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import WRIST, bent

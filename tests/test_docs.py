@@ -15,7 +15,7 @@ from program import run
 
 import distretarget
 from distretarget import read_bvh, write_bvh
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.activation import ContactSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])

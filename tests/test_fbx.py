@@ -1,6 +1,7 @@
 """FBX files as input: transforms against FBX's own rule, skins, animations and their frames, and bad files."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,6 @@ import pytest
 from fbx_text import Y_UP, Z_UP, Node, Stack, fbx
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.bind_pose import matrices
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io import fbx as reader
 from distretarget.io.fbx import parse_fbx
@@ -23,7 +23,9 @@ TIMES = np.arange(8) / 30
 
 
 def shift(vector):
-    return matrices(np.array([vector]), np.array([[0.0, 0.0, 0.0, 1.0]]), np.ones((1, 3)))[0]
+    matrix = np.eye(4)
+    matrix[:3, 3] = vector
+    return matrix
 
 
 def turn(angles, order="xyz"):
@@ -63,11 +65,7 @@ def worlds(scene, frame=None):
             )
             for kind, values in parts.items()
         }
-    world = matrices(*parts.values())
-    for node, parent in enumerate(nodes.parents):
-        if parent >= 0:
-            world[node] = world[parent] @ world[node]
-    return dict(zip(nodes.names, world, strict=True))
+    return dict(zip(nodes.names, replace(nodes, **parts).world, strict=True))
 
 
 def chain(properties):

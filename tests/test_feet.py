@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton
 from distretarget.measure.comparison import Reference
-from distretarget.measure.feet import find_feet
 from distretarget.measure.metrics import clip_metrics
+from distretarget.measure.supports import find_feet
 
 LEG = 0.435 + 0.453
 TIME = 0.02

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
-from distretarget.ik.rigid_parts import fit_rotations
+from distretarget.ik.poses import fit_rotations
 
 BODY = person()
 ALL = np.arange(len(BODY))

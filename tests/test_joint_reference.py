@@ -3,7 +3,7 @@
 import pytest
 from bodies import person
 
-from distretarget.io.target_file import joints_meant
+from distretarget.io.skeleton_json import joints_meant
 
 NAMES = ("Hips", "Left", "Hand", "Right", "Hand")
 PARENTS = (-1, 0, 1, 0, 3)

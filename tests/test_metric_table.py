@@ -11,7 +11,7 @@ from program import last_records, run
 from distretarget import write_bvh
 from distretarget.batch import metric_table
 from distretarget.errors import MissingPackageError
-from distretarget.io.target_file import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 
 
 def batch(*arguments):

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from distretarget.io.decimals import parse_numbers
+from distretarget.io.bvh_text import parse_numbers
 
 WORDS = st.one_of(
     st.from_regex(r"[+-]?([0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,9})([eE][+-]?[0-9]{1,2})?", fullmatch=True),
@@ -33,7 +33,7 @@ def test_numbers_are_those_that_python_reads(words, first):
 
 def test_numbers_are_the_same_where_numba_is_switched_off():
     words = [" 300", "-18.25", "+0.000125", "1234567.5e-3", "4E2"]
-    program = f"from distretarget.io.decimals import parse_numbers; print(parse_numbers({' '.join(words).encode()}))"
+    program = f"from distretarget.io.bvh_text import parse_numbers; print(parse_numbers({' '.join(words).encode()}))"
     run = subprocess.run(
         [sys.executable, "-c", program], env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True
     )

@@ -12,7 +12,7 @@ from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.distances import posture_stress, stress_and_gradient
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.ik.rigid_parts import posed_motion
+from distretarget.ik.poses import posed_motion
 from distretarget.ik.spg import Reason
 from distretarget.numerics.parallel import BLOCK_FRAMES
 from distretarget.objectives.clip import Clip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.activation import ContactSettings
 from distretarget.scene.performer_contacts import ContactPoints, find_performer_contacts
 
 FRAMES = 5

@@ -21,8 +21,8 @@ from distretarget import (
     read_bvh,
     retarget_scene,
 )
+from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_pairs import DIRECTION_RANGE, TOUCH
-from distretarget.objectives.settings import ContactSettings
 from distretarget.scene.performer_contacts import NEAREST, ContactPoints
 from distretarget.scene.props import find_prop_contacts
 

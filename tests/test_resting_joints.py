@@ -8,6 +8,7 @@ import pytest
 from bodies import lengthened, matched, person, posed
 
 from distretarget.baseline.rotation_copy import RootScale
+from distretarget.body.anatomy import Regions
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.foot_lock import find_foot_lock
 from distretarget.objectives.resting_joints import RestingJoints, find_resting_joints, root_shift, with_resting_joints
@@ -21,25 +22,20 @@ LEG = 0.435 + 0.453
 ARM = 0.273 + 0.258 + 0.17
 
 
-def resting(rests, off=OFF, in_trunk=False):
+def resting(rests, off=OFF):
     """One joint that belongs `off` from the copy while it rests."""
     places = np.broadcast_to(off, (FRAMES, 1, 3)).copy()
-    return RestingJoints(
-        joints=np.array([0]),
-        regions=np.array([0]),
-        in_trunk=np.array([in_trunk]),
-        rests=rests[:, None],
-        places=places,
-    )
+    return RestingJoints(joints=np.array([0]), rests=rests[:, None], places=places)
 
 
 class Still:
-    """A clip in which the copy does not move, of a body with legs of length 1."""
+    """A clip in which the copy does not move, of a body with legs of length 1 and one joint in a region."""
 
     frame_time, unit = 1 / 60, 2.0
 
-    def __init__(self, shots=ONE_SHOT):
+    def __init__(self, shots=ONE_SHOT, region="left hand"):
         self.shots = shots
+        self.regions = Regions((region,), np.array([0]), np.ones((1, 1), bool))
 
     def copy_on_path(self, joints):
         return np.zeros((FRAMES, 1, 3))[:, joints]
@@ -58,10 +54,10 @@ def test_the_root_goes_where_the_only_support_asks_for():
     np.testing.assert_allclose(root_shift(Still(), feet_at_rest(~always), resting(always)), [OFF] * FRAMES)
 
 
-@pytest.mark.parametrize(("in_trunk", "share"), [(False, 1 / 2), (True, 10 / 11)])
-def test_feet_at_rest_count_as_in_place_and_a_seat_counts_most(in_trunk, share):
+@pytest.mark.parametrize(("region", "share"), [("left hand", 1 / 2), ("hips", 10 / 11)])
+def test_feet_at_rest_count_as_in_place_and_a_seat_counts_most(region, share):
     always = np.ones(FRAMES, bool)
-    shift = root_shift(Still(), feet_at_rest(always), resting(always, in_trunk=in_trunk))
+    shift = root_shift(Still(region=region), feet_at_rest(always), resting(always))
     np.testing.assert_allclose(shift, [share * OFF] * FRAMES)
 
 

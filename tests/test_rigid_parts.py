@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from table_one import table_one
 
 from distretarget import Skeleton, load_target
-from distretarget.ik.rigid_parts import part_of_joint, posed_motion, subtree_lengths
+from distretarget.ik.poses import part_of_joint, posed_motion, subtree_lengths
 from distretarget.objectives.clip import rigid_part_roots
 
 PERSON = person()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.frame_times import own_rate
+from distretarget.character.animations import own_rate
 from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import FileError
 

@@ -21,8 +21,8 @@ from distretarget import (
 )
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.poses import Poses
+from distretarget.objectives.activation import DEFAULT_SETTINGS as DEFAULT
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.settings import DEFAULT_SETTINGS as DEFAULT
 from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import match_performer
 from distretarget.scene.sweeps import MOST_SWEEPS, TRUNK_GIVE, find_contacts, how_far_joints_give, smoothed

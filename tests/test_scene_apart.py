@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Prop, read_bvh, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
-from distretarget.measure.scene_skin_gaps import measure_skin_gap
+from distretarget.measure.gaps import measure_skin_gap
 from distretarget.measure.skin import find_skin
 from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, SPEED, Core, _slowed
 from distretarget.scene.bodies import COUNT, Bodies, PropShape

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene
 from distretarget.baseline.world import World
-from distretarget.measure.scene_gaps import TOUCH_DISTANCE, ScenePart, measure_gap
+from distretarget.measure.gaps import TOUCH_DISTANCE, ScenePart, measure_gap
 from distretarget.report.clip_page import run_diff
 from distretarget.scene.scene_file import load_scene
 

@@ -10,7 +10,7 @@ from bodies import clapping, lengthened, person
 
 from distretarget import Options, retarget
 from distretarget.errors import SettingsError
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.activation import ContactSettings
 
 DEFAULT = ContactSettings()
 BONES_ALONE = Options(skin="none")

@@ -11,7 +11,8 @@ from skeleton_files import HIPS, SPINE, assert_same, full, load_json, valid
 from table_one import table_one
 
 from distretarget.errors import SkeletonError
-from distretarget.io.target_file import ALL_CHANNELS, load_target, skeleton_to_json
+from distretarget.io.skeleton_json import ALL_CHANNELS, skeleton_to_json
+from distretarget.io.target_file import load_target
 from distretarget.skeleton import SMALLEST, Skeleton
 
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.inner_balls import inner_balls
 from distretarget.measure.skin import find_skin, find_source_skin
+from distretarget.measure.solid_parts import inner_balls
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 

@@ -13,7 +13,7 @@ from bodies import other_lengths, person, swaying
 from program import command, compile_all, last_records, run
 
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.target_file import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 
 CLIP = format_bvh(swaying(person()))
 BODY = skeleton_to_json(other_lengths(person()), "body")

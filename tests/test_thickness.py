@@ -16,7 +16,8 @@ from distretarget.body.build import BUILDS, Build, average_build
 from distretarget.body.segments import find_segments
 from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.errors import SkeletonFileError
-from distretarget.io.target_file import parse_target, skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import parse_target
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.fit import Part, distances, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh

@@ -14,9 +14,9 @@ from typing import Any
 from command_contexts import contexts
 from tables import table, with_tables
 
-from distretarget.measure.faults import KINDS
+from distretarget.measure.clip_faults import KINDS
 from distretarget.measure.metrics import METRICS, SUFFIXES, Metric, metrics_at
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.activation import ContactSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 README, DOCS = ROOT / "README.md", ROOT / "docs"

@@ -25,11 +25,11 @@ SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that rai
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
     "Reading and writing files": "io/files.py io/motion cli/outputs.py",
-    "BVH files": "io/bvh.py io/bvh_writer.py",
-    "Arrays": "io/array_motion.py io/npz.py io/smpl.py",
-    "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx io/build",
-    "Skeleton files and maps": "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py",
-    "Contacts that are asked for": "contact_entries.py io/contacts objectives/ask",
+    "BVH files": "io/bvh",
+    "Arrays": "io/npz.py io/smpl.py",
+    "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx",
+    "Skeleton files and maps": "io/json io/target io/skeleton io/map io/obj.py target.py matching/pairing.py",
+    "Contacts that are asked for": "contact_entries.py io/contacts objectives/ask objectives/paper",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
     "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",
     "Scenes": "scene/ report/scene measure/scene",

@@ -85,8 +85,7 @@ def average_parts(body: Body, mesh: SkinnedMesh) -> dict[str, np.ndarray]:
 def by_joint(capsules: Capsules) -> Iterator[Capsules]:
     """The capsules that each joint carries."""
     for joint in np.unique(capsules.joints):
-        on = capsules.joints == joint
-        yield Capsules(capsules.joints[on], capsules.ends[on], capsules.radii[on], capsules.segments[on])
+        yield capsules[capsules.joints == joint]
 
 
 def symmetric(capsules: np.ndarray) -> np.ndarray:

@@ -17,8 +17,7 @@ from distretarget.body.body import Body
 from distretarget.errors import DistretargetError
 from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
-from distretarget.measure.clip_faults import find_faults
-from distretarget.measure.faults import KINDS, Finding, Findings
+from distretarget.measure.clip_faults import KINDS, Finding, Findings, find_faults
 from distretarget.motion import Motion
 from distretarget.stick_figures import stick_figures
 

@@ -7,7 +7,7 @@ from html import escape
 
 from distretarget.batch.audit import AuditedClip
 from distretarget.errors import counted
-from distretarget.measure.faults import KINDS, Finding
+from distretarget.measure.clip_faults import KINDS, Finding
 from distretarget.report.page import folder_of, html_page
 
 

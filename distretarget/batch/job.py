@@ -16,13 +16,12 @@ from distretarget.batch.time_limit import OverTime, time_limit
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
-from distretarget.io.build_file import with_source
 from distretarget.io.bvh_writer import bvh_parts, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import OUTPUTS, character_animation
-from distretarget.io.target_file import TargetFile
+from distretarget.io.target_file import TargetFile, with_source
 from distretarget.io.vrma import vrma
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns

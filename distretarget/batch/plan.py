@@ -11,12 +11,11 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.io.character_file import animations_in
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
-from distretarget.io.gltf_animation import free_name
+from distretarget.io.gltf_writer import free_name
 from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile, load_file
 from distretarget.io.motion_writer import suffix_of
-from distretarget.io.target_file import TargetFile
+from distretarget.io.target_file import TargetFile, animations_in
 from distretarget.scene.scene_file import SCENE_NAME
 
 MANIFEST, METRICS = "manifest.jsonl", "metrics.csv"  # in the folder of results

@@ -8,20 +8,22 @@ of the node r_j = Q_p^-1 q_j Q_p b_j. Uniform scales drop out, and so does mirro
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.body.deform_bones import deform_tree
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import extent, lengths
-from distretarget.skeleton import LARGEST, Skeleton
+from distretarget.numerics.vectors import Array, extent, lengths
+from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
-Array = NDArray[np.float64]
+IDENTITY = [0.0, 0.0, 0.0, 1.0]
 
 BLOCK = 65536  # poses that are computed at once [frames x joints]
 FREE_POSES = 1_000_000  # so many poses of joints may a file have, however small it is [frames x joints]
@@ -31,29 +33,16 @@ SAME_TURN = 1e-12  # a node needs no keys of its rotation if 1 - |dot product of
 
 @dataclass(frozen=True, eq=False)
 class Character:
-    """A skeleton whose joints are nodes of a file.
+    """A skeleton whose joints are nodes of a file."""
 
-    Attributes:
-        skeleton: in the bind pose, in the world of the file [file units].
-        nodes: the nodes that matter: first the line of nodes above the root, from the top, then those of the joints.
-        parents: (nodes,), the parent of each among these, -1 for the first.
-        shown: the transforms that they show without an animation, relative to their parents.
-        binds: (nodes, 4), their rotations in the world in the bind pose, Q; above the root, as shown.
-        locals: (nodes, 4), the same relative to their parents, b.
-        scales: (nodes,), their scales in the world; negative where they mirror.
-        origin: (3,), the place of the node above the root; the world's origin where there is none [file units].
-        warnings: what of the file is not kept, a line each.
-    """
-
-    skeleton: Skeleton
-    nodes: NDArray[np.intp]
-    parents: NDArray[np.intp]
-    shown: Nodes
-    binds: Array
-    locals: Array
-    scales: Array
-    origin: Array
-    warnings: tuple[str, ...]
+    skeleton: Skeleton  # in the bind pose, in the world of the file [file units]
+    nodes: NDArray[np.intp]  # those that matter: the line of nodes above the root, from the top, then the joints'
+    shown: Nodes  # the same, as the file shows them
+    binds: Array  # (nodes, 4), their rotations in the world in the bind pose, Q; above the root, as shown
+    locals: Array  # (nodes, 4), the same relative to their parents, b
+    scales: Array  # (nodes,), their scales in the world; negative where they mirror
+    origin: Array  # (3,), the place of the node above the root; 0 where there is none [file units]
+    warnings: tuple[str, ...]  # what of the file is not kept, a line each
 
     @property
     def joint_nodes(self) -> NDArray[np.intp]:
@@ -63,12 +52,9 @@ class Character:
     @property
     def bind_transforms(self) -> Mapping[int, Array]:
         """The transform in the world, (4, 4), of each of the nodes in the bind pose, the skeleton's rest pose."""
-        turns = Rotation.from_quat(self.locals).as_matrix()
-        transforms = np.tile(np.eye(4), (len(self.nodes), 1, 1))
-        transforms[:, :3, :3] = turns * self.shown.scales[:, None]
-        transforms[: self._above, :3, 3] = self.shown.translations[: self._above]
+        transforms = replace(self.shown, rotations=self.locals).transforms
         places = self.skeleton.rest_positions + self.skeleton.offsets[0]
-        for node, parent in enumerate(self.parents.tolist()):
+        for node, parent in enumerate(self.shown.parents.tolist()):
             if parent >= 0:
                 transforms[node] = transforms[parent] @ transforms[node]
             if node >= self._above:
@@ -83,18 +69,16 @@ class Character:
     @property
     def _parent_binds(self) -> Rotation:
         """(nodes,), the rotation of each node's parent in the world in the bind pose."""
-        return Rotation.from_quat(np.vstack([self.binds, [0.0, 0.0, 0.0, 1.0]])[self.parents])
+        return Rotation.from_quat(np.vstack([self.binds, IDENTITY])[self.shown.parents])
 
     @property
     def _parent_scales(self) -> Array:
         """(nodes,), the scale of each node's parent in the world."""
-        return np.append(self.scales, 1.0)[self.parents]
+        return np.append(self.scales, 1.0)[self.shown.parents]
 
     def motion(self, animation: Animation, size: int) -> Motion:
-        """Return an animation of the nodes as a motion of the skeleton; `size` is that of the file [bytes].
-
-        Raises:
-            FileError: it has too many poses for a file of this size.
+        """Return an animation of the nodes as a motion of the skeleton, or raise a FileError if it has too many poses
+        for a file of this `size` [bytes].
         """
         frames, count = animation.frames, len(self.nodes)
         if frames * count > max(FREE_POSES, size):
@@ -169,3 +153,101 @@ def _continuous(rotations: Array) -> Array:
     flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
     signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
     return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])
+
+
+@dataclass(frozen=True, eq=False)
+class DeformCharacter(Character):
+    """A character whose bones that deform the mesh stand among controls: its skeleton is that of these bones alone.
+
+    Controls stay as the file shows them. So that the mesh does not tear, a bone that hangs from a control in the file
+    gets keys of its translation as well.
+    """
+
+    whole: Character  # with all nodes as joints
+    bones: NDArray[np.intp]  # (joints,), the joints of the whole character that are joints of this one
+
+    @property
+    def joint_nodes(self) -> NDArray[np.intp]:
+        """(joints,), the node of each joint of the skeleton."""
+        return self.whole.joint_nodes[self.bones]
+
+    @property
+    def bind_transforms(self) -> Mapping[int, Array]:
+        """The transform in the world, (4, 4), of each of the file's nodes that matter in the bind pose."""
+        return self.whole.bind_transforms
+
+    def motion(self, animation: Animation, size: int) -> Motion:
+        """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
+        whole = self.whole.motion(animation, size)
+        world, places = whole.world_rotations[:, self.bones], whole.positions[:, self.bones]
+        parents = self.skeleton.parents
+        is_below = (parents >= 0)[:, None]
+        above = Rotation.from_quat(np.where(is_below, world[:, parents], IDENTITY)).inv()
+        translations = above.apply(places - np.where(is_below, places[:, parents], 0.0))
+        rotations = (above * Rotation.from_quat(world)).as_quat()
+        return Motion.of_translations(self.skeleton, self._settled(translations), rotations, animation.frame_time_text)
+
+    def animation(self, motion: Motion, name: str) -> Animation:
+        """Return a motion of the skeleton as an animation of the nodes that turn or move."""
+        skeleton = self.whole.skeleton
+        above, places = self._above_in_file(motion)
+        rotations = np.tile(skeleton.unturned, (len(motion), 1, 1))
+        translations = np.tile(skeleton.offsets, (len(motion), 1, 1))
+        rotations[:, self.bones] = (above.inv() * Rotation.from_quat(motion.world_rotations)).as_quat()
+        translations[:, self.bones] = above.inv().apply(motion.positions - places)
+        moved = Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
+        return self.whole.animation(moved, name)
+
+    def _above_in_file(self, motion: Motion) -> tuple[Rotation, Array]:
+        """The rotation in the world of the node from which each bone hangs in the file, and its place, (frames, joints,
+        3); these nodes move with the nearest bone above them, or not at all.
+        """
+        skeleton = self.whole.skeleton
+        joints = {bone: joint for joint, bone in enumerate(self.bones.tolist())}
+        lines = [skeleton.line(bone)[1:] for bone in joints]
+        parents = np.array([line[0] if line else -1 for line in lines])
+        bearers = np.array([next((joints[bone] for bone in line if bone in joints), -1) for line in lines])
+        rest = np.vstack([skeleton.rest_positions + skeleton.offsets[0], np.zeros(3)])
+        offsets = rest[parents] - rest[np.append(self.bones, -1)[bearers]]
+        still = np.tile(IDENTITY, (len(motion), 1, 1))
+        above = Rotation.from_quat(np.concatenate([motion.world_rotations, still], axis=1)[:, bearers])
+        places = np.concatenate([motion.positions, np.zeros((len(motion), 1, 3))], axis=1)[:, bearers]
+        return above, places + above.apply(np.broadcast_to(offsets, places.shape))
+
+
+def with_deform_bones(character: Character) -> Character:
+    """Return the character whose skeleton is that of the bones that deform, where the file has them among controls;
+    else the same.
+    """
+    whole = character.skeleton
+    tree = {} if whole.humanoid else dict(deform_tree(whole.names, whole.parents.tolist()))
+    if not tree:
+        return character
+    if sum(parent < 0 for parent in tree.values()) > 1:
+        tree = {bone: max(parent, 0) for bone, parent in tree.items()} | {0: -1}
+    bones = _top_down(tree)
+    rest, joints = whole.rest_positions, {bone: joint for joint, bone in enumerate(bones)}
+    parents = np.array([joints.get(tree[bone], -1) for bone in bones])
+    offsets = rest[bones] - np.where((parents >= 0)[:, None], rest[bones][parents], -whole.offsets[0])
+    turns = [tuple(channel for channel in whole.channels[bone] if channel in ROTATION_CHANNELS) for bone in bones]
+    skeleton = replace(
+        whole,
+        names=tuple(whole.names[bone] for bone in bones),
+        parents=parents,
+        offsets=offsets,
+        channels=tuple(turn if joint else (*POSITION_CHANNELS, *turn) for joint, turn in enumerate(turns)),
+        end_sites=whole.end_sites[bones],
+    )
+    same = {entry.name: getattr(character, entry.name) for entry in fields(character)}
+    return DeformCharacter(**same | {"skeleton": skeleton}, whole=character, bones=np.array(bones))
+
+
+def _top_down(tree: Mapping[int, int]) -> list[int]:
+    """The bones of a tree, each after its parent."""
+    below: dict[int, list[int]] = defaultdict(list)
+    for bone in sorted(tree):
+        below[tree[bone]].append(bone)
+    bones = below[-1]
+    for upper in bones:
+        bones.extend(below[upper])
+    return bones

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.named_anatomy import by_names
-from distretarget.character.bind_pose import bind_poses, in_world, matrices
-from distretarget.character.character import Character
-from distretarget.character.deform import with_deform_bones
-from distretarget.character.joint_nodes import joint_nodes, top_down
+from distretarget.character.bind_pose import are_regular, bind_poses
+from distretarget.character.character import Character, with_deform_bones
+from distretarget.character.joint_nodes import joint_nodes
 from distretarget.character.nodes import Nodes, Scene
-from distretarget.character.scales import check_scales, flat_warnings, scale_warnings, without_flat_scales
+from distretarget.errors import FileError, SkeletonError, cut, quoted
 from distretarget.numerics.rotations import nearest_rotations
-from distretarget.skeleton import SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
+from distretarget.skeleton import LARGEST, SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
 
 LONGEST_NAME = 200  # of a joint [characters]
 NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
+FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of the node]
+UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 
 
 def character_of(scene: Scene) -> Character:
@@ -31,34 +31,78 @@ def character_of(scene: Scene) -> Character:
 
     Raises:
         FileError: the file has no such nodes, or too many.
+        SkeletonError: they are no skeleton.
     """
-    scene, flat = without_flat_scales(scene)
-    nodes, order = scene.nodes, top_down(scene.nodes.parents)
-    above, joints, left_out = joint_nodes(scene, order)
+    scene, flat = _without_flat_scales(scene)
+    above, joints, left_out = joint_nodes(scene)
     line = [*above, *joints]
-    with np.errstate(all="ignore"):
-        shown = in_world(nodes, order)
-    check_scales(scene, line, shown)
-    binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
-    warnings = (*scene.notes, *left_out, *flat_warnings(scene, flat, line), *scale_warnings(scene, line))
-    character = _character(scene, line, len(above), binds, warnings)
-    return with_deform_bones(character)
+    _check_scales(scene, line)
+    shown, size = scene.nodes.among(line), float(np.ptp(scene.nodes.world[line, :3, 3], axis=0).max())
+    binds = bind_poses(scene.nodes, scene.skins)
+    poses = [None] * len(above) + [binds.get(node) for node in joints]
+    hidden = [scene.nodes.names[node] for node in line if flat[node]]
+    warnings = (*scene.notes, *left_out, *_scale_warnings(scene, line, hidden))
+    try:
+        return with_deform_bones(_character(scene, line, shown, _settled(shown, poses, size), len(above), warnings))
+    except SkeletonError as error:
+        raise error.in_file(scene.path) from None
 
 
-def _settled(nodes: Nodes, line: Sequence[int], above: int, shown: Array, binds: Mapping[int, Array]) -> Array:
-    """The transforms of the nodes of a line of nodes in the world in the bind pose, (nodes, 4, 4), with the scales that
-    they show. Nodes above the joints, and those between that no skin uses, are as shown; so are, to the digit, those
-    that show their bind pose.
+def _without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
+    """The scene with scales that can be inverted, and which nodes had others, (nodes,): axes of length 0 get the length
+    of the longest, or 1.
     """
-    world, places = np.empty((len(line), 4, 4)), {-1: -1}
-    size = float(np.ptp(shown[list(line), :3, 3], axis=0).max())
-    for place, node in enumerate(line):
-        parent = places.get(nodes.parents.item(node), -1)
+    scales = scene.nodes.scales
+    longest = np.abs(scales).max(axis=1, keepdims=True, initial=0.0)
+    flat = ~(np.abs(scales) > np.maximum(FLAT * longest, SMALLEST))
+    regular = np.where(flat, np.where(longest > SMALLEST, longest, 1.0), scales)
+    return replace(scene, nodes=replace(scene.nodes, scales=regular)), flat.any(axis=1)
+
+
+def _check_scales(scene: Scene, line: Sequence[int]) -> None:
+    """Raise a FileError unless the transforms of some nodes in the world can be computed with."""
+    world = scene.nodes.world[line]
+    with np.errstate(all="ignore"):
+        sizes = np.abs(world[:, :3, :3]).max(axis=(1, 2))
+        fits = are_regular(world) & (sizes >= SMALLEST) & (sizes <= LARGEST)
+        fits &= (np.abs(world[:, :3, 3]) <= LARGEST).all(axis=1)
+    if not fits.all():
+        name = scene.nodes.names[line[int(fits.argmin())]]
+        limits = f"scales from {SMALLEST:g} to {LARGEST:g}, not too uneven, and places up to {LARGEST:g}"
+        raise FileError(
+            scene.path, f"the scale or place of {cut(name)!r} in the world is too extreme; expected {limits}"
+        )
+
+
+def _scale_warnings(scene: Scene, line: Sequence[int], hidden: Sequence[str]) -> Iterator[str]:
+    """A line each for hidden nodes, for nodes that are scaled unevenly, and for nodes whose scale changes."""
+    if hidden:
+        yield f"{quoted(hidden)} have the scale 0, as hidden nodes have; they are taken at full size"
+    nodes, sizes = scene.nodes, np.abs(scene.nodes.scales[line])
+    spread = np.ptp(sizes, axis=1) / sizes.max(axis=1)
+    if uneven := [nodes.names[node] for node, share in zip(line, spread, strict=True) if share > UNEVEN]:
+        change = "bones below change their length as they turn, so that hands and feet miss their places"
+        much = f"{100 * spread.max():.2g} %"
+        yield f"the scale of {quoted(uneven)} is uneven, by {much}: {change}; apply the scale and export it again"
+    scales = scene.animation.scales if scene.animation else {}
+    changing = [
+        nodes.names[node]
+        for node in line
+        if node in scales and (np.abs(scales[node] - scales[node][:1]) > UNEVEN * np.abs(scales[node][:1])).any()
+    ]
+    if changing:
+        yield f"the scales of {quoted(changing)} change in the animation; they are left out"
+
+
+def _settled(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
+    """The transforms of nodes in the world in the bind pose, (nodes, 4, 4), with the scales that they show. Those
+    without a bind pose, such as nodes above the joints, are as shown; so are, to the digit, those that show it.
+    """
+    world = np.empty((len(shown), 4, 4))
+    for node, (parent, bind) in enumerate(zip(shown.parents.tolist(), binds, strict=True)):
         base = world[parent] if parent >= 0 else np.eye(4)
-        local = matrices(nodes.translations[[node]], nodes.rotations[[node]], nodes.scales[[node]])[0]
-        if place >= above and node in binds:
-            local = _local(base, binds[node], local, nodes.scales[node], size)
-        world[place], places[node] = base @ local, place
+        local = shown.transforms[node]
+        world[node] = base @ (local if bind is None else _local(base, bind, local, shown.scales[node], size))
     return world
 
 
@@ -78,28 +122,20 @@ def _local(base: Array, bind: Array, shown: Array, scale: Array, size: float) ->
     return result
 
 
-def _character(scene: Scene, line: Sequence[int], above: int, world: Array, warnings: tuple[str, ...]) -> Character:
-    nodes, chosen = scene.nodes, np.array(line)
-    places = {node: place for place, node in enumerate(line)}
-    parents = np.array([places.get(parent, -1) for parent in nodes.parents[chosen].tolist()])
+def _character(
+    scene: Scene, line: Sequence[int], shown: Nodes, world: Array, above: int, warnings: tuple[str, ...]
+) -> Character:
+    """The character of nodes that are at `world` in the bind pose, (nodes, 4, 4), `above` of them above the root."""
     linear = world[:, :3, :3]
     signs = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
     binds = Rotation.from_matrix(nearest_rotations(signs[:, None, None] * linear))
-    base = Rotation.from_quat(np.vstack([binds.as_quat(), [0.0, 0.0, 0.0, 1.0]])[parents])
-    mirrors = np.sign(nodes.scales[chosen])
+    base = Rotation.from_quat(np.vstack([binds.as_quat(), [0.0, 0.0, 0.0, 1.0]])[shown.parents])
+    mirrors = np.sign(shown.scales)
     flips = Rotation.from_matrix(np.prod(mirrors, axis=1)[:, None, None] * np.eye(3) * mirrors[:, None])
-    skeleton = _skeleton(scene, chosen[above:], parents[above:] - above, world[above:, :3, 3])
     return Character(
-        skeleton=skeleton,
-        nodes=chosen,
-        parents=parents,
-        shown=Nodes(
-            names=tuple(nodes.names[node] for node in line),
-            parents=parents,
-            translations=nodes.translations[chosen],
-            rotations=nodes.rotations[chosen],
-            scales=nodes.scales[chosen],
-        ),
+        skeleton=_skeleton(scene, line[above:], world[above:, :3, 3]),
+        nodes=np.array(line),
+        shown=shown,
         binds=binds.as_quat(),
         locals=(base.inv() * binds * flips.inv()).as_quat(),
         scales=signs * np.cbrt(np.abs(np.linalg.det(linear))),
@@ -108,15 +144,14 @@ def _character(scene: Scene, line: Sequence[int], above: int, world: Array, warn
     )
 
 
-def _skeleton(scene: Scene, nodes: NDArray[np.intp], parents: NDArray[np.intp], places: Array) -> Skeleton:
+def _skeleton(scene: Scene, nodes: Sequence[int], places: Array) -> Skeleton:
     """The skeleton of nodes that are at these places, (nodes, 3), in the bind pose."""
-    parents = np.maximum(parents, -1)
-    offsets = places - np.where((parents >= 0)[:, None], places[parents], 0.0)
-    joints = {node: joint for joint, node in enumerate(nodes.tolist())}
+    own = scene.nodes.among(nodes)
+    joints = {node: joint for joint, node in enumerate(nodes)}
     skeleton = Skeleton(
-        names=_names([scene.nodes.names[node] for node in nodes], nodes.tolist(), parents.tolist()),
-        parents=parents,
-        offsets=offsets,
+        names=_names(own.names, nodes, own.parents.tolist()),
+        parents=own.parents,
+        offsets=places - np.where((own.parents >= 0)[:, None], places[own.parents], 0.0),
         channels=tuple(USUAL_ROTATIONS if joint else USUAL_ROOT for joint in range(len(nodes))),
         end_sites=np.zeros(len(nodes), bool),
         units=scene.units,
@@ -138,20 +173,15 @@ def _with_positions(skeleton: Skeleton) -> tuple[tuple[str, ...], ...]:
 
 
 def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -> tuple[str, ...]:
-    """The names of joints as BVH can hold them; the number of the node stands for an empty name, and follows a name
-    that a sibling has as well.
+    """The names of joints as BVH can hold them, with _ for what it cannot; the number of the node stands for an empty
+    name, and follows a name that a sibling has as well.
     """
     taken: set[tuple[int, str]] = set()
     result = []
     for name, node, parent in zip(names, nodes, parents, strict=True):
-        clean = _clean(name[:LONGEST_NAME]) or f"node {node}"
+        plain = "".join("_" if each in "{}" or not each.isprintable() else each for each in name[:LONGEST_NAME])
+        clean = plain.strip() or f"node {node}"
         clean = f"{clean} (node {node})" if (parent, clean) in taken else clean
         taken.add((parent, clean))
         result.append(clean)
     return tuple(result)
-
-
-def _clean(name: str) -> str:
-    """A name with _ for what BVH cannot hold in a name; empty where nothing is left."""
-    plain = "".join("_" if each in "{}" or not each.isprintable() else each for each in name)
-    return plain.strip()

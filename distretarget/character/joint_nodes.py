@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -18,85 +16,68 @@ from distretarget.errors import FileError, counted, quoted
 MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matrices of joints x joints
 
 
-def joint_nodes(scene: Scene, order: Sequence[int]) -> tuple[list[int], list[int], tuple[str, ...]]:
+def joint_nodes(scene: Scene) -> tuple[list[int], list[int], tuple[str, ...]]:
     """Return the nodes above the root, from the top, and those that are joints, parents before children; and a warning
-    if the file has other skeletons as well. `order` has all nodes, parents before children.
+    if the file has other skeletons as well.
 
     Joints are the nodes that skins use, and the bones of a humanoid, and those between them. Without skins and humanoid
     they are those with names of the parts of a body, or else those that an animation turns.
-
-    Raises:
-        FileError: the file has no such nodes, or too many, or they hang from no common node.
+    A FileError if there are none, or too many, or if they hang from no common node.
     """
-    parents = scene.nodes.parents.tolist()
-    wanted, left_out = _wanted(scene, order, parents)
-    above, carried = [], _carried(wanted, order, parents)
-    node = parents[_meeting(wanted, order, parents)]
-    while node >= 0:
-        above.append(node)
-        node = parents[node]
-    are_above = set(above)
-    joints = [node for node in order if carried[node] and node not in are_above]
-    if len(joints) + len(above) > MOST_JOINTS:
-        counts = f"{counted(len(joints), 'joint')} and {counted(len(above), 'node')} above"
+    nodes = scene.nodes
+    wanted, left_out = _wanted(scene)
+    above, carried = [_meeting(wanted, nodes)], _carried(wanted, nodes)
+    while (parent := nodes.parents.item(above[-1])) >= 0:
+        above.append(parent)
+    are_above = set(above[1:])
+    joints = [node for node in nodes.top_down if carried[node] and node not in are_above]
+    if len(joints) + len(are_above) > MOST_JOINTS:
+        counts = f"{counted(len(joints), 'joint')} and {counted(len(are_above), 'node')} above"
         raise FileError(scene.path, f"its skeleton has {counts}; expected at most {MOST_JOINTS}")
-    return above[::-1], joints, left_out
+    return above[:0:-1], joints, left_out
 
 
-def _carried(nodes: Iterable[int], order: Sequence[int], parents: Sequence[int]) -> list[int]:
+def _carried(some: Iterable[int], nodes: Nodes) -> list[int]:
     """How many of some nodes each node of the forest carries, itself included."""
-    counts = [0] * len(parents)
-    for node in nodes:
+    parents, counts = nodes.parents.tolist(), [0] * len(nodes)
+    for node in some:
         counts[node] = 1
-    for node in reversed(order):
+    for node in reversed(nodes.top_down):
         if parents[node] >= 0:
             counts[parents[node]] += counts[node]
     return counts
 
 
-def _meeting(nodes: Collection[int], order: Sequence[int], parents: Sequence[int]) -> int:
+def _meeting(some: Collection[int], nodes: Nodes) -> int:
     """The lowest node from which all of some different nodes hang; -1 if there is none."""
-    counts = _carried(nodes, order, parents)
-    return next((node for node in reversed(order) if counts[node] == len(nodes)), -1)
+    counts = _carried(some, nodes)
+    return next((node for node in reversed(nodes.top_down) if counts[node] == len(some)), -1)
 
 
-def _branches(above: int, order: Sequence[int], parents: Sequence[int]) -> list[int]:
+def _branches(above: int, nodes: Nodes) -> list[int]:
     """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
-    branches = list(range(len(parents)))
-    for node in order:
+    parents, branches = nodes.parents.tolist(), list(range(len(nodes)))
+    for node in nodes.top_down:
         if parents[node] not in (-1, above) and node != above:
             branches[node] = branches[parents[node]]
     return branches
 
 
-def top_down(parents: NDArray[np.intp]) -> list[int]:
-    """Return all nodes, each followed by those below it, in the order of the file."""
-    children: dict[int, list[int]] = defaultdict(list)
-    for node, parent in enumerate(parents.tolist()):
-        children[parent].append(node)
-    order, stack = [], children[-1][::-1]
-    while stack:
-        order.append(stack.pop())
-        stack.extend(reversed(children[order[-1]]))
-    return order
-
-
-def _wanted(scene: Scene, order: Sequence[int], parents: Sequence[int]) -> tuple[list[int], tuple[str, ...]]:
+def _wanted(scene: Scene) -> tuple[list[int], tuple[str, ...]]:
     """The nodes that are joints for certain, and a warning of those that are left out: other skeletons in the file,
     whose skins share no branch with the humanoid's or, without one, with the largest.
     """
     groups = [list(scene.humanoid.values()), *(skin.joints.tolist() for skin in scene.skins)]
     if not any(groups):
-        turning = list(scene.animation.rotations) if scene.animation else []
-        groups = [_named(scene.nodes, order) or turning]
+        groups = [_named(scene.nodes) or [*(scene.animation.rotations if scene.animation else ())]]
     every = list(dict.fromkeys(node for group in groups for node in group))
     if not every:
         found = "has no skin, no VRM humanoid, and no nodes with the names of a body"
         raise FileError(scene.path, f"{found}; expected a character")
-    skeletons = _skeletons(groups, _branches(_meeting(every, order, parents), order, parents))
+    skeletons = _skeletons(groups, _branches(_meeting(every, scene.nodes), scene.nodes))
     chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
     others = [scene.nodes.names[next(iter(each))] for each in skeletons if each is not chosen]
-    if _meeting(chosen, order, parents) < 0:
+    if _meeting(chosen, scene.nodes) < 0:
         raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
     notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
     return [node for node in every if node in chosen], tuple(notes)
@@ -117,11 +98,10 @@ def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list
     return list(joined.values())
 
 
-def _named(nodes: Nodes, order: Sequence[int]) -> list[int]:
+def _named(nodes: Nodes) -> list[int]:
     """The nodes that have the names of the parts of a body."""
     if not 0 < len(nodes) <= MOST_JOINTS:
         return []
-    places = {node: place for place, node in enumerate(order)}
-    parents = tuple(places.get(nodes.parents.item(node), -1) for node in order)
-    anatomy = by_tree(NamedTree(tuple(nodes.names[node] for node in order), parents, (False,) * len(order)))
-    return [order[place] for place in anatomy.roles.values()] if anatomy else []
+    tree = nodes.among(nodes.top_down)
+    anatomy = by_tree(NamedTree(tree.names, tuple(tree.parents.tolist()), (False,) * len(tree)))
+    return [nodes.top_down[place] for place in anatomy.roles.values()] if anatomy else []

@@ -9,14 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.character.bind_pose import matrices
 from distretarget.character.character import Character
 from distretarget.character.nodes import Nodes
 from distretarget.errors import FileError
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST
 from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 
-Array = NDArray[np.float64]
 Number = TypeVar("Number", bound=np.generic)
 
 MOST_TRIANGLES = 30_000  # of a mesh; of a finer one every second, third ... triangle is taken
@@ -26,49 +25,16 @@ LEAST_WEIGHT = 1e-6  # vertices whose weights sum to less are bound to nothing
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A part of a mesh as the file states it.
+    """A part of a mesh as the file states it."""
 
-    Attributes:
-        vertices: (vertices, 3), in the space of the mesh.
-        bones: (bones,), the nodes that move it.
-        to_bones: (bones, 4, 4), from the space of the mesh to that of each node when it was bound.
-        joints: (vertices, influences), which of the bones move each vertex.
-        weights: (vertices, influences), how much.
-        triangles: (triangles, 3), the vertices of each.
-        materials: (triangles,), the material of each; None where the file has none.
-        uv: (vertices, 2), their places on the images of materials; None where these have none.
-    """
-
-    vertices: Array
-    bones: NDArray[np.intp]
-    to_bones: Array
-    joints: NDArray[np.intp]
-    weights: Array
-    triangles: NDArray[np.intp]
-    materials: NDArray[np.intp] | None = None
-    uv: Array | None = None
-
-    @property
-    def looks(self) -> Looks:
-        """How it looks, without the materials themselves."""
-        materials = np.full(len(self.triangles), -1) if self.materials is None else self.materials
-        return Looks((), materials, np.zeros((len(self.vertices), 2)) if self.uv is None else self.uv)
-
-    def thinned(self, step: int) -> MeshPart:
-        """Return the part with one of every `step` triangles, and the vertices that these have."""
-        triangles = self.triangles[::step]
-        used = np.zeros(len(self.vertices), bool)
-        used[triangles] = True
-        numbers = np.cumsum(used) - 1
-        return replace(
-            self,
-            vertices=self.vertices[used],
-            joints=self.joints[used],
-            weights=self.weights[used],
-            triangles=numbers[triangles],
-            materials=None if self.materials is None else self.materials[::step],
-            uv=None if self.uv is None else self.uv[used],
-        )
+    vertices: Array  # (vertices, 3), in the space of the mesh
+    bones: NDArray[np.intp]  # (bones,), the nodes that move it
+    to_bones: Array  # (bones, 4, 4), from the space of the mesh to that of each node when it was bound
+    joints: NDArray[np.intp]  # (vertices, influences), which of the bones move each vertex
+    weights: Array  # (vertices, influences), how much
+    triangles: NDArray[np.intp]  # (triangles, 3), the vertices of each
+    materials: NDArray[np.intp]  # (triangles,), the material of each, -1 for none
+    uv: Array  # (vertices, 2), their places on the images of materials
 
 
 def skinned_mesh(
@@ -78,10 +44,7 @@ def skinned_mesh(
     the file.
 
     Each vertex is where its bones bring it while the skeleton is in its rest pose. Nodes that are no joints move with
-    the nearest joint above them.
-
-    Raises:
-        FileError: a vertex is too far away.
+    the nearest joint above them. A FileError if a vertex is too far away.
     """
     count = sum(len(part.triangles) for part in parts)
     step = max(-(-count // MOST_TRIANGLES), 1)
@@ -97,7 +60,7 @@ def _assembled(
     """The mesh with one of every `step` triangles."""
     binds = character.bind_transforms
     joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
-    bound = [_bound(part.thinned(step), nodes, binds, joints) for part in parts]
+    bound = [_bound(part, step, nodes, binds, joints) for part in parts]
     found = [part for part in bound if part is not None]
     if not found:
         return None
@@ -118,20 +81,23 @@ def _assembled(
     )
 
 
-def _bound(part: MeshPart, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> SkinnedMesh | None:
-    """The part in the world, without the vertices that no joint of the character moves; None without any vertex."""
+def _bound(
+    part: MeshPart, step: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]
+) -> SkinnedMesh | None:
+    """One of every `step` triangles of the part in the world, without the vertices that no joint of the character
+    moves; None without any vertex.
+    """
     placed = [_placed(node, nodes, binds, joints) for node in part.bones.tolist()]
     regular = np.abs(np.linalg.det(part.to_bones[:, :3, :3])) > 0.0
-    joint_of = np.array([joint for joint, _ in placed])
-    joint_of[~regular] = -1
+    joint_of = np.where(regular, [joint for joint, _ in placed], -1)
     weights = np.where(joint_of[part.joints] >= 0, np.maximum(part.weights, 0.0), 0.0)
-    sums = weights.sum(axis=1)
-    moved = sums > LEAST_WEIGHT
+    sums, chosen = weights.sum(axis=1), part.triangles[::step]
+    moved = np.isin(np.arange(len(sums)), chosen) & (sums > LEAST_WEIGHT)
     if not moved.any():
         return None
     numbers = np.cumsum(moved) - 1
-    kept = moved[part.triangles].all(axis=1)
-    triangles, looks = part.triangles[kept], Looks((), part.looks.of_triangle[kept], part.looks.uv[moved])
+    kept = moved[chosen].all(axis=1)
+    triangles, looks = chosen[kept], Looks((), part.materials[::step][kept], part.uv[moved])
     local, weights = part.joints[moved], weights[moved] / sums[moved, None]
     to_world = np.stack([transform for _, transform in placed]) @ part.to_bones
     vertices, points = np.zeros((len(local), 3)), part.vertices[moved]
@@ -147,8 +113,7 @@ def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping
     """The joint that a node moves with, -1 for none, and the node's transform in the world in the bind pose, (3, 4)."""
     below, at = np.eye(4), node
     while at >= 0 and at not in binds:
-        one = slice(at, at + 1)
-        below = matrices(nodes.translations[one], nodes.rotations[one], nodes.scales[one])[0] @ below
+        below = nodes.transforms[at] @ below
         at = nodes.parents.item(at)
     if at < 0:
         return -1, below[:3]

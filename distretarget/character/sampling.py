@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.frame_times import frame_count, frame_times, is_on_grid, own_rate
+from distretarget.character.animations import frame_count, frame_times, is_on_grid, own_rate
 from distretarget.character.nodes import Animation
 from distretarget.errors import FileError, cut
 from distretarget.motion import LONGEST_FRAME
-from distretarget.numerics.vectors import lengths, normalised
+from distretarget.numerics.vectors import Array, lengths, normalised
 from distretarget.skeleton import SMALLEST
-
-Array = NDArray[np.float64]
 
 BLOCK = 65536  # frames that are sampled at once
 FREE_SAMPLES = 1_000_000  # so many samples may a file have, however small it is [frames x curves]
@@ -26,17 +23,11 @@ FREE_SAMPLES = 1_000_000  # so many samples may a file have, however small it is
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The keys of one property of a node.
+    """The keys of one property of a node; those of a "CUBICSPLINE" are tangent in, value, tangent out."""
 
-    Attributes:
-        times: (keys,), in ascending order [s].
-        keys: (keys, 1, numbers), or (keys, 3, numbers) for "CUBICSPLINE": tangent in, value, tangent out.
-        interpolation: between keys.
-    """
-
-    times: Array
-    keys: Array
-    interpolation: Literal["LINEAR", "STEP", "CUBICSPLINE"] | str
+    times: Array  # (keys,), in ascending order [s]
+    keys: Array  # (keys, 1 or 3, numbers)
+    interpolation: str  # between keys: "LINEAR", "STEP" or "CUBICSPLINE"
 
     def at(self, times: Array, rotates: bool) -> Array:
         """(times, numbers), the values at times [s]; the first and last key hold before and after. Rotations,
@@ -89,12 +80,8 @@ def sampled(
     path: str | Path, name: str, curves: Mapping[str, Mapping[int, Curve]], fps: float | None, most: int
 ) -> Animation:
     """Return an animation's curves, by property and node, sampled at `fps` frames/s, else at the rate of its keys
-    (`own_rate`); one that is too long for this and whose keys are equally far apart has these as its frames.
-
-    `most` bounds the samples: the size of the file [bytes].
-
-    Raises:
-        FileError: nothing is animated, or it is too long for this frame rate.
+    (`own_rate`); one that is too long for this and whose keys are equally far apart has these as its frames. The size
+    of the file bounds the samples, `most` [bytes]. A FileError if nothing is animated, or if it is too long.
     """
     every = [curve for of_nodes in curves.values() for curve in of_nodes.values()]
     if not every:

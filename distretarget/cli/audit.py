@@ -16,7 +16,7 @@ from distretarget.batch.plan import find_clips
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest
-from distretarget.measure.faults import KINDS
+from distretarget.measure.clip_faults import KINDS
 
 HEAD = ("clip", "frames", "frames/s", "leg", "up", "faults")
 SIDES = "<>>><<"

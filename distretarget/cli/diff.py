@@ -20,9 +20,9 @@ from distretarget.cli.options import (
 )
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
-from distretarget.io.character_file import animations_in
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
+from distretarget.io.target_file import animations_in
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page

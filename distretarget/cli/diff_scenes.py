@@ -13,8 +13,7 @@ from distretarget.io.files import is_folder, reason_of
 from distretarget.io.input_file import MOTION_SUFFIXES
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import read_motion
-from distretarget.measure.diff import Diff, diff
-from distretarget.measure.scene_gaps import diff_scenes
+from distretarget.measure.diff import Diff, diff, diff_scenes
 from distretarget.measure.verdict import limit_warnings
 from distretarget.motion import Motion
 from distretarget.pipeline.retargeting import needs_map

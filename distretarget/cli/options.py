@@ -14,10 +14,10 @@ from click.core import ParameterSource
 
 from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
-from distretarget.io.build_file import load_build
-from distretarget.io.gltf_animation import Mode
+from distretarget.io.gltf_writer import Mode
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings
 from distretarget.io.npz import Precision
+from distretarget.io.target_file import load_build
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
 from distretarget.numerics.rotations import RotationKind
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options

@@ -38,17 +38,15 @@ from distretarget.cli.outputs import (
 )
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import FileError, quoted
-from distretarget.io.build_file import with_source
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts, refusals
-from distretarget.io.character_file import animations_in
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
-from distretarget.io.target_file import CharacterTarget, TargetFile
+from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
 from distretarget.pipeline.compile_ahead import warm

@@ -29,7 +29,8 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.obj import capsules_to_obj
-from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import parse_full_target, parse_target
 from distretarget.matching.matching import find_matching, refusal
 from distretarget.matching.unmatched import parts_without_source
 from distretarget.numerics.compiled import uncompiled

@@ -10,12 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined, read_only
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 SMALL = 1e-8  # [rad^2] below this squared angle, Taylor series replace sine and cosine
 
@@ -23,12 +21,12 @@ SMALL = 1e-8  # [rad^2] below this squared angle, Taylor series replace sine and
 class Articulation(NamedTuple):
     """The joints and rigid parts of a body, for the compiled functions. Lengths are in units of the solver."""
 
-    parents: NDArray[np.intp]  # (joints,), -1 for the root
-    parts: NDArray[np.intp]  # (joints,), the part that carries the bones below each joint
+    parents: Numbers  # (joints,), -1 for the root
+    parts: Numbers  # (joints,), the part that carries the bones below each joint
     stiffness: Array  # (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path
 
     @classmethod
-    def of(cls, skeleton: Skeleton, parts: NDArray[np.intp], stiffness: Array) -> Articulation:
+    def of(cls, skeleton: Skeleton, parts: Numbers, stiffness: Array) -> Articulation:
         """The articulation of a skeleton."""
         return cls(read_only(skeleton.parents), parts, stiffness)
 

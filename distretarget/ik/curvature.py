@@ -10,15 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.ik.springs import Below, Springs, couples, write_nodes, write_stiffness_below
 from distretarget.numerics.compiled import inlined, merged
 from distretarget.numerics.loops import indices
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Numbers
 
 
 @inlined(fastmath=True)

@@ -12,16 +12,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.ik.curvature import Curvature, Numbers, are_first, factorise, solve_factored, write_curvature
+from distretarget.ik.curvature import Curvature, are_first, factorise, solve_factored, write_curvature
 from distretarget.ik.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
 from distretarget.ik.springs import write_way
 from distretarget.numerics.compiled import inlined, merged
 from distretarget.numerics.loops import clear, copy_to
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array, Numbers
 
 ROUND_ITERATIONS = 30  # iterations before the curvature is recomputed
 ROUNDS = 20  # rounds per frame, each but the first with a new curvature

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined, merged
 from distretarget.numerics.loops import copy_to
+from distretarget.numerics.vectors import Array, Numbers
 
 ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone
 ARMIJO = 1e-4
@@ -59,12 +60,12 @@ class Effort:
     reasons: NDArray[np.int64]
 
     @classmethod
-    def from_log(cls, log: NDArray[np.float64]) -> Effort:
+    def from_log(cls, log: Array) -> Effort:
         """The effort in a log, (4, frames), written by `record`."""
         return cls(*log[1:].astype(np.int64))
 
     @property
-    def not_converged(self) -> NDArray[np.intp]:
+    def not_converged(self) -> Numbers:
         """The frames that did not converge."""
         return np.flatnonzero(self.reasons != Reason.CONVERGED)
 
@@ -75,7 +76,7 @@ class Effort:
 
 
 @inlined()
-def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
+def record(minimum: Minimum, log: Array, frame: int) -> None:
     """Write value, iterations, evaluations and reason of a frame to column `frame` of `log`."""
     log[0, frame] = minimum.value
     log[1, frame] = minimum.iterations
@@ -84,7 +85,7 @@ def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
 
 
 @inlined(fastmath=True)
-def inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def inner(a: Array, b: Array) -> float:
     """The sum of the products of all elements of two arrays with rows and columns."""
     total = 0.0
     for i in range(a.shape[0]):
@@ -122,7 +123,7 @@ def _write_step(x, d, alpha, out):  # type: ignore[no-untyped-def]
             out[i, j] = x[i, j] + alpha * d[i, j]
 
 
-def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
+def scratch_for(shape: tuple[int, ...]) -> Array:
     """The array that the method writes to while it solves a problem of arrays of a shape. It begins as zeros, so that
     what the objective never writes of its gradient counts as 0.
     """

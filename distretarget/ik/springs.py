@@ -10,12 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.numerics.compiled import inlined
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array, Flags, Numbers
 
 NEGLIGIBLE = 1e-9  # springs of less stiffness are left out
 
@@ -26,8 +24,8 @@ class Springs(NamedTuple):
     Spring s has the energy 1/2 r^T A[s] r, r = x[a[s]] - x[b[s]] - rest[s], or r = x[a[s]] - rest[s] where b[s] is -1.
     """
 
-    a: NDArray[np.intp]  # (springs,), joints
-    b: NDArray[np.intp]  # (springs,), joints; -1 where the spring is tied to the world
+    a: Numbers  # (springs,), joints
+    b: Numbers  # (springs,), joints; -1 where the spring is tied to the world
     rest: Array  # (springs, 3)
     A: Array  # (springs, 3, 3), symmetric, the stiffness in each direction
 
@@ -85,9 +83,6 @@ def spring_energy(scratch: Scratch, springs: Springs, count: int) -> float:
     return energy
 
 
-Numbers = NDArray[np.intp]
-
-
 class Below(NamedTuple):
     """Work arrays for sums over subtrees, each long enough for all joints of a body."""
 
@@ -95,7 +90,7 @@ class Below(NamedTuple):
     first: Numbers  # (joints + 1,), the index in `way` where each node begins, see `write_nodes`
     G: Array  # (joints, joints, 3, 3), the stiffness between nodes, see `write_stiffness_below`
     ends: Numbers  # (joints,), the number of springs with exactly one end at or below each joint
-    is_end: NDArray[np.bool_]  # (joints,), whether each joint is an end of a spring
+    is_end: Flags  # (joints,), whether each joint is an end of a spring
     children: Numbers  # (joints,), the number of moving bones below each joint
     node: Numbers  # (joints,), the node of the bone to each joint; -1 if it does not move
 

@@ -1,45 +1,37 @@
-"""Reading BVH files: their words, joints and numbers, each checked, become a motion. Errors name the line."""
+"""Reading BVH files: their joints and numbers, each checked, become a motion. Errors name the line."""
 
 from __future__ import annotations
 
 import itertools
-import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import BvhError, SkeletonError
-from distretarget.io.decimals import parse_numbers
+from distretarget.io.bvh_text import Words, is_number, parse_numbers
 from distretarget.io.files import read_text
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
-from distretarget.numerics.vectors import extent, lengths
+from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
-
-Array = NDArray[np.float64]
 
 NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
 MAX_DEPTH = 400  # joints above a joint; bodies have about 40
 CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
-LONGEST_SHOWN = 60  # characters of a word in an error
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
-
-WORD = re.compile(r"[{}]|[^\s{}]+", re.ASCII)
-NAME = re.compile(r"[^{}\r\n\0]*")
-LINE_END = re.compile(r"\r\n|\r|\n")
-NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-COUNT = re.compile(r"\d{1,18}", re.ASCII)
-BLANKS = " \t\v\f"
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """Return the motion of a BVH file as `parse_bvh` does.
+    """Return the motion of a BVH file.
+
+    A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
+    joints called `<parent>_End`, `<parent>_End2`, ...
 
     Raises:
         FileError: the file cannot be read as text.
@@ -49,14 +41,7 @@ def read_bvh(path: str | Path) -> Motion:
 
 
 def parse_bvh(text: str, path: str | Path) -> Motion:
-    """Return the motion in the text of a BVH file; `path` is for errors.
-
-    A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
-    joints called `<parent>_End`, `<parent>_End2`, ...
-
-    Raises:
-        BvhError: it is not a whole BVH file.
-    """
+    """Return the motion in the text of a BVH file as `read_bvh` does; `path` is for errors."""
     words = Words(path, text)
     skeleton = _take_skeleton(words)
     if not _take_motion_keyword(words):
@@ -68,10 +53,8 @@ def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
     """Return the skeleton in the HIERARCHY of a BVH file; the MOTION may be missing or broken.
 
     Where joints below the root have position channels, their OFFSETs may not be their bones; then the frames, if there
-    are any, give the bones (`Motion.rigid_skeleton`).
-
-    Raises:
-        BvhError: it has no whole HIERARCHY, or broken frames where they are needed.
+    are any, give the bones (`Motion.rigid_skeleton`). A BvhError if there is no whole HIERARCHY, or where broken frames
+    are needed.
     """
     words = Words(path, text)
     skeleton = _take_skeleton(words)
@@ -106,8 +89,7 @@ def _skeleton_in(hierarchy: str) -> tuple[Skeleton, int]:
 
 def _new_skeleton(words: Words) -> Skeleton:
     joints = _take_hierarchy(words)
-    parents = [joint.parent for joint in joints]
-    end_sites = [joint.end_site for joint in joints]
+    parents, end_sites = [joint.parent for joint in joints], [joint.end_site for joint in joints]
     names = joint_names([joint.name for joint in joints], parents, end_sites)
     try:
         return Skeleton(
@@ -129,11 +111,9 @@ def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequenc
     unused: defaultdict[str, Iterator[str]] = defaultdict(lambda: itertools.chain([""], map(str, itertools.count(2))))
     complete: list[str] = []
     for name, parent, end_site in zip(names, parents, end_sites, strict=True):
-        if end_site:
-            numbered = (f"{complete[parent]}_End{number}" for number in unused[complete[parent]])
-            complete.append(next(end for end in numbered if end not in taken))
-        else:
-            complete.append(name)
+        above = complete[parent] if end_site else ""
+        numbered = (f"{above}_End{number}" for number in unused[above])
+        complete.append(next(end for end in numbered if end not in taken) if end_site else name)
     return tuple(complete)
 
 
@@ -141,21 +121,22 @@ def _twin(names: Sequence[str], parents: Sequence[int]) -> int:
     """The first joint whose names from the root down are those of an earlier joint, else the root."""
     paths: list[tuple[str, ...]] = []
     for name, parent in zip(names, parents, strict=True):
-        path = (*(paths[parent] if parent >= 0 else ()), name)
-        if path in paths:
-            return len(paths)
-        paths.append(path)
+        paths.append((*(paths[parent] if parent >= 0 else ()), name))
+        if paths[-1] in paths[:-1]:
+            return len(paths) - 1
     return 0
 
 
 def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     frame_time_text, values = _take_frames(words, sum(map(len, skeleton.channels)))
-    columns = _columns(skeleton)
-    rotations, joints = _rotations(skeleton, columns, values), np.append(0, _sliding(skeleton))
+    column = itertools.count()
+    columns = [{channel: next(column) for channel in channels} for channels in skeleton.channels]
+    joints = np.append(0, _sliding(skeleton))
     translations = _translations(skeleton, columns, joints, values)
     if extent(translations) > LARGEST:
         raise words.error(f"positions with their OFFSETs added go beyond {LARGEST:g}; use other units")
     moving = MovingBones.among(skeleton, joints, translations)
+    rotations = _rotations(skeleton, columns, values)
     return Motion(skeleton, np.ascontiguousarray(translations[:, 0]), rotations, frame_time_text, moving)
 
 
@@ -165,16 +146,12 @@ def _sliding(skeleton: Skeleton) -> NDArray[np.intp]:
     return np.flatnonzero(slides) + 1
 
 
-def _columns(skeleton: Skeleton) -> list[dict[str, int]]:
-    """Per joint, the column of each of its channels in the frames."""
-    column = itertools.count()
-    return [{channel: next(column) for channel in channels} for channels in skeleton.channels]
-
-
 def _translations(
     skeleton: Skeleton, columns: Sequence[Mapping[str, int]], joints: NDArray[np.intp], values: Array
 ) -> Array:
-    """(frames, joints, 3), the offsets of joints, replaced by their channels in the `values`, (frames, channels)."""
+    """(frames, joints, 3), the offsets of joints, replaced by their channels in the `values`, (frames, channels);
+    `columns` has where these are.
+    """
     translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
     for row, joint in enumerate(joints):
         for component, channel in enumerate(POSITION_CHANNELS):
@@ -211,93 +188,6 @@ def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values:
         chosen = np.array([[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]], np.intp)
         write_channel_rotations(values, chosen, axes, np.array(orders[axes], np.intp), rotations)
     return rotations
-
-
-# ---- the text
-
-
-class Words:
-    """Reads a text word by word. A brace is a word of its own; at the end of the text words are empty.
-
-    Attributes: `path`, for errors; `text`; `at`, the position up to which it has been read.
-    """
-
-    def __init__(self, path: str | Path, text: str) -> None:
-        self.path = path
-        self.text = text
-        self.at = 0
-        self._word_at = 0
-
-    def take(self) -> str:
-        """The next word."""
-        found = WORD.search(self.text, self.at)
-        self._word_at, self.at = found.span() if found else (len(self.text), len(self.text))
-        return found.group() if found else ""
-
-    def peek(self) -> str:
-        """The next word, without taking it."""
-        found = WORD.search(self.text, self.at)
-        return found.group() if found else ""
-
-    def keyword(self, *expected: str) -> str:
-        """The next word in upper case, which must be the first word of one of these phrases."""
-        word = self.take()
-        if word.upper() not in [phrase.split()[0].upper() for phrase in expected]:
-            self.refuse(word, " or ".join(expected))
-        return word.upper()
-
-    def label(self, label: str) -> None:
-        """Pass a label such as `Frame Time:`; blanks, line ends and case do not matter."""
-        pattern = r"\s*".join(map(re.escape, ["", *label.split(), ":"]))
-        found = re.compile(pattern, re.ASCII | re.IGNORECASE).match(self.text, self.at)
-        if not found:
-            self.refuse(self.take(), f"{label}:")
-        self.at = found.end()
-
-    def name(self) -> str:
-        """The rest of the line, up to a brace; inner blanks stay."""
-        found = NAME.match(self.text, self.at)
-        self.at = found.end() if found else self.at
-        return found.group().strip(BLANKS) if found else ""
-
-    def number(self, what: str) -> float:
-        """The next word as a number up to `LARGEST`."""
-        word = self.take()
-        if not _is_number(word):
-            self.refuse(word, f"{what}, a finite number, at most {LARGEST:g}")
-        return float(word)
-
-    def count(self, what: str) -> int:
-        """The next word as a whole number, 0 or more."""
-        word = self.take()
-        if not COUNT.fullmatch(word):
-            self.refuse(word, f"{what}, a whole number")
-        return int(word)
-
-    def refuse(self, found: str, expected: str) -> NoReturn:
-        """Raise the error for a word that is not what was expected."""
-        shown = found if len(found) <= LONGEST_SHOWN else found[:LONGEST_SHOWN] + "..."
-        what = f"found {shown!r}" if found else "the file ends"
-        raise self.error(f"{what}, expected {expected}")
-
-    def error(self, reason: str, at: int | None = None) -> BvhError:
-        """An error at a position in the text, by default at the last word taken."""
-        return BvhError(self.path, self.line(self._word_at if at is None else at), reason)
-
-    def line(self, at: int) -> int:
-        """The number of the line at a position in the text; at its end, of the last line with words."""
-        before = self.text[:at] if at < len(self.text) else self.text.rstrip()
-        return 1 + len(LINE_END.findall(before))
-
-
-def _is_number(word: str) -> bool:
-    """Whether a word is a number up to `LARGEST` as BVH files write them."""
-    return NUMBER.fullmatch(word) is not None and abs(float(word)) <= LARGEST
-
-
-def is_name(word: str) -> bool:
-    """Whether a name written after JOINT is read back the same."""
-    return bool(word) and NAME.fullmatch(word) is not None and word == word.strip(BLANKS)
 
 
 class _JointText(NamedTuple):
@@ -347,12 +237,10 @@ def _take_channels(words: Words) -> tuple[str, ...]:
     if words.peek().upper() != "CHANNELS":
         return ()
     words.take()
-    declared = words.count("the number of channels")
-    names: list[str] = []
+    declared, names = words.count("the number of channels"), []
     while words.peek().upper() not in KEYWORDS:
         word = words.take()
-        name = CHANNELS.get(word.upper())
-        if name is None:
+        if not (name := CHANNELS.get(word.upper())):
             words.refuse(word, f"a channel, one of {', '.join(CHANNELS.values())}")
         if name in names:
             raise words.error(f"found {word!r} twice, expected each channel once in a joint")
@@ -379,10 +267,8 @@ def _take_frame_count(words: Words) -> int:
 
 
 def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]:
-    """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file.
-
-    Raises:
-        BvhError: a word is not a number up to `LARGEST`, or there are not as many numbers as declared.
+    """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file; a BvhError
+    if a word is not a number up to `LARGEST`, or if there are not as many numbers as declared.
     """
     declared, at = _take_frame_count(words), words.at
     words.label("Frame Time")
@@ -405,7 +291,7 @@ def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
     """All numbers to the end of the text, slowly, to name the first word that is not a number up to `LARGEST`."""
     numbers: list[float] = []
     while word := words.take():
-        if not _is_number(word):
+        if not is_number(word):
             words.refuse(word, f"a finite number, at most {LARGEST:g}, or the end of the file")
         numbers.append(float(word))
     return np.array(numbers)

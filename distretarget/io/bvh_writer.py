@@ -1,9 +1,10 @@
-"""Writing BVH files, and which other programs cannot read one."""
+"""Writing BVH files, their numbers by compiled code; and which other programs cannot read one."""
 
 from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -15,56 +16,59 @@ from numpy.typing import NDArray
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, SkeletonError, counted
-from distretarget.io.bvh import MAX_DEPTH, is_name
-from distretarget.io.decimals import rows_text
+from distretarget.io.bvh import MAX_DEPTH
+from distretarget.io.bvh_text import MINUS, POINT, SPACE, ZERO, is_name
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.euler import angle_state, euler_angles, write_channel_angles
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import extent
+from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
-Array = NDArray[np.float64]
-
 ANGLE_DECIMALS = 6  # decimals of an angle in degrees
+SURROGATES = re.compile(r"[\ud800-\udfff]")  # they hold bytes that are not UTF-8
+MOST_DECIMALS = 18  # that fit an integer of 64 bits
+LARGEST_SCALED = 2.0**50  # of a scaled number; larger ones have too few bits left to round them
+DOUBT = 2.0**-52  # relative error of a scaled number
+NEWLINE = ord("\n")
+SPLIT = 2.0**27 + 1.0  # halves the digits of a number
+TEN, HUNDRED = np.uint64(10), np.uint64(100)
+PAIRS = np.array([ord(digit) for number in range(100) for digit in f"{number:02}"], np.uint8)
+LONGEST_NUMBER = 22  # characters of a number: sign, digits, point, and the blank after it
 
 
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
-    """Write a motion to a BVH file, whole or not at all; see `format_bvh`.
-
-    Raises:
-        FileError: the file exists and `overwrite` is false, or it cannot be written.
-        SkeletonError, MotionError: BVH cannot hold the motion; see `format_bvh`.
-    """
-    write_whole(path, bvh_parts(motion), overwrite)
-
-
-def format_bvh(motion: Motion) -> str:
-    """The BVH text of a motion.
+    """Write a motion to a BVH file, whole or not at all.
 
     Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least 6. The
     root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two. Angles are continuous
     from frame to frame. A body that looks to -Z, as in VRM 0, is turned round to +Z.
 
     Raises:
+        FileError: the file exists and `overwrite` is false, or it cannot be written.
         SkeletonError: a name that BVH cannot hold.
         MotionError: a value that is not finite.
     """
+    write_whole(path, bvh_parts(motion), overwrite)
+
+
+def format_bvh(motion: Motion) -> str:
+    """Return the BVH text of a motion; what is in it, and errors, as in `write_bvh`."""
     return "".join(bvh_parts(motion))
 
 
 def bvh_parts(motion: Motion) -> Iterator[str]:
-    """The text of `format_bvh` in parts, each of which is made when it is taken."""
+    """Return the text of `format_bvh` in parts, each of which is made when it is taken."""
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
-    head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
-    lines = [*_hierarchy_lines_of(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)
     paths = [motion.root_positions, *([motion.moving.translations] if motion.moving else [])]
     if not np.isfinite([extent(path) for path in paths]).all():
         raise MotionError("a position is not finite and cannot be written")
+    head = f"{_hierarchy(motion.skeleton)}MOTION\nFrames: {len(motion)}\nFrame Time: {motion.frame_time_text}\n"
     rows = map(rows_text, _channel_values(motion, decimals), itertools.repeat(decimals))
-    return itertools.chain(["\n".join([*lines, ""])], rows)
+    return itertools.chain([head], rows)
 
 
 def _with_channels(motion: Motion) -> Motion:
@@ -84,23 +88,18 @@ def _with_channels(motion: Motion) -> Motion:
     return replace(motion, skeleton=replace(motion.skeleton, channels=tuple(channels)))
 
 
-@lru_cache(maxsize=4)
-def _hierarchy_lines_of(skeleton: Skeleton) -> tuple[str, ...]:
-    """The lines of a HIERARCHY, which all clips on one skeleton share."""
-    return tuple(_hierarchy_lines(skeleton))
-
-
-def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
-    """The HIERARCHY, joints depth first."""
-    depths = skeleton.depths
+@lru_cache(maxsize=4)  # clips on one skeleton share it
+def _hierarchy(skeleton: Skeleton) -> str:
+    """The text of a HIERARCHY, joints depth first."""
+    order, depths = skeleton.depth_first, skeleton.depths
     if (deepest := int(depths.max())) > MAX_DEPTH:
         raise SkeletonError(f"a joint is inside {deepest} others; BVH files have {MAX_DEPTH} at most")
-    order = skeleton.depth_first
     following = [*depths[list(order[1:])], 0]
-    yield "HIERARCHY"
+    lines = ["HIERARCHY"]
     for joint, next_depth in zip(order, following, strict=True):
-        yield from ("  " * depths[joint] + line for line in _joint_lines(skeleton, joint))
-        yield from ("  " * depth + "}" for depth in range(depths[joint], next_depth - 1, -1))
+        lines += ["  " * depths[joint] + line for line in _joint_lines(skeleton, joint)]
+        lines += ["  " * depth + "}" for depth in range(depths[joint], next_depth - 1, -1)]
+    return "\n".join([*lines, ""])
 
 
 def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
@@ -159,6 +158,92 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
         yield values
 
 
+def rows_text(values: Array, decimals: Sequence[int]) -> str:
+    """Return the text of finite values (rows, columns): a line for each row, with spaces between the columns.
+
+    `decimals` is how many digits follow the point in each column, at least 1. The text is that of the operator `%`,
+    character by character.
+    """
+    text = np.empty(values.size * LONGEST_NUMBER, np.uint8)
+    short = values.size and max(decimals) <= MOST_DECIMALS
+    scales, places = np.array([10.0**n for n in decimals]), np.array(decimals, np.int64)
+    begin = _write_rows(np.ascontiguousarray(values), scales, places, PAIRS, text) if short else -1
+    if begin < 0:
+        line = " ".join(f"%.{places}f" for places in decimals)
+        return "".join(f"{line % tuple(row)}\n" for row in values.tolist())
+    return text[begin:].tobytes().decode("ascii")
+
+
+@compiled()
+def _write_rows(
+    values: Array, scales: Array, decimals: NDArray[np.int64], pairs: NDArray[np.uint8], text: NDArray[np.uint8]
+) -> int:
+    """Write numbers as decimals to the end of `text`, last digit first; return where the text begins, -1 if one is too
+    large. `pairs` are the two digits of each number below 100.
+    """
+    at, columns = len(text), len(decimals)
+    for row in range(len(values) - 1, -1, -1):
+        for column in range(columns - 1, -1, -1):
+            size = abs(values[row, column])
+            if not size * scales[column] < LARGEST_SCALED:
+                return -1
+            at -= 1
+            text[at] = SPACE if column < columns - 1 else NEWLINE
+            rest, left = np.uint64(_rounded(size, scales[column])), decimals[column]
+            for _ in range(left // 2):
+                at = _write_pair(rest, pairs, text, at)
+                rest //= HUNDRED
+            if left % 2:
+                at = _write_digit(rest, text, at)
+                rest //= TEN
+            at -= 1
+            text[at] = POINT
+            while rest >= TEN:
+                at = _write_pair(rest, pairs, text, at)
+                rest //= HUNDRED
+            if rest > 0 or text[at] == POINT:
+                at = _write_digit(rest, text, at)
+            if np.signbit(values[row, column]):
+                at -= 1
+                text[at] = MINUS
+    return at
+
+
+@inlined()
+def _write_digit(number: np.uint64, text: NDArray[np.uint8], at: int) -> int:
+    """Write the last digit of a number before a place; return the digit's."""
+    text[at - 1] = ZERO + np.int64(number % TEN)
+    return at - 1
+
+
+@inlined()
+def _write_pair(number: np.uint64, pairs: NDArray[np.uint8], text: NDArray[np.uint8], at: int) -> int:
+    """The same of the last two digits."""
+    pair = 2 * np.int64(number % HUNDRED)
+    text[at - 2], text[at - 1] = pairs[pair], pairs[pair + 1]
+    return at - 2
+
+
+@inlined()
+def _rounded(size: float, scale: float) -> int:
+    """The product of a positive number and a power of ten, rounded to a whole number; of two equally near ones, to the
+    even one.
+
+    Where scaling may have pushed it across a half, the error of the product decides, which is exact (T. J. Dekker, A
+    floating-point technique for extending the available precision, 1971).
+    """
+    scaled = size * scale
+    whole = np.rint(scaled)
+    if abs(scaled - whole) < 0.5 - DOUBT * scaled:
+        return int(whole)
+    a, b = SPLIT * size, SPLIT * scale
+    a, b = a - (a - size), b - (b - scale)
+    error = (size - a) * (scale - b) - (((scaled - a * b) - (size - a) * b) - a * (scale - b))
+    whole = np.floor(scaled)
+    above = (scaled - whole - 0.5) + error
+    return int(whole) + int(above > 0.0 or (above == 0.0 and whole % 2.0 == 1.0))
+
+
 def refusals(skeleton: Skeleton) -> Iterator[str]:
     """Yield a line for each thing in a skeleton that some reader of BVH files refuses, with what helps; docs/interop.md
     tests them.
@@ -168,7 +253,7 @@ def refusals(skeleton: Skeleton) -> Iterator[str]:
     if spaced := [name for name in names if ":" in name]:
         plain = spaced[0].rpartition(":")[2]
         yield f"three.js cannot play joints with names like {spaced[0]!r}; --strip-namespace writes {plain!r}"
-    if unknown := [name for name in names if not name.isascii() and not _is_utf8(name)]:
+    if unknown := [name for name in names if SURROGATES.search(name)]:
         yield f"bvhio and pybvh cannot read names that are not UTF-8, as {unknown[0]!r}; rename the target's joints"
     if odd := [joint for joint in joints if not _is_usual(skeleton, joint)]:
         found = counted(len(skeleton.channels[odd[0]]), "channel")
@@ -176,14 +261,6 @@ def refusals(skeleton: Skeleton) -> Iterator[str]:
             "pybvh cannot read the result: it expects three rotations of each joint and positions of the root alone, "
             f"and {skeleton.names[odd[0]]!r} has {found}"
         )
-
-
-def _is_utf8(name: str) -> bool:
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _is_usual(skeleton: Skeleton, joint: int) -> bool:

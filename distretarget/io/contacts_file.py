@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
 from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Look, Plant
 from distretarget.errors import SettingsError, SkeletonFileError, closest
 from distretarget.io.files import read_text
-from distretarget.io.json_node import Fields, Node, parse_json
+from distretarget.io.json_node import Node, parse_json
+from distretarget.io.json_text import on_lines, on_one_line
 
-HEADER = {"format": "distretarget-contacts", "version": 1}
+HEADER: dict[str, object] = {"format": "distretarget-contacts", "version": 1}
 SUFFIX = ".contacts.json"  # of a file beside a clip, instead of the clip's ending
 PAIR, TRIPLE = 2, 3
 
@@ -30,36 +31,32 @@ def load_contacts(path: str | Path) -> ContactList:
 def parse_contacts(text: str, path: str | Path) -> ContactList:
     """Return the entries in the text of a contact file; `path` is for errors."""
     root = parse_json(path, text)
-    fields = root.fields((*HEADER, "contacts"))
+    entries = root.fields((*HEADER, "contacts"))["contacts"]
     root.check_header(**HEADER)
-    return ContactList(tuple(_entry(node) for node in fields["contacts"].items()), Path(path))
+    return ContactList(tuple(_entry(node) for node in entries.items()), Path(path))
 
 
 def contacts_to_json(contacts: ContactList) -> str:
     """Return the text of a contact file, with an entry a line."""
-    lines = [f"    {entry_to_json(entry)}" for entry in contacts]
-    header = "".join(f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in HEADER.items())
-    listed = ",\n".join(lines)
-    return f'{{\n{header}  "contacts": [\n{listed}\n  ]\n}}\n' if lines else f'{{\n{header}  "contacts": []\n}}\n'
+    return f"{on_lines(HEADER | {'contacts': [_plain(entry) for entry in contacts]}, 2)}\n"
 
 
 def entry_to_json(entry: Entry) -> str:
     """Return the text of an entry, on one line."""
-    return json.dumps(_plain(entry), ensure_ascii=False)
+    return on_one_line(_plain(entry))
 
 
 def _plain(entry: Entry) -> dict[str, Any]:
     """What an entry says, without what is usual."""
-    kind = next(kind for kind in KINDS.values() if isinstance(entry, kind))
-    usual: dict[str, Any] = {"gap": None, "on": None, "firmness": 1.0, "priority": Distance.priority, "found": ""}
-    written: dict[str, Any] = {}
-    for key in (*READ[kind], *OF_ALL):
-        value = getattr(entry, key)
-        if value is not None and (key not in usual or value != usual[key]):
-            written[key] = [_whole(each) for each in value] if isinstance(value, tuple) else _whole(value)
+    usual = {each.name: each.default for each in fields(entry) if each.name not in ("keep", "like")} | {"keep": None}
     if entry.acts:
-        written = {key: value for key, value in written.items() if key != "keep" or not value}
-    return written
+        usual["keep"] = True
+    values = {key: getattr(entry, key) for key in (*READ[type(entry)], *OF_ALL)}
+    return {
+        key: [_whole(each) for each in value] if isinstance(value, tuple) else _whole(value)
+        for key, value in values.items()
+        if value is not None and value != usual.get(key)
+    }
 
 
 def _whole(value: Any) -> Any:
@@ -68,28 +65,24 @@ def _whole(value: Any) -> Any:
 
 
 def _entry(node: Node) -> Entry:
-    fields = node.entries(lambda place, key: f"{place}.{key}")
-    kinds = [key for key in KINDS if key in fields]
+    found = node.entries()
+    kinds = [key for key in KINDS if key in found]
     if len(kinds) != 1:
-        near = next((key for key in fields if key not in ALL_KEYS), "")
+        near = next((key for key in found if key not in ALL_KEYS), "")
         advice = f"; {near!r} is no key: {closest(near, tuple(KINDS))}" if near and not kinds else ""
-        found = " and ".join(f'"{key}"' for key in kinds) if kinds else "none of them"
-        node.fail(f'expected one of "between", "plant", "distance" and "look", found {found}{advice}')
+        says = " and ".join(f'"{key}"' for key in kinds) if kinds else "none of them"
+        node.fail(f'expected one of "between", "plant", "distance" and "look", found {says}{advice}')
     kind = KINDS[kinds[0]]
-    read = READ[kind]
-    fields = node.fields((kinds[0], *REQUIRED.get(kind, ())), tuple(key for key in (*read, *OF_ALL) if key != kinds[0]))
-    values = {key: {**read, **OF_ALL}[key](each) for key, each in fields.items()}
-    if kind in (Contact, Plant) and not _says_something(fields, kind):
+    readers = READ[kind] | OF_ALL
+    required = [each.name for each in fields(kind) if each.default is MISSING]
+    values = node.fields(required, [key for key in readers if key not in required])
+    if kind in (Contact, Plant) and values.keys().isdisjoint(("keep", "gap", "firmness", "on")):
         says = '"keep" or "gap"' if kind is Contact else '"on" or "keep"'
         node.fail(f"says nothing; expected {says}")
     try:
-        return kind(**values, place=node.place)
+        return kind(**{key: readers[key](each) for key, each in values.items()}, place=node.place)
     except SettingsError as error:
         raise SkeletonFileError(node.path, node.place, error.reason) from None
-
-
-def _says_something(fields: Fields, kind: type[Entry]) -> bool:
-    return any(key in fields for key in (("keep", "gap", "firmness") if kind is Contact else ("keep", "on")))
 
 
 def _names(node: Node) -> tuple[str, ...]:
@@ -103,10 +96,10 @@ def _names(node: Node) -> tuple[str, ...]:
 
 def _span(node: Node) -> tuple[float, ...]:
     span = tuple(each.number() for each in node.items())
-    if len(span) != PAIR or span[0] < 0 or span[0] > span[1]:
-        node.expected("the first and the last of them, such as [81, 170]") if len(span) != PAIR else node.fail(
-            f"goes from {span[0]:g} to {span[1]:g}; expected the first, from 0, and then the last"
-        )
+    if len(span) != PAIR:
+        node.expected("the first and the last of them, such as [81, 170]")
+    if not 0 <= span[0] <= span[1]:
+        node.fail(f"goes from {span[0]:g} to {span[1]:g}; expected the first, from 0, and then the last")
     return span
 
 
@@ -162,6 +155,5 @@ READ: dict[type[Entry], Read] = {
     Distance: {"distance": _names, "value": _from_zero, "priority": _from_zero},
     Look: {"look": Node.text, "like": _like},
 }
-REQUIRED: dict[type[Entry], tuple[str, ...]] = {Distance: ("value",)}
 OF_ALL: Read = {"frames": _frames, "seconds": _span, "found": Node.text}
 ALL_KEYS = {*OF_ALL, *(key for read in READ.values() for key in read)}

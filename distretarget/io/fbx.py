@@ -22,10 +22,11 @@ from scipy.spatial.transform import Rotation
 from distretarget.character.mesh import MeshPart
 from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.errors import FileError, MissingPackageError
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, METRES, SMALLEST
 
-Array = NDArray[np.float64]
 Content = TypeVar("Content")
+Read = dict[str, Any]
 
 UP = ("X", "-X", "Y", "-Y", "Z", "-Z")  # in the order of ufbx
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,19 +47,13 @@ SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube 
 def parse_fbx(
     content: bytes, path: str | Path, clip: str | None = None, fps: float | None = None, with_animation: bool = True
 ) -> Scene:
-    """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and one animation.
+    """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and the animation named
+    `clip` (`choose_animation`), if any is wanted; `path` is for errors.
 
     Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale. A node is where
     its pivot is; one that hands down its scale in a way of its own may have a helper node below it. Bind poses are in
     the world, so the skins name no mesh. Animations are those that have keys of nodes. Frames are the animation's own
     keys where they are as regular as frames, else frames at the file's frame rate; `fps` asks for another rate.
-
-    Args:
-        content: of the file.
-        path: of the file, for errors.
-        clip: the name of the animation, see `choose_animation`.
-        fps: frames per second.
-        with_animation: whether to read an animation.
 
     Raises:
         MissingPackageError: the package ufbx is not installed.
@@ -73,10 +68,7 @@ def fbx_mesh(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart]]:
 
 
 def _parsed(
-    content: bytes,
-    path: str | Path,
-    request: Mapping[str, Any],
-    made_of: Callable[[str | Path, dict[str, Any]], Content],
+    content: bytes, path: str | Path, request: Mapping[str, Any], made_of: Callable[[str | Path, Read], Content]
 ) -> Content:
     """What is made of the arrays that the process hands over for a request."""
     if importlib.util.find_spec("ufbx") is None:
@@ -88,18 +80,16 @@ def _parsed(
         raise FileError(path, f"the FBX reader returned no valid content; {ADVICE}") from error
 
 
-def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arrays and the header that the process hands over; see `fbx_process.py`."""
+def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> Read:
+    """The arrays and the header that the process hands over; see `fbx_process.py`."""
     seconds = SECONDS + SECONDS_PER_BYTE * len(content)
-    command = [*COMMAND, json.dumps(request)]
-    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
     try:
         done = subprocess.run(
-            command,
+            [*COMMAND, json.dumps(request)],
             input=content,
             capture_output=True,
             timeout=seconds,
-            creationflags=flags,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             env=os.environ | ONE_THREAD,
         )
     except subprocess.TimeoutExpired:
@@ -110,8 +100,8 @@ def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> dict[
         _stopped(path, _stop(done.returncode, done.stderr))
     try:
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as file:
-            arrays: dict[str, Any] = dict(file)
-        header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
+            arrays: Read = dict(file)
+        header: Read = json.loads(arrays.pop("header").tobytes())
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
         _stopped(path, "its output is cut short")
     if "fault" in header:
@@ -124,20 +114,20 @@ def _stopped(path: str | Path, why: str) -> NoReturn:
 
 
 def _stop(code: int, said: bytes) -> str:
-    """Return why a process ended, from its return code and the last of what it said."""
+    """Why a process ended, from its return code and the last of what it said."""
     if code < 0 and (name := signal.strsignal(-code)):
         return name.lower()
     last = said.decode(errors="replace").split("\n")[-2:][0].strip()
     return STOPS.get(code & 0xFFFFFFFF, last[:200] or f"exit status {code}")
 
 
-def _nodes(path: str | Path, read: dict[str, Any]) -> Nodes:
+def _nodes(path: str | Path, read: Read) -> Nodes:
     names, parents = tuple(read["names"]), read["parents"].astype(np.intp)
     return Nodes(names, parents, *_parts(path, read, read["transforms"], np.arange(len(names))))
 
 
-def _mesh(path: str | Path, read: dict[str, Any]) -> tuple[Nodes, list[MeshPart]]:
-    """Return the nodes and the parts of the mesh in the arrays that were read."""
+def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart]]:
+    """The nodes and the parts of the mesh in the arrays that were read."""
     ends = np.cumsum(read["sizes"], axis=0)[:-1].T
     names = (("vertices",), ("triangles",), ("mesh_bones", "to_bones"), ("moved", "movers", "weights"))
     columns = {name: np.split(read[name], at) for at, group in zip(ends, names, strict=True) for name in group}
@@ -147,7 +137,8 @@ def _mesh(path: str | Path, read: dict[str, Any]) -> tuple[Nodes, list[MeshPart]
         joints, weights = _influences(len(vertices), *influences)
         if not (np.isfinite(vertices).all() and np.isfinite(to_bones).all() and np.isfinite(weights).all()):
             raise FileError(path, "has a mesh with numbers that are not finite; export it again")
-        parts.append(MeshPart(vertices, bones, to_bones, joints, weights, triangles))
+        plain = np.full(len(triangles), -1), np.zeros((len(vertices), 2))  # without materials and images
+        parts.append(MeshPart(vertices, bones, to_bones, joints, weights, triangles, *plain))
     return _nodes(path, read), parts
 
 
@@ -168,35 +159,27 @@ def _influences(
     return joints, shares
 
 
-def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
-    """Return the scene in the arrays and the header that were read."""
-    nodes = _nodes(path, read)
-    chosen = read.get("chosen")
-    unit = read["unit"]
+def _scene(path: str | Path, read: Read) -> Scene:
+    nodes, unit = _nodes(path, read), read["unit"]
+    units = (name for name, metres in METRES.items() if unit and math.isclose(unit, metres, rel_tol=1e-6))
     return Scene(
         path=path,
         nodes=nodes,
         skins=_skins(nodes, read),
         humanoid={},
         animations=tuple(read["animations"]),
-        animation=None if chosen is None else _animation(path, nodes, read),
-        units=next(
-            (name for name, metres in METRES.items() if unit and math.isclose(unit, metres, rel_tol=1e-6)), None
-        ),
+        animation=_animation(path, nodes, read) if "chosen" in read else None,
+        units=next(units, None),
         up=dict(enumerate(UP)).get(read["up"]),
     )
 
 
-def _parts(
-    path: str | Path, read: Mapping[str, Any], transforms: Array, numbers: NDArray[np.intp]
-) -> tuple[Array, Array, Array]:
-    """Return translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10).
+def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    """Translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10); a FileError if
+    a number is not finite or too large, or a quaternion is zero.
 
     The nodes move from the origins of their spaces to their pivots, and so do those above them; then rotations that
     FBX does not apply are taken away.
-
-    Raises:
-        FileError: a number is not finite or too large, or a quaternion is zero.
     """
     pivots, idle = read["pivots"], read["idle"][numbers]
     above = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
@@ -217,8 +200,8 @@ def _parts(
     return np.asarray(translations), np.asarray(rotations), scales
 
 
-def _skins(nodes: Nodes, read: dict[str, Any]) -> tuple[Skin, ...]:
-    """Return the skins; where there are none, one for each tree of bones, bound as in the file's bind pose."""
+def _skins(nodes: Nodes, read: Read) -> tuple[Skin, ...]:
+    """The skins; where there are none, one for each tree of bones, bound as in the file's bind pose."""
     ends = np.cumsum(read["counts"])[:-1]
     found = zip(np.split(read["joints"], ends), np.split(read["binds"], ends), strict=True)
     skins = tuple(_skin(joints, binds, read["pivots"]) for joints, binds in found if len(joints))
@@ -230,7 +213,7 @@ def _skins(nodes: Nodes, read: dict[str, Any]) -> tuple[Skin, ...]:
 
 
 def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> Skin:
-    """Return a skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
+    """A skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
     if not binds.any():
         return Skin(np.unique(joints).astype(np.intp), None)
     joints, first = np.unique(joints, return_index=True)
@@ -249,31 +232,23 @@ def _inverse(matrix: Array) -> Array:
 
 
 def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Return the bones of each tree: those below the same highest bone. Parents come before children."""
+    """The bones of each tree: those below the same highest bone. Parents come before children."""
     top = np.full(len(parents) + 1, -1)
     for node, parent in enumerate(parents.tolist()):
         top[node] = node if bones[node] and top[parent] < 0 else top[parent]
     return [np.flatnonzero(bones & (top[:-1] == highest)) for highest in np.unique(top[:-1][bones])]
 
 
-def _animation(path: str | Path, nodes: Nodes, read: dict[str, Any]) -> Animation:
-    """Return the animation that was sampled, with what moves."""
-    moving = read["moving"].tolist()
+def _animation(path: str | Path, nodes: Nodes, read: Read) -> Animation:
+    """The animation that was sampled, with what moves."""
     parts = _parts(path, read, read["frames"], read["moving"])
-    still = (nodes.translations, nodes.rotations, nodes.scales)
     translations, rotations, scales = (
         {
             node: np.ascontiguousarray(part[:, index])
-            for index, node in enumerate(moving)
+            for index, node in enumerate(read["moving"].tolist())
             if np.any(part[:, index] != rest[node])
         }
-        for part, rest in zip(parts, still, strict=True)
+        for part, rest in zip(parts, (nodes.translations, nodes.rotations, nodes.scales), strict=True)
     )
-    return Animation(
-        name=read["animations"][read["chosen"]],
-        frames=len(read["frames"]),
-        frame_time_text=f"{read['step']:.9g}",
-        translations=translations,
-        rotations=rotations,
-        scales=scales,
-    )
+    name, step = read["animations"][read["chosen"]], f"{read['step']:.9g}"
+    return Animation(name, len(read["frames"]), step, translations, rotations, scales)

@@ -19,14 +19,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.character.frame_times import frame_count, frame_times, own_rate
-from distretarget.character.nodes import choose_animation
+from distretarget.character.animations import choose_animation, frame_count, frame_times, own_rate
 from distretarget.errors import FileError
+from distretarget.numerics.vectors import Array
 
 if TYPE_CHECKING:
     import ufbx
 
-Array = NDArray[np.float64]
 Element = TypeVar("Element")
 
 TRANSFORMS = frozenset({"Lcl Translation", "Lcl Rotation", "Lcl Scaling"})
@@ -79,14 +78,12 @@ def _limit_memory(size: int) -> None:
 def _content(
     data: bytes, clip: str | None, fps: float | None, with_animation: bool, with_mesh: bool = False
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the arrays and the header of a file.
-
-    Raises:
-        FileError: the file is not valid, its animation is not chosen, or has too many frames.
+    """The arrays and the header of a file, or a FileError: it is not valid, its animation is not chosen, or has too
+    many frames.
     """
     scene = _load(data, with_mesh)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
-    stacks = [stack for stack in _each(scene.anim_stacks) if _has_keys(stack)]
+    stacks = [stack for stack in _each(scene.anim_stacks) if next(_curves(stack), None) is not None]
     arrays, header = _still(scene, nodes)
     header["animations"] = [stack.name for stack in stacks]
     if with_animation:
@@ -105,21 +102,19 @@ def _load(data: bytes, with_mesh: bool) -> ufbx.Scene:
     import ufbx
 
     try:
-        return _held(
-            ufbx.load_memory(
-                data,
-                file_format=ufbx.FileFormat.FBX,
-                ignore_geometry=not with_mesh,
-                ignore_embedded=True,
-                inherit_mode_handling=ufbx.InheritModeHandling.COMPENSATE,
-            )
+        scene = ufbx.load_memory(
+            data,
+            file_format=ufbx.FileFormat.FBX,
+            ignore_geometry=not with_mesh,
+            ignore_embedded=True,
+            inherit_mode_handling=ufbx.InheritModeHandling.COMPENSATE,
         )
     except ufbx.OutOfMemoryError as error:
         raise MemoryError from error
     except ufbx.UfbxError as error:
-        raise FileError(
-            "", f"is not a valid FBX file: {str(error).splitlines()[0].lower()}; export it again"
-        ) from error
+        fault = str(error).splitlines()[0].lower()
+        raise FileError("", f"is not a valid FBX file: {fault}; export it again") from error
+    return _held(scene)
 
 
 def _held(element: Element) -> Element:
@@ -135,22 +130,27 @@ def _each(elements: Any) -> Iterator[Any]:
 
 
 def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what does not move: the nodes and the matrices of their bind pose."""
+    """What does not move: the nodes, the skins, and the matrices of the bind poses."""
     import ufbx
 
     number = {node.typed_id: index for index, node in enumerate(nodes)}
     parents = (_held(node.parent) for node in nodes)
-    joints, binds, counts = _binds(scene, number)
+    skins = [_clusters(skin, number) for skin in _each(scene.skin_deformers)]
+    joints = [pair for skin in skins for pair in skin]
+    poses = [pose for pose in _each(scene.poses) if pose.is_bind_pose]
+    posed = [(_held(bone.bone_node), bone.bone_to_world) for pose in poses for bone in _each_part(pose.bone_poses)]
+    found = [(number[node.typed_id], matrix) for node, matrix in posed if node.typed_id in number]
     arrays = {
         "parents": np.array([number.get(parent.typed_id, -1) if parent else -1 for parent in parents], np.int64),
         "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
         "pivots": np.array([_pivot(node) for node in nodes]).reshape(-1, 3),
         "idle": np.array([_idle_rotations(node) for node in nodes]).reshape(-1, 2, 3),
         "bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
-        "joints": np.array(joints, np.int64),
-        "binds": _matrices(binds),
-        "counts": np.array(counts, np.int64),
-        **_bind_poses(scene, number),
+        "joints": np.array([joint for joint, _ in joints], np.int64),
+        "binds": _matrices(cluster.bind_to_world for _, cluster in joints),
+        "counts": np.array([len(skin) for skin in skins], np.int64),
+        "posed": np.array([node for node, _ in found], np.int64),
+        "poses": _matrices(matrix for _, matrix in found),
     }
     settings = scene.settings
     header = {
@@ -161,20 +161,10 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
     return arrays, header
 
 
-def _binds(scene: ufbx.Scene, number: dict[int, int]) -> tuple[list[int], list[Any], list[int]]:
-    """Return the joints of all skins, their world matrices when they were bound, and each skin's number of joints."""
-    joints: list[int] = []
-    binds: list[Any] = []
-    counts: list[int] = []
-    for skin in _each(scene.skin_deformers):
-        before = len(joints)
-        for cluster in _each(skin.clusters):
-            bone = _held(cluster.bone_node)
-            if bone is not None and bone.typed_id in number:
-                joints.append(number[bone.typed_id])
-                binds.append(cluster.bind_to_world)
-        counts.append(len(joints) - before)
-    return joints, binds, counts
+def _clusters(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int, ufbx.SkinCluster]]:
+    """The bones of a skin, each with what it moves."""
+    pairs = [(_held(cluster.bone_node), cluster) for cluster in _each(skin.clusters)]
+    return [(number[bone.typed_id], each) for bone, each in pairs if bone is not None and bone.typed_id in number]
 
 
 def _meshes(nodes: list[ufbx.Node]) -> dict[str, Any]:
@@ -203,25 +193,18 @@ def _mesh(node: ufbx.Node, number: dict[int, int]) -> tuple[Any, ...] | None:
     vertices = np.array(memoryview(mesh.vertices)).reshape(-1, 3)
     skin = next(_each(mesh.skin_deformers), None)
     if skin is None:
-        every = np.arange(len(vertices))
-        bones, matrices, none = [number[node.typed_id]], _matrices([node.geometry_to_node]), np.zeros_like(every)
-        return vertices, _triangles(mesh), bones, matrices, every, none, np.ones(len(vertices))
-    clusters = [(_held(cluster.bone_node), cluster) for cluster in _each(skin.clusters)]
-    moving = [(bone, cluster) for bone, cluster in clusters if bone is not None and len(cluster.vertices)]
-    known = [(number[bone.typed_id], cluster) for bone, cluster in moving if bone.typed_id in number]
-    moved = [np.array(list(cluster.vertices), np.int64) for _, cluster in known]
-    weights = [np.array(memoryview(cluster.weights)) for _, cluster in known]
-    if not known:
+        bones, matrices = [number[node.typed_id]], [node.geometry_to_node]
+        moved, weights = [np.arange(len(vertices))], [np.ones(len(vertices))]
+    else:
+        known = [(bone, cluster) for bone, cluster in _clusters(skin, number) if len(cluster.vertices)]
+        bones, matrices = [bone for bone, _ in known], [cluster.geometry_to_bone for _, cluster in known]
+        moved = [np.array(list(cluster.vertices), np.int64) for _, cluster in known]
+        weights = [np.array(memoryview(cluster.weights)) for _, cluster in known]
+    if not bones:
         return None
-    return (
-        vertices,
-        _triangles(mesh),
-        [bone for bone, _ in known],
-        _matrices(cluster.geometry_to_bone for _, cluster in known),
-        np.concatenate(moved),
-        np.repeat(np.arange(len(known)), [len(each) for each in moved]),
-        np.concatenate(weights),
-    )
+    movers = np.repeat(np.arange(len(bones)), [len(each) for each in moved])
+    influences = np.concatenate(moved), movers, np.concatenate(weights)
+    return vertices, _triangles(mesh), bones, _matrices(matrices), *influences
 
 
 def _triangles(mesh: ufbx.Mesh) -> NDArray[np.int64]:
@@ -232,17 +215,6 @@ def _triangles(mesh: ufbx.Mesh) -> NDArray[np.int64]:
     first = np.repeat(begins, counts - 2)
     place = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
     return np.asarray(corners[np.stack([first, first + place + 1, first + place + 2], axis=1)])
-
-
-def _bind_poses(scene: ufbx.Scene, number: dict[int, int]) -> dict[str, Any]:
-    """Return the nodes in the bind poses of a file and their world matrices there."""
-    poses = [pose for pose in _each(scene.poses) if pose.is_bind_pose]
-    posed = [(_held(bone.bone_node), bone.bone_to_world) for pose in poses for bone in _each_part(pose.bone_poses)]
-    found = [(number[node.typed_id], matrix) for node, matrix in posed if node.typed_id in number]
-    return {
-        "posed": np.array([node for node, _ in found], np.int64),
-        "poses": _matrices(matrix for _, matrix in found),
-    }
 
 
 def _pivot(node: ufbx.Node) -> Array:
@@ -298,17 +270,11 @@ def _curves(stack: ufbx.AnimStack) -> Iterator[tuple[ufbx.Node, ufbx.AnimCurve]]
                         yield node, curve
 
 
-def _has_keys(stack: ufbx.AnimStack) -> bool:
-    return next(_curves(stack), None) is not None
-
-
 def _sampled(
     scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None, most: int
 ) -> tuple[NDArray[np.int64], Array, float]:
-    """Return the nodes that move, their translations, rotations and scales (frames, nodes, 10), and the step [s].
-
-    Raises:
-        FileError: more than `most` keys or samples.
+    """The nodes that move, their translations, rotations and scales (frames, nodes, 10), and the step [s]; a FileError
+    if there are more than `most` keys or samples.
     """
     import ufbx
 
@@ -326,12 +292,7 @@ def _sampled(
     anim, parts = _held(stack.anim), [nodes[index] for index in chosen]
     samples = np.empty((len(times), len(parts), 10))
     for frame, time in enumerate(times.tolist()):
-        row: list[float] = []
-        for node in parts:
-            transform = ufbx.evaluate_transform(anim, node, time)
-            row += transform.translation
-            row += transform.rotation
-            row += transform.scale
+        row = [_ten(ufbx.evaluate_transform(anim, node, time)) for node in parts]
         samples[frame] = np.reshape(row, (-1, 10))
     return np.array(chosen, np.int64), samples, 1.0 / rate
 

@@ -43,20 +43,13 @@ def read_text(path: str | Path) -> str:
     """Return the text of a file without its byte order mark and final Ctrl-Z; line ends stay as they are.
 
     The encoding is UTF-8, or UTF-16 if a byte order mark says so. Bytes that are not valid UTF-8 become lone
-    surrogates, which `write_whole` turns back into the same bytes.
-
-    Raises:
-        FileError: the file is missing, a folder, not readable, empty or binary.
+    surrogates, which `write_whole` turns back into the same bytes. A FileError if the file is empty or binary.
     """
     return text_of(read_bytes(path), path)
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return the content of a regular file; others, such as pipes and devices, may have no end.
-
-    Raises:
-        FileError: the file is missing, a folder, not a regular file or not readable.
-    """
+    """Return the content of a regular file, or raise a FileError; others, such as pipes, may have no end."""
     check_path("path", path)
     try:
         with open(path, "rb", opener=_open_at_once) as file:

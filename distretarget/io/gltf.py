@@ -23,8 +23,8 @@ from distretarget.errors import DistretargetError, FileError, SkeletonFileError,
 from distretarget.io.files import is_inside, read_bytes
 from distretarget.io.json_node import Fields, Node, parse_json
 from distretarget.numerics.compiled import read_only
+from distretarget.numerics.vectors import Array
 
-Array = NDArray[np.float64]
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
 
 MAGIC = b"glTF"
@@ -49,22 +49,15 @@ MOST_MEMORY, FREE_MEMORY = 7, 2**26  # memory that these may take [sizes of the 
 
 @dataclass(eq=False)
 class Gltf:
-    """A glTF file.
+    """A glTF file, with what was read of it before."""
 
-    Attributes:
-        path: of the file, for errors.
-        chunks: of a GLB, (type, content) each; of a .gltf file its JSON alone.
-        beside: the content of the files that a .gltf file names, by the URI in the file.
-    """
-
-    path: str | Path
-    chunks: tuple[tuple[int, memoryview], ...]
-    beside: Mapping[str, bytes] = field(default_factory=dict)
-    # What was read before, by list and number, by place and kind of accessor, and by place of buffer:
+    path: str | Path  # for errors
+    chunks: tuple[tuple[int, memoryview], ...]  # of a GLB, (type, content) each; of a .gltf file its JSON alone
+    beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
     _lists: dict[str, list[Node]] = field(default_factory=dict, init=False)
-    _entries: dict[tuple[str, int], Fields] = field(default_factory=dict, init=False)
-    _accessors: dict[tuple[str, str], Array] = field(default_factory=dict, init=False)
-    _buffers: dict[str, memoryview] = field(default_factory=dict, init=False)
+    _entries: dict[tuple[str, int], Fields] = field(default_factory=dict, init=False)  # by list and number
+    _accessors: dict[tuple[str, str], Array] = field(default_factory=dict, init=False)  # by place and kind
+    _buffers: dict[str, memoryview] = field(default_factory=dict, init=False)  # by place
     _referred: int = field(default=0, init=False)  # numbers that all references to accessors had
 
     @cached_property
@@ -108,11 +101,8 @@ class Gltf:
 
     def numbers(self, reference: Node, kind: str, components: tuple[int, ...] = tuple(COMPONENTS)) -> Array:
         """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; integers that are normalized
-        become fractions.
-
-        Raises:
-            SkeletonFileError: the accessor has another kind or other components, leads out of its buffer, or has
-                numbers that are not finite.
+        become fractions. A SkeletonFileError if the accessor has another kind or other components, leads out of its
+        buffer, or has numbers that are not finite.
         """
         fields = self.entry("accessors", reference)
         place, key = fields.node, (fields.node.place, kind)
@@ -155,11 +145,12 @@ class Gltf:
 
     def _view(self, fields: Fields, count: int, width: int, dtype: Dtype) -> NDArray[np.generic]:
         """`count` times `width` numbers of the bufferView that an entry refers to, from its offset."""
-        place, offset, view = fields.node, _offset(fields), self.entry("bufferViews", fields.need("bufferView"))
+        place, offset = fields.node, fields.read("byteOffset", Node.whole, 0)
+        view = self.entry("bufferViews", fields.need("bufferView"))
         if "EXT_meshopt_compression" in view.inner("extensions"):
             place.fail("is compressed by meshopt, which is not read for joints and animations; export it uncompressed")
         buffer = self._buffer(self.entry("buffers", view.need("buffer")))
-        start, length = _offset(view), view.need("byteLength").whole()
+        start, length = view.read("byteOffset", Node.whole, 0), view.need("byteLength").whole()
         if start + length > len(buffer):
             view.node.fail(f"ends at byte {start + length}; its buffer has {len(buffer)}")
         row = width * dtype.itemsize
@@ -188,31 +179,27 @@ class Gltf:
                 fields.node.fail('has no "uri", and the file has no binary chunk for it')
             return self.binary
         uri = fields["uri"].text()
-        if uri.startswith(DATA_URI):
-            return memoryview(_decoded(fields["uri"], uri))
-        if uri not in self.beside:
+        if not uri.startswith(DATA_URI) and uri not in self.beside:
             fields["uri"].fail(f"there is no file {cut(uri)!r} beside it")
-        return memoryview(self.beside[uri])
+        return memoryview(_decoded(fields["uri"], uri) if uri.startswith(DATA_URI) else self.beside[uri])
 
     def image(self, reference: Node) -> bytes:
         """The content of an image; empty where it is in a file that cannot be read."""
         fields = self.entry("images", reference)
-        if "uri" in fields:
-            uri = fields["uri"].text()
-            if uri.startswith(DATA_URI):
-                return _decoded(fields["uri"], uri)
-            with suppress(DistretargetError):
-                return read_bytes(inside(fields["uri"], Path(self.path).parent, uri))
-            return b""
-        length = self.entry("bufferViews", fields.need("bufferView")).need("byteLength").whole()
-        return self._view(fields, length, 1, COMPONENTS[5121]).tobytes()
+        if "uri" not in fields:
+            length = self.entry("bufferViews", fields.need("bufferView")).need("byteLength").whole()
+            return self._view(fields, length, 1, COMPONENTS[5121]).tobytes()
+        uri = fields["uri"].text()
+        if uri.startswith(DATA_URI):
+            return _decoded(fields["uri"], uri)
+        with suppress(DistretargetError):
+            return read_bytes(inside(fields["uri"], Path(self.path).parent, uri))
+        return b""
 
     @property
     def binary(self) -> memoryview | None:
         """The binary chunk of a GLB; None where there is none."""
-        if len(self.chunks) > 1 and self.chunks[1][0] == BINARY_CHUNK:
-            return self.chunks[1][1]
-        return None
+        return next((content for kind, content in self.chunks[1:2] if kind == BINARY_CHUNK), None)
 
     @cached_property
     def size(self) -> int:
@@ -222,11 +209,7 @@ class Gltf:
 
 
 def parse_gltf(content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None) -> Gltf:
-    """Return the glTF file with a content; `beside` has the files that it names, by URI.
-
-    Raises:
-        FileError: it is no glTF 2.0, or is cut.
-    """
+    """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI."""
     if content.startswith(MAGIC):
         return Gltf(path, _chunks(content, path), beside or {})
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
@@ -257,11 +240,8 @@ def _chunks(content: bytes, path: str | Path) -> tuple[tuple[int, memoryview], .
 
 
 def read_beside(content: bytes, path: str | Path) -> dict[str, bytes]:
-    """Return the content of the files that the buffers of a .gltf file name, by URI.
-
-    Raises:
-        SkeletonFileError: a URI leads out of the file's folder or to a network.
-        FileError: a file is missing or cannot be read.
+    """Return the content of the files that the buffers of a .gltf file name, by URI; a FileError if one cannot be read,
+    a SkeletonFileError if its URI leads out of the file's folder or to a network.
     """
     found: dict[str, bytes] = {}
     contents: dict[Path, bytes] = {}  # by path, as several names may lead to one file
@@ -270,17 +250,17 @@ def read_beside(content: bytes, path: str | Path) -> dict[str, bytes]:
         fields = place.entries()
         uri = fields.read("uri", Node.text, "")
         if uri and not uri.startswith(DATA_URI) and uri not in found:
-            place_of = inside(fields["uri"], folder, uri)
-            if place_of.resolve() not in contents:
-                contents[place_of.resolve()] = read_bytes(place_of)
-            found[uri] = contents[place_of.resolve()]
+            named = inside(fields["uri"], folder, uri)
+            place_of = named.resolve()
+            if place_of not in contents:
+                contents[place_of] = read_bytes(named)
+            found[uri] = contents[place_of]
     return found
 
 
 def inside(place: Node, folder: Path, uri: str) -> Path:
     """Return the path of a file in a folder, which a URI names; a SkeletonFileError if it leads out of the folder."""
-    name = unquote(uri)
-    path = Path(name)
+    path = Path(name := unquote(uri))
     if ":" in name or "\\" in name or "\0" in name or path.is_absolute() or ".." in path.parts:
         place.fail(f"leads to {cut(name)!r}; expected a file in the folder of the .gltf file")
     if not is_inside(folder / path, folder):
@@ -297,10 +277,6 @@ def _decoded(place: Node, uri: str) -> bytes:
         return base64.b64decode(data, validate=True)
     except (binascii.Error, ValueError):
         place.fail("is not valid base64")
-
-
-def _offset(fields: Fields) -> int:
-    return fields.read("byteOffset", Node.whole, 0)
 
 
 def _dtype(fields: Fields, known: tuple[int, ...]) -> Dtype:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import count
 
 import numpy as np
@@ -14,9 +15,9 @@ from distretarget.character.nodes import Skin
 from distretarget.errors import DistretargetError, FileError
 from distretarget.io.gltf import Gltf
 from distretarget.io.json_node import Fields, Node
+from distretarget.numerics.vectors import Array
 from distretarget.skin.mesh import Material
 
-Array = NDArray[np.float64]
 Triangles = NDArray[np.intp]
 
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
@@ -26,10 +27,8 @@ DRACO = "KHR_draco_mesh_compression"
 
 
 def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
-    """Yield the meshes at the nodes of a file, without morph targets; primitives that share vertices are one part.
-
-    Raises:
-        FileError, SkeletonFileError: a mesh is compressed or not valid.
+    """Yield the meshes at the nodes of a file, without morph targets; primitives that share vertices are one part. A
+    FileError or SkeletonFileError if a mesh is compressed or not valid.
     """
     for node, entry in enumerate(gltf.entries("nodes")):
         fields = entry.entries()
@@ -59,10 +58,7 @@ def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: Skin | None
     if skin:
         joints, weights = _influences(gltf, primitives[0].node, attributes, len(vertices), len(bones))
     triangles = [_triangles(gltf, primitive, len(vertices)) for primitive in primitives]
-    materials = [
-        np.full(len(some), gltf.index("materials", primitive["material"]) if "material" in primitive else -1)
-        for some, primitive in zip(triangles, primitives, strict=True)
-    ]
+    materials = [gltf.index("materials", each["material"]) if "material" in each else -1 for each in primitives]
     return MeshPart(
         vertices,
         bones,
@@ -70,20 +66,19 @@ def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: Skin | None
         joints,
         weights,
         np.concatenate(triangles),
-        np.concatenate(materials),
+        np.repeat(materials, [len(some) for some in triangles]),
         _uv(gltf, attributes, len(vertices)),
     )
 
 
-def _uv(gltf: Gltf, attributes: Fields, vertices: int) -> Array | None:
-    """(vertices, 2), the places of the vertices on images; None where the file does not say them."""
-    if "TEXCOORD_0" not in attributes or not gltf.entries("images"):
-        return None
-    try:
-        uv = gltf.numbers(attributes["TEXCOORD_0"], "VEC2")
-    except DistretargetError:
-        return None
-    return uv if len(uv) == vertices else None
+def _uv(gltf: Gltf, attributes: Fields, vertices: int) -> Array:
+    """(vertices, 2), the places of the vertices on images; zeros where the file does not say them."""
+    if "TEXCOORD_0" in attributes and gltf.entries("images"):
+        with suppress(DistretargetError):
+            uv = gltf.numbers(attributes["TEXCOORD_0"], "VEC2")
+            if len(uv) == vertices:
+                return uv
+    return np.zeros((vertices, 2))
 
 
 def _influences(

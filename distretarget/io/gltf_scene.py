@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.nodes import Animation, Nodes, Scene, Skin, choose_animation
+from distretarget.character.animations import choose_animation
+from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import SkeletonFileError
 from distretarget.io.gltf import Gltf
 from distretarget.io.json_node import Fields, Node
 from distretarget.numerics.rotations import nearest_rotations
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, SMALLEST
-
-Array = NDArray[np.float64]
 
 REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # of the outputs of animations
@@ -31,29 +31,21 @@ VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbP
 
 def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
     """Return what a glTF file says of a character, with the animation named `clip`, or the only one, at `fps` frames/s
-    or its own keys; without an animation if not `animated`.
-
-    Raises:
-        FileError, SkeletonFileError: the file is not valid, or has no such animation.
+    or its own keys; without an animation if not `animated`. A FileError or SkeletonFileError if the file is not valid,
+    or has no such animation.
     """
-    nodes = _nodes(gltf)
+    nodes = gltf_nodes(gltf)
     names = animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
-    extensions = gltf.document.inner("extensions")
-    is_vrm_0 = next((key for key in HUMANOIDS if key in extensions), "") == "VRM"
-    notes = () if animated else tuple(_compression(gltf))
-    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0, notes)
-
-
-def _compression(gltf: Gltf) -> Iterator[str]:
-    """A line for each compression of the mesh."""
-    used = [node.text() for node in gltf.document.listed("extensionsUsed")]
-    yield from (
+    skins, (kind, humanoid) = _skins(gltf), _humanoid(gltf)
+    used = [] if animated else [node.text() for node in gltf.document.listed("extensionsUsed")]
+    notes = tuple(
         f"its mesh is compressed by {name}: it stays as it is in the result, but its skin is not read"
         for extension, name in COMPRESSIONS.items()
         if extension in used
     )
+    return Scene(gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=notes)
 
 
 def animation_names(gltf: Gltf) -> tuple[str, ...]:
@@ -61,7 +53,8 @@ def animation_names(gltf: Gltf) -> tuple[str, ...]:
     return tuple(entry.entries().read("name", Node.text, "") for entry in gltf.entries("animations"))
 
 
-def _nodes(gltf: Gltf) -> Nodes:
+def gltf_nodes(gltf: Gltf) -> Nodes:
+    """Return the nodes of a file; a SkeletonFileError if they are not valid."""
     entries = gltf.entries("nodes")
     names, children = [], []
     translations, rotations, scales = (np.empty((len(entries), len(rest))) for rest in REST.values())
@@ -142,17 +135,17 @@ def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Arr
     return Skin(joints, binds[accessor][: len(joints)], meshes)
 
 
-def _humanoid(gltf: Gltf) -> Mapping[str, int]:
-    """The node of each bone of the VRM humanoid, by VRM 1.0's names of bones; empty without one."""
+def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
+    """The extension with the VRM humanoid, and the node of each bone by VRM 1.0's names of bones; empty without one."""
     extensions = gltf.document.inner("extensions")
-    for key in HUMANOIDS:
-        if key in extensions:
-            bones = extensions[key].entries().inner("humanoid").get("humanBones")
-            found = {} if not bones else dict(_vrm_0(gltf, bones) if key == "VRM" else _vrm_1(gltf, bones))
-            if not found:
-                extensions[key].fail("has no humanoid bones")
-            return found
-    return {}
+    key = next((key for key in HUMANOIDS if key in extensions), "")
+    if not key:
+        return "", {}
+    bones = extensions[key].entries().inner("humanoid").get("humanBones")
+    found = {} if not bones else dict(_vrm_0(gltf, bones) if key == "VRM" else _vrm_1(gltf, bones))
+    if not found:
+        extensions[key].fail("has no humanoid bones")
+    return key, found
 
 
 def _vrm_1(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:

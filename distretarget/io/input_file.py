@@ -18,32 +18,20 @@ Kind = Literal["BVH", "skeleton", "glTF", "FBX", "arrays"]
 FBX_MARKS = (b"Kaydara FBX Binary", b"FBXHeaderExtension")  # one of them is at the beginning of an FBX file
 HEAD = 4096  # how far the beginning of a file reaches [bytes]
 GLTF_ASSET = re.compile(rb'"asset"\s*:\s*\{')  # in every .gltf file, in no skeleton file
-KINDS: dict[str, Kind] = {  # by suffix, where the content does not tell
-    ".glb": "glTF",
-    ".gltf": "glTF",
-    ".vrm": "glTF",
-    ".vrma": "glTF",
-    ".fbx": "FBX",
-}
+# By suffix, where the content does not tell.
+KINDS: dict[str, Kind] = {".glb": "glTF", ".gltf": "glTF", ".vrm": "glTF", ".vrma": "glTF", ".fbx": "FBX"}
 ARRAY_SUFFIXES = (".npz", ".npy")  # of files of arrays
 MOTION_SUFFIXES = (".bvh", *(suffix for suffix in KINDS if suffix != ".vrm"))  # of files that may be motions
 
 
 @dataclass(frozen=True, eq=False)
 class InputFile:
-    """The content of a file, and the file's path for errors.
-
-    Attributes:
-        content: all of it.
-        path: of the file, or what stands for it in errors.
-        beside: the content of the files that a .gltf file names, by the URI in it.
-        joints: the file of the skeleton that arrays are for; None where there is none.
-    """
+    """The content of a file, and of the files that belong to it."""
 
     content: bytes
-    path: str | Path
-    beside: Mapping[str, bytes] = field(default_factory=dict)
-    joints: InputFile | None = None
+    path: str | Path  # of the file, or what stands for it in errors
+    beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
+    joints: InputFile | None = None  # the skeleton that arrays are for
 
     @cached_property
     def kind(self) -> Kind:
@@ -60,7 +48,7 @@ class InputFile:
             return "glTF" if suffix == ".gltf" or GLTF_ASSET.search(self.content) else "skeleton"
         return KINDS.get(suffix, "BVH")
 
-    def __reduce__(self) -> tuple[type[InputFile], tuple[bytes, str | Path, Mapping[str, bytes], InputFile | None]]:
+    def __reduce__(self) -> tuple[type[InputFile], tuple[object, ...]]:
         """What goes to a worker: what was read, not what was made of it."""
         return InputFile, (self.content, self.path, dict(self.beside), self.joints)
 
@@ -86,10 +74,8 @@ class InputFile:
 
 
 def load_file(path: str | Path) -> InputFile:
-    """Read a file, and those that it names if it is a .gltf file.
-
-    Raises:
-        FileError, SkeletonFileError: a file cannot be read, or the file names one outside its folder.
+    """Read a file, and those that it names if it is a .gltf file; a FileError or SkeletonFileError if one cannot be
+    read, or if it names one outside its folder.
     """
     return with_files_beside(InputFile(read_bytes(path), path))
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NoReturn, TypeVar
 
 from distretarget.errors import SkeletonFileError, closest, cut, entry_place, quoted
-from distretarget.io.bvh import is_name
+from distretarget.io.bvh_text import is_name
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Value = TypeVar("Value")

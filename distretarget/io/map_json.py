@@ -13,8 +13,8 @@ from distretarget.errors import FileError, MapError, MotionError, SkeletonFileEr
 from distretarget.io.files import read_text
 from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
+from distretarget.io.json_text import on_lines
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.target_file import pairs_to_json
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import pairs_of_map
 from distretarget.motion import Motion
@@ -22,24 +22,20 @@ from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import Target
 
-FORMAT, VERSION = "distretarget-map", 1
+HEADER: dict[str, object] = {"format": "distretarget-map", "version": 1}
 DIGITS = 9  # of the numbers of a rotation, behind the point
 QUATERNION = 4  # numbers of a rotation, x y z w
 
 
 @dataclass(frozen=True)
 class RestPose:
-    """A pose in which the source's body stands, for alignment with the target, and the path of its file, for errors."""
+    """A pose in which the source's body stands, for alignment with the target."""
 
     rotations: Mapping[str, Sequence[float]]  # by joint, relative to its parent, x y z w
-    path: str | Path
+    path: str | Path  # of its file, for errors
 
     def on(self, skeleton: Skeleton) -> Motion:
-        """Return the pose of a body, as a motion of one frame.
-
-        Raises:
-            FileError: the body has other joints, or does not stand in this pose.
-        """
+        """Return the pose of a body, one frame; a FileError if it has other joints, or does not stand so."""
         keys = {skeleton.keys[joint] for joint in skeleton.joints}
         if keys != self.rotations.keys():
             raise FileError(
@@ -70,21 +66,15 @@ def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile
     the source's rig, replaces the rest pose of the map.
 
     Raises:
-        FileError: a file cannot be read, or `rest` has no frames.
+        FileError: a file cannot be read, or `rest` has no frames, or nobody stands in the first.
         SkeletonFileError: the map is not an object {"target joint": "source joint" or null}, nor one of the full form.
         BvhError: `rest` is no valid BVH file.
     """
     map_file = parse_map(read_text(path), path) if path else MapFile({}, "")
-    return replace(map_file, rest=load_rest(rest)) if rest else map_file
+    return replace(map_file, rest=_first_frame(rest)) if rest else map_file
 
 
-def load_rest(path: str | Path) -> RestPose:
-    """Return the first frame of a motion file as a rest pose.
-
-    Raises:
-        FileError: the file cannot be read, or has no frames, or nobody stands in the first.
-        BvhError: the file is no valid BVH file.
-    """
+def _first_frame(path: str | Path) -> RestPose:
     motion, _ = parse_motion(load_file(path))
     if not len(motion):
         raise FileError(path, "has no frames, expected one in which the body stands")
@@ -99,10 +89,10 @@ def parse_map(text: str, path: str | Path) -> MapFile:
     """Return the map in the text of a file as `load_map` does; `path` is for errors."""
     root = parse_json(path, text)
     entries = root.entries(entry_place)
-    if "format" not in entries or entries["format"].value != FORMAT:
+    if "format" not in entries or entries["format"].value != HEADER["format"]:
         return MapFile(_pairs(entries), path)
-    root.check_header(format=FORMAT, version=VERSION)
-    fields = root.fields(("format", "version", "map"), ("rest",))
+    root.check_header(**HEADER)
+    fields = root.fields((*HEADER, "map"), ("rest",))
     return MapFile(_pairs(fields["map"].entries(entry_place)), path, fields.read("rest", _rest, None))
 
 
@@ -135,17 +125,13 @@ def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
         if not (bending[joint] or ends[joint])
     }
     if rest is None:
-        return f"{pairs_to_json(pairs)}\n"
-    header = f'  "format": "{FORMAT}",\n  "version": {VERSION},\n'
-    turns = pairs_to_json(rest.rotations, "  ")
-    return f'{{\n{header}  "map": {pairs_to_json(pairs, "  ")},\n  "rest": {turns}\n}}\n'
+        return f"{on_lines(pairs, 1)}\n"
+    return f"{on_lines(HEADER | {'map': pairs, 'rest': dict(rest.rotations)}, 2)}\n"
 
 
 def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:
-    """Return the map in the target's file, `path`, with the pairs of a map file in place of its own.
-
-    Raises:
-        SkeletonFileError: one of the two files names joints that do not exist.
+    """Return the map in the target's file, `path`, with the pairs of a map file in place of its own; a
+    SkeletonFileError if one of the two names joints that do not exist.
     """
     pairs = {**target.map, **map_file.pairs}
     try:

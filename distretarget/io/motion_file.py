@@ -1,4 +1,4 @@
-"""Motions from files of all kinds: BVH, glTF, VRM, VRM animations, FBX."""
+"""Motions from files of all kinds: BVH, glTF, VRM, VRM animations, FBX, and arrays with a skeleton for them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,25 @@ from dataclasses import replace
 from pathlib import Path
 from types import NoneType
 
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number, check_path
-from distretarget.errors import DistretargetError, FileError, MotionError
-from distretarget.io.array_motion import array_motion
+from distretarget.errors import DistretargetError, FileError, MotionError, quoted
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.character_file import read_scene, shown_character
 from distretarget.io.input_file import InputFile, load_file
-from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion
+from distretarget.io.npz import ArraysFile
+from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
+from distretarget.io.target_file import parse_full_target, read_scene
+from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, is_frame_time
+from distretarget.numerics.rotations import from_represented
+from distretarget.numerics.vectors import Array
+from distretarget.skeleton import Skeleton
+
+OWN = ("local_rotations", "root_path")  # of the arrays that the program writes itself
+POSITIONS = "positions"  # the name of positions where a file has several arrays like them
+RATES = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame rate [frames/s]
 
 
 def read_motion(
@@ -65,13 +77,91 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
             except MotionError as error:
                 raise error.in_file(file.path) from None
         case "arrays":
-            return array_motion(file, fps), ()
+            return _array_motion(file, fps), ()
     scene = read_scene(file, clip, fps)
     if scene.animation is None:
         raise FileError(file.path, "has no animation; expected a file with a motion")
-    character = shown_character(scene)
+    character = character_of(scene)
     try:
         motion = character.motion(scene.animation, len(file.content) + sum(map(len, file.beside.values())))
     except DistretargetError as error:
         raise error.in_file(file.path) from None
     return motion, character.warnings
+
+
+def _array_motion(file: InputFile, fps: float | None) -> Motion:
+    """The motion in a file of arrays, on the skeleton in `file.joints`, or in the file itself."""
+    arrays = file.arrays
+    is_smpl = "poses" in arrays or PARTS[1] in arrays
+    frame_time = _frame_time(arrays, fps)
+    betas = arrays.numbers("betas", "shapes") if is_smpl and "betas" in arrays else np.zeros(0)
+    skeleton = _skeleton(file, betas if is_smpl else None)
+    try:
+        if is_smpl:
+            motion = smpl_motion(arrays, skeleton, frame_time)
+        elif file.joints is None and all(name in arrays for name in OWN):
+            turns = from_represented(_rotations(arrays))
+            motion = Motion(skeleton, arrays.numbers("root_path", "frames", 3), turns, frame_time)
+        else:
+            from distretarget.objectives.positions import motion_of_positions  # takes long to import
+
+            positions = _positions(arrays)
+            motion = motion_of_positions(skeleton, _joints(arrays, skeleton, positions.shape[1]), positions, frame_time)
+        return motion.resampled(f"{1 / fps:.9g}") if fps else motion
+    except ValueError as error:
+        raise FileError(file.path, "has no rotations, but quaternions of zeros or matrices that mirror") from error
+    except DistretargetError as error:
+        raise error if isinstance(error, FileError) else error.in_file(file.path) from None
+
+
+def _frame_time(arrays: ArraysFile, fps: float | None) -> str:
+    """The frame time that the file states, or else that of `fps` [s], as text."""
+    rate = next((arrays.number(name) for name in RATES if name in arrays), fps)
+    text = f"{arrays.number('frame_time') if 'frame_time' in arrays else 1 / rate if rate else 0.0:.9g}"
+    if not is_frame_time(text):
+        raise FileError(arrays.path, "does not say how many frames a second has; expected fps=NUMBER")
+    return text
+
+
+def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
+    """The skeleton that the arrays are for; of a model in the shape `betas`."""
+    if file.joints is None:
+        if "offsets" in file.arrays:
+            return array_skeleton(file.arrays)
+        what = "positions of joints" if betas is None else "parameters of SMPL"
+        raise FileError(file.path, f"has {what}, but no skeleton that they are for; expected joints=FILE")
+    if file.joints.kind == "arrays":
+        return array_skeleton(file.joints.arrays, betas)
+    return parse_full_target(file.joints).skeleton
+
+
+def _rotations(arrays: ArraysFile) -> Array:
+    """The local rotations in a file, in any representation."""
+    name = OWN[0]
+    if arrays.array(name).ndim == 4:
+        return arrays.numbers(name, "frames", "joints", 3, 3)
+    six = arrays.array(name).shape[-1:] == (6,)
+    return arrays.numbers(name, "frames", "joints", 6 if six else 4)
+
+
+def _positions(arrays: ArraysFile) -> Array:
+    """(frames, joints, 3), the positions in a file: the array of this name, or the only one of this shape."""
+    if POSITIONS in arrays:
+        return arrays.numbers(POSITIONS, "frames", "joints", 3)
+    likely = [name for name in arrays.arrays if arrays.array(name).ndim == 3 and arrays.array(name).shape[2] == 3]
+    if len(likely) != 1:
+        found = quoted(likely or arrays.arrays)
+        wanted = f"{POSITIONS}, (frames, joints, 3), or poses and trans of SMPL"
+        raise FileError(arrays.path, f"has {found}; expected {wanted}")
+    return arrays.numbers(likely[0], "frames", "joints", 3)
+
+
+def _joints(arrays: ArraysFile, skeleton: Skeleton, count: int) -> NDArray[np.intp]:
+    """(count,), the joint that each position is of: by `names`, or in the skeleton's order, with End Sites or not."""
+    if "names" in arrays:
+        return np.array([skeleton.index(str(name)) for name in arrays.array("names").ravel()], np.intp)
+    for joints in (np.arange(len(skeleton)), np.array(skeleton.joints)):
+        if len(joints) == count:
+            return joints
+    own = f"{len(skeleton.joints)}, or {len(skeleton)} with End Sites"
+    raise FileError(arrays.path, f"has positions of {count} joints; expected as many as the skeleton has, {own}")

@@ -11,7 +11,6 @@ from types import NoneType
 from typing import Literal, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.character.nodes import Animation
 from distretarget.checks import brief, check_choice, check_kind
@@ -19,9 +18,7 @@ from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
 from distretarget.io.gltf import inside
-from distretarget.io.gltf_animation import Mode
-from distretarget.io.gltf_scene import gltf_scene
-from distretarget.io.gltf_writer import Parts, animated
+from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.npz import Arrays, Precision, npz
@@ -30,9 +27,9 @@ from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import RotationKind
-from distretarget.numerics.vectors import level
+from distretarget.numerics.vectors import Array, level
 
-Array = NDArray[np.float64]
+Y_UP = np.array([0.0, 1.0, 0.0])
 OutputKind = Literal["BVH", "character", "VRMA", "arrays"]
 
 OUTPUTS: dict[str, OutputKind] = {
@@ -66,7 +63,7 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
             raise FileError(path, f"{what}; give the character's file")
         advice = "open it in Blender and export it as GLB, or write .bvh" if target.kind == "FBX" else "write .bvh"
         raise FileError(path, f"{what}, but {str(target.path)!r} is {NAMES[target.kind]}; {advice}")
-    if suffix == ".vrm" and target and not _is_vrm(target):
+    if suffix == ".vrm" and target and {"VRM", "VRMC_vrm"}.isdisjoint(target.gltf.document.inner("extensions")):
         raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
     return kind
 
@@ -75,16 +72,11 @@ def suffix_of(target: TargetFile, kind: str | None = None) -> str:
     """Return the suffix of results of a kind, such as "glb", or without one of the target's own kind: that of its file
     if it is glTF, else .bvh; a FileError if the target cannot be written so.
     """
-    own = Path(target.path).suffix.lower()
-    is_character = target.file is not None and target.file.kind == "glTF"
-    suffix = f".{kind}" if kind else own if is_character and own in OUTPUTS else ".glb" if is_character else ".bvh"
+    suffix, own = f".{kind}" if kind else ".bvh", Path(target.path).suffix.lower()
+    if kind is None and target.file is not None and target.file.kind == "glTF":
+        suffix = own if own in OUTPUTS else ".glb"
     output_kind(f"*{suffix}", target.file)
     return suffix
-
-
-def _is_vrm(file: InputFile) -> bool:
-    extensions = file.gltf.document.get("extensions")
-    return extensions is not None and bool({"VRM", "VRMC_vrm"} & extensions.entries().keys())
 
 
 def write_motion(
@@ -106,7 +98,7 @@ def write_motion(
         character: the path of the character's file, which `load_target` has read; for .bvh and .npz not needed.
         name: of the animation; the file's name without ending if not given.
         animations: "add" it to those in the character's file, or "replace" them.
-        in_place: whether to leave out the root's path along the floor; see `in_place`.
+        in_place: whether to leave out the root's path along the floor, so that it stays above where it begins.
         overwrite: whether to replace a file that exists.
 
     Raises:
@@ -139,7 +131,8 @@ def write_npz(
     """
     check_kind("motion", motion, Motion)
     check_choice("precision", precision, get_args(Precision))
-    write_whole(path, npz(arrays_of(motion, rotations), precision), overwrite)
+    settings = OutputSettings(rotations=rotations, precision=precision)
+    write_whole(path, settings.arrays(NamedClip(motion, "", {})), overwrite)
 
 
 @dataclass(frozen=True)
@@ -172,28 +165,21 @@ class OutputSettings:
 
     def arrays(self, clip: NamedClip) -> bytes:
         """Return the content of an npz file with the arrays of a clip, its labels, and its parameters of SMPL."""
-        return npz({**arrays_of(clip.motion, self.rotations), **clip.labels}, self.precision)
+        own = cast(Arrays, clip.motion.to_dict(self.rotations))
+        return npz({**own, **smpl_parameters(clip.motion), **clip.labels}, self.precision)
 
-    def clip(self, motion: Motion, name: str, up: Array | None = None) -> NamedClip:
-        """Return a motion as it is to be written; `up` is the unit vector up, by default Y."""
+    def clip(self, motion: Motion, name: str, up: Array = Y_UP) -> NamedClip:
+        """Return a motion as it is to be written; `up` is the unit vector up. In place, the root stays above the place
+        on the floor where it begins.
+        """
         if not self.in_place:
             return NamedClip(motion, name, {})
-        path = motion.root_positions.round(6).tolist()
-        return NamedClip(in_place(motion, np.array([0.0, 1.0, 0.0]) if up is None else up), name, {PATH_KEY: path})
+        path = level(motion.root_positions, up)
+        still = replace(motion, root_positions=motion.root_positions - path + path[:1])
+        return NamedClip(still, name, {PATH_KEY: motion.root_positions.round(6).tolist()})
 
 
 DEFAULT_OUTPUT = OutputSettings()
-
-
-def arrays_of(motion: Motion, rotations: RotationKind) -> Arrays:
-    """Return the arrays of a motion, and its parameters if its body is one of SMPL."""
-    return {**cast(Arrays, motion.to_dict(rotations)), **smpl_parameters(motion)}
-
-
-def in_place(motion: Motion, up: Array) -> Motion:
-    """Return a motion whose root stays above the place on the floor where it begins; `up` is the unit vector up."""
-    path = level(motion.root_positions, up)
-    return replace(motion, root_positions=motion.root_positions - path + path[:1])
 
 
 def content_of(
@@ -227,17 +213,15 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
     .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder.
     """
     assert target.file is not None
-    file = target.file
+    file, folder = target.file, Path(target.file.path).parent
     as_binary = Path(path).suffix.lower() != ".gltf"
-    folder = Path(file.path).parent
     stays = not as_binary and Path(path).parent.resolve() == folder.resolve()
 
     def embedded(uri: Node) -> bytes:
         name = uri.text()
         return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
-    nodes = gltf_scene(file.gltf, animated=False).nodes
     try:
-        return animated(file.gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+        return animated(file.gltf, animations, mode, as_binary, None if stays else embedded)
     except RecursionError:
         raise FileError(target.path, "is nested too deeply") from None

@@ -23,6 +23,8 @@ Precision = Literal["float64", "float32"]
 WITHOUT_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip file knows
 NPY_MARK, NPZ_MARK = b"\x93NUMPY", b"PK\x03\x04"  # at the beginning of files
 ONLY = ""  # the name of the array in an npy file
+DAMAGED = (ValueError, EOFError, OSError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error)  # by numpy
+FAULTS = (*DAMAGED, SyntaxError, tokenize.TokenError)  # the last two of the header of an array
 
 
 def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
@@ -88,19 +90,6 @@ class ArraysFile:
         if not largest <= LARGEST:  # nan is not, either
             raise FileError(self.path, f"{label} contains {largest:.3g}; expected finite numbers up to {LARGEST:g}")
         return found.astype(np.float64)
-
-
-# What numpy raises on files that are cut or damaged; the last two on the header of an array.
-FAULTS: tuple[type[Exception], ...] = (
-    ValueError,
-    EOFError,
-    OSError,
-    KeyError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-FAULTS += (SyntaxError, tokenize.TokenError)
 
 
 def _read(path: str | Path, read: Callable[[], Any]) -> Any:

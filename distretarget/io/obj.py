@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,14 +13,11 @@ from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
-from distretarget.io.bvh import NUMBER
+from distretarget.io.bvh_text import NUMBER
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import spread_out
+from distretarget.numerics.vectors import Array, spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
-from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.surface import surface_of
-
-Array = NDArray[np.float64]
+from distretarget.skin.capsules import SEGMENTS, Capsules, surface_of
 
 CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which others may follow, as in 3/1/2
 MOST_POINTS = 100  # vertices that are kept, spread evenly
@@ -30,10 +28,8 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     errors, and names the root.
 
     Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
-    They are in the order in which a BVH file has them.
-
-    Raises:
-        BvhError: a vertex is not three numbers, or there is no vertex.
+    They are in the order in which a BVH file has them. A BvhError if a vertex is not three numbers, or if there is
+    none.
     """
     vertices = np.unique(_vertices(text, path), axis=0)
     points = vertices[spread_out(vertices, MOST_POINTS)]
@@ -55,17 +51,14 @@ def parse_obj(text: str, path: str | Path) -> Motion:
 
 def parse_obj_mesh(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
     """Return the vertices, (vertices, 3), and the triangles, (triangles, 3), in the text of an OBJ file; faces of more
-    corners as fans. `path` is for errors.
-
-    Raises:
-        BvhError: a vertex is not three numbers, there is no vertex, or a face names vertices that are not there.
+    corners as fans. `path` is for errors: a BvhError if a vertex is not three numbers, if there is none, or if a face
+    names vertices that are not there.
     """
     vertices, triangles, before = _vertices(text, path), [], 0
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
-        before += words[:1] == ["v"]
-        if words[:1] == ["f"]:
-            corners = [_corner(word, before, path, number) for word in words[1:]]
+    for number, (kind, *words) in _lines(text):
+        before += kind == "v"
+        if kind == "f":
+            corners = [_corner(word, before, path, number) for word in words]
             triangles += [(corners[0], *both) for both in pairwise(corners[1:])]
     return vertices, np.array(triangles, np.intp).reshape(-1, 3)
 
@@ -93,13 +86,14 @@ def capsules_to_obj(capsules: Capsules, skeleton: Skeleton) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
+    """The number and the words of each line that has some."""
+    return ((number, words) for number, line in enumerate(text.splitlines(), start=1) if (words := line.split()))
+
+
 def _vertices(text: str, path: str | Path) -> Array:
     """(vertices, 3), the coordinates in the lines that begin with v."""
-    vertices = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
-        if words[:1] == ["v"]:
-            vertices.append(_vertex(words[1:4], path, number))
+    vertices = [_vertex(words[:3], path, number) for number, (kind, *words) in _lines(text) if kind == "v"]
     if not vertices:
         raise BvhError(path, 0, 'has no vertices, expected a BVH file, or an OBJ file with lines "v x y z"')
     return np.array(vertices)

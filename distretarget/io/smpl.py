@@ -25,9 +25,8 @@ from distretarget.body.reference_pose import t_pose
 from distretarget.errors import FileError, SkeletonError, quoted
 from distretarget.io.npz import ArraysFile
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import METRES, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
-
-Array = NDArray[np.float64]
 
 # The joints whose turns are parameters, in their order.
 BODY = (
@@ -68,10 +67,15 @@ TO_Y_UP = Rotation.from_rotvec([-0.5 * np.pi, 0.0, 0.0])  # from the world of AM
 
 def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
     """Return the skeleton in a file of arrays: `names`, `parents` and `offsets`, as `Motion.to_dict` gives them, or
-    those of SMPL (`smpl_skeleton`).
+    that of SMPL: `J`, (joints, 3), the joints of the rest pose [m], or a model, whose joints depend on the shape
+    `betas`, by default the mean one.
+
+    Raises:
+        FileError: it has none of these, or not as many joints as one of the models.
+        SkeletonError: they are no skeleton.
     """
     if not all(name in arrays for name in ("names", "parents", "offsets")):
-        return smpl_skeleton(arrays, betas)
+        return _smpl_skeleton(arrays, np.zeros(0) if betas is None else betas)
     names = tuple(map(str, arrays.array("names").ravel()))
     ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
     try:
@@ -80,17 +84,13 @@ def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
         raise error.in_file(arrays.path) from None
 
 
-def smpl_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
-    """Return the skeleton in a file of arrays: with `J`, (joints, 3), the joints of the rest pose [m], or of a model,
-    whose joints depend on the shape `betas`, by default the mean one.
-
-    Raises:
-        FileError: it has neither, or not as many joints as one of the models.
-    """
+def _smpl_skeleton(arrays: ArraysFile, betas: Array) -> Skeleton:
     if "J" in arrays:
         places = arrays.numbers("J", "joints", 3)
     elif all(name in arrays for name in SHAPE):
-        places = _shaped(arrays, np.zeros(0) if betas is None else betas)
+        vertices = arrays.numbers("v_template", "vertices", 3)
+        shapes = arrays.numbers("shapedirs", len(vertices), 3, "shapes")[..., : len(betas)]
+        places = arrays.numbers("J_regressor", "joints", len(vertices)) @ (vertices + shapes @ betas[: shapes.shape[2]])
     else:
         raise FileError(arrays.path, f"has no joints; expected J, (joints, 3), or the {', '.join(SHAPE)} of a model")
     if len(places) not in MODELS:
@@ -108,35 +108,19 @@ def _free(names: tuple[str, ...], parents: NDArray[Any], offsets: NDArray[Any], 
     return Skeleton(names=names, parents=parents, offsets=offsets, channels=tuple(free), end_sites=ends)
 
 
-def _shaped(arrays: ArraysFile, betas: Array) -> Array:
-    """(joints, 3), the joints of a model's shape [m]."""
-    vertices = arrays.numbers("v_template", "vertices", 3)
-    shapes = arrays.numbers("shapedirs", len(vertices), 3, "shapes")[..., : len(betas)]
-    return arrays.numbers("J_regressor", "joints", len(vertices)) @ (vertices + shapes @ betas[: shapes.shape[2]])
-
-
 @dataclass(frozen=True, eq=False)
 class SmplBody:
-    """A skeleton that parameters pose.
-
-    Attributes:
-        skeleton: its joints.
-        joints: the joints that parameters turn, by SMPL's names.
-        turns: (joints, 4), the world rotations that bring its rest pose into SMPL's.
-        exact: whether its rest pose is SMPL's, and its joints have SMPL's names.
-    """
+    """A skeleton that parameters pose."""
 
     skeleton: Skeleton
-    joints: Mapping[str, int]
-    turns: Array
-    exact: bool
+    joints: Mapping[str, int]  # those that parameters turn, by SMPL's names
+    turns: Array  # (joints, 4), the world rotations that bring its rest pose into SMPL's
+    exact: bool  # whether its rest pose is SMPL's, and its joints have SMPL's names
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> SmplBody:
-        """Return the body of a skeleton with the joints of SMPL, under any names and in any rest pose.
-
-        Raises:
-            SkeletonError: it lacks one.
+        """Return the body of a skeleton with the joints of SMPL, under any names and in any rest pose, or raise a
+        SkeletonError if it lacks one.
         """
         body = Body.of(skeleton)
         if body.anatomy is None or body.at_rest is None:
@@ -158,11 +142,7 @@ class SmplBody:
 
     @property
     def pelvis(self) -> Array:
-        """(3,), where the pelvis is in SMPL's rest pose [file units]."""
-        return np.asarray(self.skeleton.offsets[0] + self._pelvis_from_root)
-
-    @property
-    def _pelvis_from_root(self) -> Array:
+        """(3,), where the pelvis is in SMPL's rest pose, from the root on [file units]."""
         return np.asarray(self.skeleton.posed(self.turns)[self.joints[PELVIS]])
 
     def motion(self, poses: Array, trans: Array, frame_time_text: str) -> Motion:
@@ -180,7 +160,7 @@ class SmplBody:
                 turn = Rotation.from_rotvec(turns[name])
                 turn = to_y_up * turn if name == PELVIS else turn
                 rotations[:, joint] = (above * turn * rest[joint]).as_quat()
-        path = to_y_up.apply(self.metre * trans + self.pelvis) - self._pelvis_from_root
+        path = to_y_up.apply(self.metre * trans + (skeleton.offsets[0] + self.pelvis)) - self.pelvis
         return Motion(skeleton, path, rotations, frame_time_text)
 
     def parameters(self, motion: Motion) -> dict[str, Array | float]:
@@ -200,7 +180,7 @@ class SmplBody:
         rate = 1.0 / motion.frame_time
         return {
             "poses": poses.swapaxes(0, 1).reshape(len(motion), -1),
-            "trans": (places - self.pelvis) / self.metre,
+            "trans": (places - (self.skeleton.offsets[0] + self.pelvis)) / self.metre,
             "mocap_frame_rate": float(round(rate)) if abs(round(rate) - rate) < SAME_RATE * rate else rate,
         }
 
@@ -225,24 +205,15 @@ def _to_y_up(turns: Array) -> Rotation:
 
 
 def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) -> Motion:
-    """Return the motion of the parameters in a file.
-
-    Raises:
-        FileError: they are not such parameters.
-        SkeletonError: the skeleton lacks a joint of SMPL.
+    """Return the motion of the parameters in a file, some of which have `poses`, (frames, 3 joints) [rad], in parts. A
+    FileError if they are not such parameters, a SkeletonError if the skeleton lacks a joint of SMPL.
     """
-    poses = poses_in(arrays)
-    return SmplBody.of(skeleton).motion(poses, arrays.numbers("trans", len(poses), 3), frame_time_text)
-
-
-def poses_in(arrays: ArraysFile) -> Array:
-    """Return `poses`, (frames, 3 joints) [rad], which some files have in parts, or raise a FileError."""
     whole = ["poses"] if "poses" in arrays else [name for name in PARTS if name in arrays]
     poses = np.concatenate([arrays.numbers(name, "frames", "3 joints") for name in whole], axis=1)
     if poses.shape[1] not in [3 * number for number in MODELS]:
         known = ", ".join(str(3 * number) for number in MODELS)
         raise FileError(arrays.path, f"has {poses.shape[1]} numbers in each frame of poses; expected one of {known}")
-    return poses
+    return SmplBody.of(skeleton).motion(poses, arrays.numbers("trans", len(poses), 3), frame_time_text)
 
 
 def smpl_parameters(motion: Motion) -> dict[str, Array | float]:

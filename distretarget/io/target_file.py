@@ -1,54 +1,91 @@
-"""Target files: BVH, characters (glTF, VRM, FBX), or JSON with a whole skeleton (full form) or other bone lengths for
-the source's (short form).
-"""
+"""Targets in files: BVH, characters (glTF, VRM, FBX) with their meshes, skeleton files; and how thick bodies are."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
+from distretarget.body.body import Body
+from distretarget.body.build import BUILDS, Build, Builds, average_build
+from distretarget.body.thickness import capsules_of
 from distretarget.character.character import Character
-from distretarget.errors import BvhError, MotionError, SkeletonError, SkeletonFileError, closest, entry_place, quoted
+from distretarget.character.from_scene import character_of
+from distretarget.character.mesh import skinned_mesh
+from distretarget.character.nodes import Scene
+from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonFileError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
-from distretarget.io.character_file import CharacterMesh, parse_character
+from distretarget.io.fbx import fbx_mesh, parse_fbx
+from distretarget.io.gltf_mesh import gltf_materials, gltf_parts
+from distretarget.io.gltf_scene import animation_names, gltf_scene
 from distretarget.io.input_file import InputFile, load_file
-from distretarget.io.json_node import Fields, Node, described, parse_json
+from distretarget.io.json_node import parse_json
+from distretarget.io.skeleton_json import skeleton_target
 from distretarget.io.smpl import array_skeleton
 from distretarget.motion import check_reach
-from distretarget.skeleton import (
-    AXES,
-    POSITION_CHANNELS,
-    ROTATION_CHANNELS,
-    UNITS,
-    USUAL_ROOT,
-    USUAL_ROTATIONS,
-    JointMap,
-    Skeleton,
-)
+from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import LoadedTarget, SkeletonEdit, Target, with_bones
 
-FORMAT = "distretarget-skeleton"
-VERSION = 1
-FULL_KEYS = ("joints", "units", "up", "map")
-SHORT_KEYS = ("scale", "lengths", "factors")
-ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
+VERTICES = b"Vertices"  # in FBX files with a mesh, binary or text
+
+
+def read_scene(file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
+    """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
+    if file.kind == "FBX":
+        return parse_fbx(file.content, file.path, clip, fps, animated)
+    return gltf_scene(file.gltf, clip, fps, animated)
+
+
+def animations_in(file: InputFile) -> tuple[str, ...]:
+    """Return the names of the animations in a file, which may be empty or the same; none in other files than these."""
+    if file.kind == "FBX":
+        return read_scene(file, animated=False).animations
+    return animation_names(file.gltf) if file.kind == "glTF" else ()
+
+
+@dataclass(frozen=True, eq=False)
+class CharacterMesh:
+    """The mesh of a character, read from its file when it is first asked for; called, it returns it.
+
+    A file without a mesh, or with one that cannot be read, has none: all else in the file is not to blame.
+    """
+
+    file: InputFile
+    character: Character
+
+    def __call__(self) -> SkinnedMesh | None:
+        return self._read[0]
+
+    def __getstate__(self) -> dict[str, object]:
+        """What goes to a worker: the mesh, not the file."""
+        return {"_read": self._read}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line that says why the mesh could not be read, if that was tried."""
+        return self._read[1] if "_read" in vars(self) else ()
+
+    @cached_property
+    def _read(self) -> tuple[SkinnedMesh | None, tuple[str, ...]]:
+        try:
+            if self.file.kind == "FBX":
+                if VERTICES not in self.file.content:
+                    return None, ()
+                return skinned_mesh(self.character, *fbx_mesh(self.file.content, self.file.path)), ()
+            scene = gltf_scene(self.file.gltf, animated=False)
+            parts = tuple(gltf_parts(self.file.gltf, scene.skins))
+            return skinned_mesh(self.character, scene.nodes, parts, gltf_materials(self.file.gltf)), ()
+        except DistretargetError as error:
+            why = error.in_file(self.file.path)
+            return None, (f"its mesh is not read, so that the body gets an average thickness: {why}",)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CharacterTarget(Target):
-    """A target whose joints are nodes of a character file.
+    """A target whose joints are nodes of a character file."""
 
-    Attributes:
-        character: which nodes they are.
-        mesh: its mesh, read from the file when it is first asked for.
-    """
-
-    character: Character
+    character: Character  # which nodes they are
     mesh: CharacterMesh
 
     @property
@@ -89,12 +126,12 @@ def parse_target(file: InputFile) -> LoadedTarget:
     """Return the target in a file as `load_target` does."""
     match file.kind:
         case "skeleton":
-            return _json_target(parse_json(file.path, file.text))
+            return skeleton_target(parse_json(file.path, file.text))
         case "BVH":
             return _bvh_target(file.text, file.path)
         case "arrays":
             return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
-    character = parse_character(file)
+    character = character_of(read_scene(file, animated=False))
     skeleton = with_bones(character.skeleton, file.path)
     return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character))
 
@@ -119,198 +156,38 @@ def _bvh_target(text: str, path: str | Path) -> Target:
     return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
 
 
-def _json_target(document: Node) -> LoadedTarget:
-    document.check_header(format=FORMAT, version=VERSION)
-    fields = document.fields(("format", "version"), ("name", *FULL_KEYS, *SHORT_KEYS))
-    name = fields.read("name", Node.text, "")
-    full, short = ([key for key in keys if key in fields] for keys in (FULL_KEYS, SHORT_KEYS))
-    if full and short:
-        both_forms = f"{quoted(FULL_KEYS)} or {quoted(SHORT_KEYS)}"
-        fields[short[0]].fail(f'cannot be combined with "{full[0]}"; expected {both_forms}')
-    if full:
-        return _full_form(document, fields, name)
-    return SkeletonEdit(
-        scale=fields.read("scale", Node.positive, 1.0),
-        lengths=fields.read("lengths", _positives, {}),
-        factors=fields.read("factors", _positives, {}),
-        path=document.path,
-    )
-
-
-def _positives(node: Node) -> Mapping[str, float]:
-    return {name: number.positive() for name, number in node.entries(entry_place).items()}
-
-
-def _full_form(document: Node, fields: Fields, name: str) -> Target:
-    if "joints" not in fields:
-        document.fail('has no "joints"')
-    joints = [
-        node.fields(("name", "parent", "offset"), ("channels", "end", "radius")) for node in fields["joints"].items()
-    ]
-    if not joints:
-        fields["joints"].expected("at least a root and one more joint")
-    units = fields.read("units", lambda node: node.one_of(UNITS), None)
-    up = fields.read("up", lambda node: node.one_of(AXES), None)
-    try:
-        skeleton = _skeleton(joints, units, up)
-    except SkeletonError as error:
-        fields["joints"].fail(str(error))
-    pairs = fields["map"].entries(entry_place) if "map" in fields else {}
-    for key, node in pairs.items():
-        if key not in skeleton.keys:
-            node.fail(f"the target has no such joint; {closest(key, skeleton.keys)}")
-    joint_map = {key: node.text_or_null() for key, node in pairs.items()}
-    radii = {number: fields["radius"].positive() for number, fields in enumerate(joints) if "radius" in fields}
-    return Target(with_bones(skeleton, document.path, "joints"), joint_map, name, radii=radii)
-
-
-def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Skeleton:
-    names = tuple(joint["name"].name() for joint in joints)
-    ends = [joint.read("end", Node.flag, False) for joint in joints]
-    if ends[0]:
-        joints[0]["end"].fail("the root cannot be an End Site")
-    for joint, end in zip(joints, ends, strict=True):
-        if end and "radius" in joint:
-            joint["radius"].fail("an End Site moves no part of the body; give the radius of its parent")
-    return Skeleton(
-        names=names,
-        parents=np.array(_parents([joint["parent"] for joint in joints], names, ends)),
-        offsets=np.array([joint["offset"].numbers(3) for joint in joints]),
-        channels=tuple(map(_channels, joints, ends)),
-        end_sites=np.array(ends),
-        units=units,
-        up=up,
-    )
-
-
-def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
-    """The channels of a joint: those that the file states, else the usual ones."""
-    if "channels" not in joint:
-        usual = USUAL_ROTATIONS if joint["parent"].value is not None else USUAL_ROOT
-        return () if end else usual
-    channels: list[str] = []
-    for node in joint["channels"].items():
-        if end:
-            joint["channels"].fail("an End Site has no channels")
-        if node.text() not in ALL_CHANNELS:
-            node.fail(f"unknown channel {described(node.value)}; {closest(node.text(), ALL_CHANNELS)}")
-        if node.text() in channels:
-            node.fail(f"expected each channel once, found {described(node.value)} again")
-        channels.append(node.text())
-    return tuple(channels)
-
-
-def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) -> list[int]:
-    """(joints,), the number of each joint's parent, -1 for the root."""
-    roots = [node for node in nodes if node.value is None]
-    if not roots:
-        nodes[0].expected("null, since the first joint is the root")
-    if nodes[0].value is not None:
-        roots[0].fail("the root must be the first joint")
-    if len(roots) > 1:
-        roots[1].expected(f"the name of a joint, since {names[0]!r} is the root")
-    parents, known = [-1], {names[0]: [0]}
-    for node in nodes[1:]:
-        parents.append(_parent(node, names, parents, known))
-        known.setdefault(names[len(parents) - 1], []).append(len(parents) - 1)
-        if ends[parents[-1]]:
-            node.fail(f"{node.text()!r} is an End Site, which has no children")
-    return parents
-
-
-def _parent(node: Node, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]) -> int:
-    """The joint that a node names, which must be one of the `known` joints, by name."""
-    meant = joints_meant(node.text(), names, parents, known)
-    if not meant and node.text() in names:
-        node.fail(f"expected the name of an earlier joint, found {node.text()!r}, which is not one")
-    if not meant:
-        node.fail(f"no joint {node.text()!r}; {closest(node.text(), names)}")
-    if len(meant) > 1:
-        paths = quoted(f"{names[parents[joint]]}/{names[joint]}" for joint in meant)
-        node.fail(f"{node.text()!r} may be {paths}; write the parents too, as in these")
-    return meant[0]
-
-
-def joints_meant(
-    reference: str, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]
-) -> list[int]:
-    """The joints among those `known`, by name, that a reference `name`, `parent/name` and so on may mean.
-
-    A reference that is the whole path from the root to a joint means that joint alone. So each of `Skeleton.keys` means
-    its own joint, as long as no name contains "/".
-    """
-    ends = (reference[start:] for start in (0, *(slash.end() for slash in re.finditer("/", reference))))
-    joints = sorted(joint for name in ends for joint in known.get(name, ()))
-    tops = {joint: _top(reference, joint, names, parents) for joint in joints}
-    whole = [joint for joint, top in tops.items() if top == 0]
-    return whole if len(whole) == 1 else [joint for joint, top in tops.items() if top >= 0]
-
-
-def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int]) -> int:
-    """The first joint of the path that a reference to a joint spells; -1 if it spells another path."""
-    end = len(reference)
-    while joint >= 0 and reference.endswith(names[joint], 0, end):
-        end -= len(names[joint]) + 1
-        if end < 0:
-            return joint
-        joint = parents[joint] if reference[end] == "/" else -1
-    return -1
-
-
-def skeleton_to_json(
-    skeleton: Skeleton, name: str, joint_map: JointMap | None = None, radii: Mapping[int, float] | None = None
-) -> str:
-    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map; `radii` are
-    those of joints.
-
-    Each joint and each pair of the map has a line of its own.
+def load_build(path: str | Path) -> Build:
+    """Return the build of the body in a file: a character whose mesh shows it (GLB, glTF, VRM, FBX), or a skeleton file
+    with radii; or an average build by its name: "adult", "child", "baby", "old", "thin", "fat" or "muscular". Any body
+    that is recognised can have it.
 
     Raises:
-        SkeletonError: because of a "/" in joint names it is not clear which joint is a parent.
+        FileError: the file cannot be read, shows no thickness, or no human body is recognised in it; or no average
+            build has this name.
+        SkeletonFileError, BvhError: it is not valid.
     """
-    head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
-    lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
-    thick = radii or {}
-    parents = _references(skeleton)
-    entries = (_joint(skeleton, joint, parents[joint], thick.get(joint)) for joint in range(len(skeleton)))
-    joints = ",\n".join(f"    {_dump(entry)}" for entry in entries)
-    pairs = f',\n  "map": {pairs_to_json(joint_map, "  ")}' if joint_map else ""
-    return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
+    if str(path) in BUILDS:
+        return average_build(str(path))
+    if not Path(path).suffix and not Path(path).exists():
+        raise FileError(path, f"is neither a file nor an average build ({', '.join(BUILDS)})")
+    return parse_build(load_file(path))
 
 
-def pairs_to_json(joint_map: Mapping[str, object], indent: str = "") -> str:
-    """Return the JSON object of a map, one pair per line; the lines after the first begin with `indent`."""
-    pairs = ",\n".join(f"{indent}  {_dump(key)}: {_dump(driver)}" for key, driver in joint_map.items())
-    return f"{{\n{pairs}\n{indent}}}"
+def parse_build(file: InputFile) -> Build:
+    """Return the build of the body in a file as `load_build` does."""
+    target = parse_full_target(file)
+    body, mesh = Body.of(target.skeleton, target.motion), target.mesh()
+    if body.anatomy is None:
+        raise FileError(file.path, "shows no human body, so that another body cannot be as thick as it")
+    if mesh is None and not target.radii:
+        raise FileError(file.path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
+    return Build.of(body, capsules_of(body, mesh, target.radii))
 
 
-def _references(skeleton: Skeleton) -> list[str | None]:
-    """The key of each joint's parent, by which a file names it; None for the root."""
-    references: list[str | None] = []
-    known: dict[str, list[int]] = {}
-    parents = skeleton.parents.tolist()
-    for joint, parent in enumerate(parents):
-        key = skeleton.keys[parent] if joint else None
-        if key is not None and joints_meant(key, skeleton.names, parents, known) != [parent]:
-            raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
-        references.append(key)
-        known.setdefault(skeleton.names[joint], []).append(joint)
-    return references
-
-
-def _joint(skeleton: Skeleton, joint: int, parent: str | None, radius: float | None) -> dict[str, object]:
-    """The entry of a joint in the full form."""
-    last = {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
-    thick = {} if radius is None else {"radius": float(f"{radius:.6g}")}
-    return {
-        "name": skeleton.names[joint],
-        "parent": parent,
-        "offset": skeleton.offsets[joint].tolist(),
-        **last,
-        **thick,
-    }
-
-
-def _dump(value: object) -> str:
-    """The JSON of a value on one line; only characters that UTF-8 cannot encode are escaped."""
-    return json.dumps(value, ensure_ascii=False).encode("utf-8", "backslashreplace").decode()
+def with_source(builds: Builds, file: InputFile) -> Builds:
+    """Return the builds with that of the source, whose motion is in this file, where its mesh shows it."""
+    if builds.source is not None or file.kind not in ("glTF", "FBX"):
+        return builds
+    with suppress(DistretargetError):
+        return replace(builds, source=parse_build(file))
+    return builds

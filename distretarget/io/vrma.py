@@ -12,17 +12,15 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import ARM, FINGERS, SIDES
 from distretarget.body.body import Body
 from distretarget.body.humanoid import FINGER, THUMB
-from distretarget.character.nodes import Animation, Nodes
+from distretarget.character.nodes import Animation
 from distretarget.errors import MotionError, quoted
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.json_text import compact
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.vectors import Array, normalised
 from distretarget.skeleton import METRES
-
-Array = NDArray[np.float64]
 
 NEAR_FLOOR = 0.1  # a body stands whose lowest joint is this near to height 0 [heights of the body]
 USUAL_HEIGHT = 1.7  # of a body whose file does not state its units [m]
@@ -51,7 +49,8 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     unit = METRES[motion.skeleton.units] if motion.skeleton.units else USUAL_HEIGHT / body.height
     joints = sorted(bones.values())
     number = {joint: place for place, joint in enumerate(joints)}
-    parents = np.array([_above(motion, joint, number) for joint in joints])
+    lines = [[number[each] for each in motion.skeleton.line(joint)[1:] if each in number] for joint in joints]
+    parents = np.array([line[0] if line else -1 for line in lines])
     places = motion.skeleton.posed(rest.as_quat())
     height = _height(places, float(upright.apply(np.array(motion.skeleton.offsets[0]))[1]))
     offsets = unit * (places[joints] - np.where((parents >= 0)[:, None], places[joints][parents], [0.0, -height, 0.0]))
@@ -61,19 +60,10 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     )
     local = (above.inv() * world).as_quat()
     hips = unit * upright.apply(motion.positions[:, bones["hips"]])
-    animation = Animation(
-        name,
-        len(motion),
-        motion.frame_time_text,
-        translations={number[bones["hips"]]: hips},
-        rotations={place: local[:, place] for place in number.values()},
-        extras=extras,
-    )
-    text = compact(_document(bones, number, parents, offsets)).encode()
-    gltf = parse_gltf(text, "animation.vrma")
-    still = np.zeros((len(joints), 3))
-    nodes = Nodes((), parents, offsets, np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1)), still + 1.0)
-    return animated(gltf, [animation], nodes)
+    translations, rotations = {number[bones["hips"]]: hips}, {place: local[:, place] for place in number.values()}
+    animation = Animation(name, len(motion), motion.frame_time_text, translations, rotations, extras=extras)
+    document = compact(_document(bones, number, parents, offsets))
+    return animated(parse_gltf(document.encode(), "animation.vrma"), [animation])
 
 
 def _height(places: Array, stated: float) -> float:
@@ -100,11 +90,6 @@ def humanoid_bones(body: Body) -> dict[str, int]:
     if "spine" not in bones and "chest" in bones:
         bones["spine"] = bones.pop("chest")  # a single joint is the spine
     return bones
-
-
-def _above(motion: Motion, joint: int, number: Mapping[int, int]) -> int:
-    """The number of the nearest joint above that has one; -1 without one."""
-    return next((number[each] for each in motion.skeleton.line(joint)[1:] if each in number), -1)
 
 
 def _t_pose(body: Body, bones: Mapping[str, int], upright: Rotation) -> Rotation:

@@ -1,22 +1,27 @@
-"""What is wrong with a clip as it is, without a target: cuts, jumps, frozen frames, bones that stretch, and so on."""
+"""What is wrong with a clip as it is, without a target: cuts, jumps, frozen frames, feet that skate, and so on.
+
+Each kind of fault is one number with a limit; lengths are in leg lengths of the body, so that units do not matter.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.measure.clip_feet import faults_of_feet
-from distretarget.measure.faults import Finding, Findings
+from distretarget.body.legs import Leg
+from distretarget.body.resting import feet_at_rest
 from distretarget.motion import Motion
-from distretarget.numerics.joint_paths import steps_along
+from distretarget.numerics.joint_paths import heights_of, steps_along
 from distretarget.numerics.time_series import Shots, spans_of
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Joints = NDArray[np.intp]
 
 MOST = 0.3  # at a cut the median step of the joints is at least this share of their mean step
 LONE = 0.25  # frames before a cut are a pose by themselves if they last up to this [s]
@@ -28,6 +33,58 @@ SAME = 1e-7  # joints that move less in a frame stay where they are [leg lengths
 AT_ONCE = 0.1  # a body that moves faster than this, on average over its joints, does not stop at once [leg lengths / s]
 MOVING = 0.05  # and one that moves faster than this does not stand still for a frame [leg lengths / s]
 HOLD = 0.1  # equal frames for longer than this are frozen, for less repeated [s]
+
+LOW = 0.04  # a foot stands if ankle and toe are this near to their lowest heights [leg lengths] ...
+LOWEST = 2.0  # which are this percentile of them [%],
+LEVEL_SPEED = 0.1  # and rise or sink slower than this [leg lengths / s];
+SLIDES = 0.35  # it skates if they are faster than this along the floor [leg lengths / s] ...
+SKATE = 0.2  # for at least this time [s]
+TERRAIN = 0.15  # feet that rest at heights that differ by more than this are not on one floor [leg lengths]
+SPAN = 0.05  # speeds of feet are means over this time before and after a frame [s]
+STILL = 0.1  # a foot joint slower than this stands on something [leg lengths / s]
+LIKELY = 10  # no fewer resting frames show where the floor is
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of fault."""
+
+    meaning: str  # of its number
+    unit: str = ""
+    limit: float = 0.0  # a clip has the fault if the number is above this
+    plain: bool = False  # the number only says whether the clip has the fault, 1 or 0
+
+
+KINDS: Mapping[str, Kind] = {
+    "unreadable": Kind("the file cannot be read, or has no motion", plain=True),
+    "first_pose": Kind("frames of another pose, such as a T-pose, before the motion begins", "frames"),
+    "cuts": Kind("cuts, at which all joints jump"),
+    "jumps": Kind("frames to which a joint jumps, or in which it leaps out and back", "frames"),
+    "flips": Kind("frames to which a joint turns by more than 90 degrees at once", "frames"),
+    "frozen": Kind("the longest time for which a moving body stops dead", "s", 0.1),
+    "repeated": Kind("frames that repeat the one before in the middle of a movement", "%", 1.0),
+    "skating": Kind("the time for which a standing foot moves along the floor", "s", 0.3),
+    "below_floor": Kind("how deep joints go below the floor on which feet rest", "% of leg", 8.0),
+    "off_floor": Kind("how far the lowest joint is from height 0", "legs", 3.0),
+    "stretching": Kind("how much the length of a bone changes", "% of leg", 2.0),
+    "up_axis": Kind("the axis up is another than that of the skeleton, or of most clips of its rig", plain=True),
+    "sides": Kind("joints named left are on the right", plain=True),
+    "unit": Kind("how many times larger or smaller the body is than in most clips of its rig", "times", 1.5),
+    "frame_time": Kind("how much the frame time differs from that of most clips of its rig", "%", 1.0),
+    "duplicate": Kind("another clip has the same motion", plain=True),
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The number of a kind of fault in a clip, and where it is worst."""
+
+    value: float
+    frame: int | None = None
+    where: str = ""  # the joint, or the other clip
+
+
+Findings = dict[str, Finding]
 
 
 def find_faults(motion: Motion) -> Findings:
@@ -47,7 +104,7 @@ def find_faults(motion: Motion) -> Findings:
     begins = 2 * int(findings["first_pose"].value)  # it may take as many frames to settle
     if len(motion) - begins > 1 and len(joints):
         settled, kept = motion[begins:], np.flatnonzero(own[begins:])
-        found = faults_of_feet(settled, body, shots[begins:], joints) | {"stretching": _stretching(settled, body, leg)}
+        found = _of_feet(settled, body, shots[begins:], joints) | {"stretching": _stretching(settled, body, leg)}
         findings |= {kind: _at(each, np.arange(begins, len(motion))) for kind, each in found.items()}
         found = _of_steps(settled[kept], body, joints, shots[begins:][kept])
         findings |= {kind: _at(each, begins + kept) for kind, each in found.items()}
@@ -57,70 +114,9 @@ def find_faults(motion: Motion) -> Findings:
     return findings
 
 
-def _at(found: Finding, frames: NDArray[np.intp]) -> Finding:
+def _at(found: Finding, frames: Joints) -> Finding:
     """A finding in some frames of a clip, whose numbers are given."""
     return found if found.frame is None else replace(found, frame=int(frames[found.frame]))
-
-
-def _of_steps(motion: Motion, body: Body, joints: NDArray[np.intp], shots: Shots) -> Findings:
-    """Joints that jump or flip, in a motion without repeated frames."""
-    if len(motion) < 2:
-        return {"jumps": Finding(0.0), "flips": Finding(0.0)}
-    steps, inside = steps_along(motion.positions, joints) / (0.5 * body.unit), np.diff(shots) == 0
-    far = max(FAR, FAST * motion.frame_time)
-    return {
-        "jumps": _sudden(steps, far, inside, joints, body),
-        "flips": _sudden(_turns(motion, joints), TURN, inside, joints, body),
-    }
-
-
-def _shots(motion: Motion, body: Body) -> Shots:
-    """The shot of each frame, (frames,); a limb that jumps alone makes no cut."""
-    if len(motion) < 2:
-        return np.zeros(len(motion), np.intp)
-    edges = np.diff(body.shots_of(motion)) != 0
-    steps = steps_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0))
-    edges &= np.median(steps, axis=1) > MOST * steps.mean(axis=1)
-    return np.insert(np.cumsum(edges), 0, 0).astype(np.intp)
-
-
-def _cuts(shots: Shots, frame_time: float) -> Findings:
-    """Frames before the motion begins, and cuts after that."""
-    edges = np.flatnonzero(np.diff(shots)) + 1
-    long = max(LONE / frame_time, 1.0)
-    begins = 0
-    for edge in edges:
-        if edge - begins > long:
-            break
-        begins = int(edge)
-    later = edges[edges > begins]
-    first = int(later[0]) if len(later) else None
-    return {"first_pose": Finding(begins, 0 if begins else None), "cuts": Finding(len(later), first)}
-
-
-def _sudden(steps: Array, far: float, inside: Flags, joints: NDArray[np.intp], body: Body) -> Finding:
-    """The number of frames to which a joint goes farther than `far`, and `SUDDEN` times as far as around; `steps` are
-    (frames - 1, joints), those at cuts are not `inside`.
-    """
-    padded = np.pad(np.where(inside[:, None], steps, 0.0), ((2, 2), (0, 0)), "reflect" if len(steps) > 2 else "edge")
-    far_steps = (steps > far) & inside[:, None]
-    far_steps[[0, -1]] = False  # nothing shows how the body moves before and after
-    frames, some = np.nonzero(far_steps)
-    around = np.sort([padded[frames + k, some] for k in (0, 1, 3, 4)], axis=0)[1:3].mean(axis=0)
-    sudden = steps[frames, some] > SUDDEN * around
-    frames, some = frames[sudden], some[sudden]
-    if not len(frames):
-        return Finding(0.0)
-    worst = int(steps[frames, some].argmax())
-    name = body.skeleton.keys[joints[some[worst]]]
-    return Finding(float(len(np.unique(frames))), int(frames[worst]) + 1, name)
-
-
-def _turns(motion: Motion, joints: NDArray[np.intp]) -> Array:
-    """(frames - 1, joints), how far each joint turns against its parent to the next frame [rad]."""
-    rotations = motion.rotations[:, joints]
-    cosine = np.abs((rotations[1:] * rotations[:-1]).sum(axis=-1))
-    return np.asarray(2.0 * np.arccos(np.minimum(cosine, 1.0)))
 
 
 def _still(steps: Array, frame_time: float) -> Findings:
@@ -138,15 +134,151 @@ def _still(steps: Array, frame_time: float) -> Findings:
     return {"frozen": Finding(frozen, first), "repeated": Finding(share, first_repeated)}
 
 
+def _shots(motion: Motion, body: Body) -> Shots:
+    """The shot of each frame, (frames,); a limb that jumps alone makes no cut."""
+    if len(motion) < 2:
+        return np.zeros(len(motion), np.intp)
+    edges = np.diff(body.shots_of(motion)) != 0
+    steps = steps_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0))
+    edges &= np.median(steps, axis=1) > MOST * steps.mean(axis=1)
+    return np.insert(np.cumsum(edges), 0, 0).astype(np.intp)
+
+
+def _cuts(shots: Shots, frame_time: float) -> Findings:
+    """Frames before the motion begins, and cuts after that."""
+    edges = np.flatnonzero(np.diff(shots)) + 1
+    begins = 0
+    for edge in edges:
+        if edge - begins > max(LONE / frame_time, 1.0):
+            break
+        begins = int(edge)
+    later = edges[edges > begins]
+    first = int(later[0]) if len(later) else None
+    return {"first_pose": Finding(begins, 0 if begins else None), "cuts": Finding(len(later), first)}
+
+
+def _of_steps(motion: Motion, body: Body, joints: Joints, shots: Shots) -> Findings:
+    """Joints that jump or flip, in a motion without repeated frames."""
+    if len(motion) < 2:
+        return {"jumps": Finding(0.0), "flips": Finding(0.0)}
+    steps, rotations = steps_along(motion.positions, joints) / (0.5 * body.unit), motion.rotations[:, joints]
+    cosine = np.abs((rotations[1:] * rotations[:-1]).sum(axis=-1))
+    turns = 2.0 * np.arccos(np.minimum(cosine, 1.0))  # against the parents [rad]
+    far, inside = max(FAR, FAST * motion.frame_time), np.diff(shots) == 0
+    return {
+        "jumps": _sudden(steps, far, inside, joints, body),
+        "flips": _sudden(turns, TURN, inside, joints, body),
+    }
+
+
+def _sudden(steps: Array, far: float, inside: Flags, joints: Joints, body: Body) -> Finding:
+    """The number of frames to which a joint goes farther than `far`, and `SUDDEN` times as far as around; `steps` are
+    (frames - 1, joints), those at cuts are not `inside`.
+    """
+    padded = np.pad(np.where(inside[:, None], steps, 0.0), ((2, 2), (0, 0)), "reflect" if len(steps) > 2 else "edge")
+    far_steps = (steps > far) & inside[:, None]
+    far_steps[[0, -1]] = False  # nothing shows how the body moves before and after
+    frames, some = np.nonzero(far_steps)
+    around = np.sort([padded[frames + k, some] for k in (0, 1, 3, 4)], axis=0)[1:3].mean(axis=0)
+    sudden = steps[frames, some] > SUDDEN * around
+    frames, some = frames[sudden], some[sudden]
+    if not len(frames):
+        return Finding(0.0)
+    worst = int(steps[frames, some].argmax())
+    name = body.skeleton.keys[joints[some[worst]]]
+    return Finding(float(len(np.unique(frames))), int(frames[worst]) + 1, name)
+
+
 def _stretching(motion: Motion, body: Body, leg: float) -> Finding:
     """The largest change of the length of a bone from its usual one [% of leg]."""
     if motion.moving is None:
         return Finding(0.0)
-    of_body = body.regions.of_joint[motion.moving.joints] >= 0
-    joints = motion.moving.joints[of_body & (body.regions.of_joint[body.skeleton.parents[motion.moving.joints]] >= 0)]
-    if not len(joints):
+    of_body, moving = body.regions.of_joint >= 0, motion.moving.joints
+    some = np.flatnonzero(of_body[moving] & of_body[body.skeleton.parents[moving]])
+    if not len(some):
         return Finding(0.0)
-    bones = lengths(motion.moving.translations[:, motion.moving.joints.searchsorted(joints)])
+    bones = lengths(motion.moving.translations[:, some])
     changes = np.abs(bones - np.median(bones, axis=0))
     frame, bone = np.unravel_index(changes.argmax(), changes.shape)
-    return Finding(100.0 * float(changes[frame, bone]) / leg, int(frame), body.skeleton.keys[joints[bone]])
+    return Finding(100.0 * float(changes[frame, bone]) / leg, int(frame), body.skeleton.keys[moving[some[bone]]])
+
+
+def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Joints) -> Findings:
+    """What is wrong with feet, and with how a body, which has some `joints`, stands on the floor."""
+    if body.legs is None:
+        return {}
+    findings = {"off_floor": Finding(abs(body.lowest(body.up_vector)) / body.leg_length), "skating": Finding(0.0)}
+    skates = np.stack([_skates(motion, body, foot, shots) for foot in body.legs], axis=1)
+    spans = [(end - start, int(start), foot) for foot in (0, 1) for start, end in spans_of(skates[:, foot])]
+    if spans:
+        _, start, foot = max(spans, key=lambda span: span[0])
+        time = float(skates.any(axis=1).sum() * motion.frame_time)
+        findings["skating"] = Finding(time, start, body.skeleton.keys[body.legs[foot].ankle])
+    if (below := _below_floor(motion, body, joints)) is not None:
+        findings["below_floor"] = below
+    return findings
+
+
+def _skates(motion: Motion, body: Body, foot: Leg, shots: Shots) -> Flags:
+    """(frames,), whether a foot stands and moves along the floor."""
+    ends, up, leg = _ends(foot), body.up_vector, body.leg_length
+    heights = heights_of(motion.positions, ends, up) / leg
+    low = (heights - np.percentile(heights, LOWEST, axis=0) < LOW).all(axis=1)
+    rises = _mean_speeds(heights[..., None], motion.frame_time).max(axis=1)
+    along = _mean_speeds(level(motion.positions[:, ends], up) / leg, motion.frame_time).min(axis=1)
+    skates: Flags = low & (rises < LEVEL_SPEED) & (along > SLIDES)
+    reach = _reach(motion.frame_time)
+    for edge in np.flatnonzero(np.diff(shots)) + 1:
+        skates[max(edge - reach, 0) : edge + reach] = False
+    for start, end in spans_of(skates):
+        if (end - start) * motion.frame_time < SKATE:
+            skates[start:end] = False
+    return skates
+
+
+def _below_floor(motion: Motion, body: Body, joints: Joints) -> Finding | None:
+    """How deep joints go below the floor on which feet rest, while no foot stands lower; None if no foot rests, or if
+    they rest at several heights.
+    """
+    rests, up, leg = [*_rests(motion, body)], body.up_vector, body.leg_length
+    if not rests or max(high - low for low, _, high in rests) > TERRAIN * leg:
+        return None
+    floor = min(usual for _, usual, _ in rests)
+    ends = _ends(*body.legs or ())
+    lowest = heights_of(motion.positions, joints, up)
+    stands = (_mean_speeds(motion.positions[:, ends], motion.frame_time) < STILL * leg) & (
+        heights_of(motion.positions, ends, up) < floor - 0.01 * KINDS["below_floor"].limit * leg
+    )
+    lowest[stands.any(axis=1)] = np.inf
+    frame, joint = np.unravel_index(lowest.argmin(), lowest.shape)
+    depth = 100.0 * float(floor - lowest[frame, joint]) / leg
+    return Finding(depth, int(frame), body.skeleton.keys[joints[joint]]) if depth > 0.0 else Finding(0.0)
+
+
+def _rests(motion: Motion, body: Body) -> Iterator[tuple[float, float, float]]:
+    """For each foot joint that rests often: a low, its usual and a high height while it rests [file units]."""
+    for foot in body.legs or ():
+        rests = feet_at_rest(motion, foot, body.up_vector, body.leg_length)
+        heights = heights_of(motion.positions, [foot.ankle, foot.toe], body.up_vector)
+        for of_joint, at_rest in zip(heights.T, rests.T, strict=True):
+            if at_rest.sum() >= LIKELY:
+                low, usual, high = np.percentile(of_joint[at_rest], (10, 50, 90))
+                yield float(low), float(usual), float(high)
+
+
+def _ends(*feet: Leg) -> Joints:
+    """Ankles and toes, each once."""
+    return np.array(sorted({joint for foot in feet for joint in (foot.ankle, foot.toe)}), np.intp)
+
+
+def _mean_speeds(paths: Array, frame_time: float) -> Array:
+    """(frames, joints), the speeds of paths, (frames, joints, n), as means over `SPAN` before and after a frame."""
+    frames, reach = np.arange(len(paths)), _reach(frame_time)
+    before, after = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(paths) - 1)
+    times = np.maximum(after - before, 1) * frame_time
+    return np.asarray(lengths(paths[after] - paths[before]) / times[:, None])
+
+
+def _reach(frame_time: float) -> int:
+    """`SPAN` in frames."""
+    return max(round(SPAN / frame_time), 1)

@@ -8,20 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.body import Body
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.measure.contacts import Contacts, find_contacts
-from distretarget.measure.directions import direction_error, expected_directions, shared_bones
-from distretarget.measure.feet import Feet, find_feet
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.pops import INSTANT
+from distretarget.measure.movement import (
+    INSTANT,
+    bone_error,
+    direction_error,
+    expected_directions,
+    jerk,
+    shared_bones,
+    turns,
+)
 from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
-from distretarget.measure.supports import SupportsMeasured, find_supports
+from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
 from distretarget.motion import Motion
-from distretarget.numerics.joint_paths import stretch_of, thirds_along, turns_along
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -132,14 +136,14 @@ class Reference:
         self._bones = shared_bones(matching)
         self._directions = expected_directions(source, matching, self._bones)
         self._turned = np.flatnonzero(matching.drivers >= 0)
-        self._turns = _turns(source, matching.drivers[self._turned])
+        self._turns = turns(source, matching.drivers[self._turned])
         self._cuts = np.diff(matching.source.shots_of(source)) > 0
-        self._jerk = _jerk(source, matching.source)
+        self._jerk = jerk(source, matching.source)
 
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
-        further = _turns(result, self._turned)
+        further = turns(result, self._turned)
         further -= self._turns
         further *= np.degrees(INSTANT / result.frame_time)
         further[self._cuts] = 0.0
@@ -154,9 +158,9 @@ class Reference:
             distance_error=self._distance_error(result),
             bones=self._bones,
             direction_error=direction_error(self._directions, result, self._bones),
-            bone_error=_bone_error(result, self.matching.target),
+            bone_error=bone_error(result, self.matching.target),
             jerk_source=self._jerk,
-            jerk=_jerk(result, self.matching.target),
+            jerk=jerk(result, self.matching.target),
             turned=self._turned,
             turn=further,
         )
@@ -183,21 +187,3 @@ def _contact_gap(contacts: Contacts, matching: Matching) -> Array:
     farthest = np.zeros(len(contacts.strides))
     np.maximum.at(farthest, contacts.frame, 100.0 * (after - before))
     return farthest
-
-
-def _bone_error(result: Motion, body: Body) -> Array:
-    """(frames,), the largest relative error of the length of a bone of the body."""
-    skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
-    lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
-    return stretch_of(result.positions, skeleton.parents[lower], lower, skeleton.lengths[lower])
-
-
-def _jerk(motion: Motion, body: Body) -> Array:
-    """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
-    size = body.skeleton.longest_path * motion.frame_time**3
-    return np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size)
-
-
-def _turns(motion: Motion, joints: Joints) -> Array:
-    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad]."""
-    return turns_along(motion.skeleton.parents, motion.rotations, joints)

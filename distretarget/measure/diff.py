@@ -1,26 +1,30 @@
-"""Measure a motion B against a motion A, the reference, frame by frame."""
+"""Measure a motion B against a motion A, the reference, frame by frame; and a scene B against a scene A."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.baseline.rotation_copy import find_root_scale, followed_scale, longest_strides
 from distretarget.baseline.standing import on_own_soles
 from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
 from distretarget.body.body import Body
 from distretarget.body.thickness import capsules_of
-from distretarget.checks import check_kind
+from distretarget.checks import check_kind, check_number
 from distretarget.distances import distance_problem, posture_stress
-from distretarget.errors import MotionError, counted
+from distretarget.errors import MotionError, SettingsError, counted
 from distretarget.matching.matching import Matching, match
 from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.gaps import Gap, ScenePart, body_part, measure_gaps
 from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
 from distretarget.measure.skin import find_skin
-from distretarget.motion import Motion, check_reach
-from distretarget.skeleton import JointMap
+from distretarget.motion import Motion, check_reach, same_time
+from distretarget.numerics.vectors import extent
+from distretarget.skeleton import LARGEST, SMALLEST, JointMap
 
 Array = NDArray[np.float64]
 
@@ -136,3 +140,114 @@ def _check(motion: Motion, name: str) -> None:
     check_reach(motion, name)
     if not motion.rigid_skeleton.longest_path > 0:
         raise MotionError(f"no bone of {name} has a length; there is nothing to compare")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SceneDiff:
+    """Scene B measured against scene A.
+
+    Attributes:
+        performers: each performer of B measured against the same performer of A.
+        props: each prop in A and in B, A in B's world, both with as many frames as the shortest clip.
+        world_scale: units of B per unit of A along the floor.
+        gaps: between regions that touch in A, the longest contact first.
+    """
+
+    performers: tuple[Diff, ...]
+    props: tuple[tuple[Motion, Motion], ...]
+    world_scale: float
+    gaps: tuple[Gap, ...]
+
+    def __len__(self) -> int:
+        return min(map(len, self.performers))
+
+    @cached_property
+    def mean_gaps(self) -> tuple[float, float, float] | None:
+        """The mean gap in A, in B, and the mean difference [leg lengths], over all pairs of joints that touch in A;
+        None if nothing touches.
+        """
+        if not self.gaps:
+            return None
+        pairs = [gap.pairs for gap in self.gaps]
+        a, b, error = np.average([(gap.a, gap.b, gap.error) for gap in self.gaps], axis=0, weights=pairs)
+        return float(a), float(b), float(error)
+
+
+def diff_scenes(
+    performers: Sequence[Diff], props: Sequence[tuple[Motion, Motion]] = (), *, world_scale: float | None = None
+) -> SceneDiff:
+    """Measure the gaps between the performers and props of two scenes, A and B.
+
+    Args:
+        performers: each performer of B measured against the same performer of A, by `diff`.
+        props: each prop in A and in B, with the same joints.
+        world_scale: units of B per unit of A along the floor; if not given, the scale that `retarget_scene` chooses.
+
+    Raises:
+        MotionError: performers differ in B's frame time or in the axes that point up; or a prop has different joints in
+            A and B, no frames, or positions too large to compute with.
+        SettingsError: there is no performer, an argument has the wrong type, or the scale is not above 0.
+    """
+    _check_scenes(performers, props, world_scale)
+    first, matchings, frames = performers[0], [each.matching for each in performers], min(map(len, performers))
+    scale = world_scale or followed_scale([*map(find_root_scale, matchings)], [*map(longest_strides, matchings)])
+    placed = tuple(
+        (prop_in_world(a, first.world, frames, first.b.frame_time_text), b[np.minimum(np.arange(frames), len(b) - 1)])
+        for a, b in props
+    )
+    bodies = []
+    for each in performers:
+        a, b, regions = each.a.positions[:frames], each.b.positions[:frames], range(len(each.matching.regions.names))
+        bodies.append([body_part(each.matching, a, b, region) for region in regions])
+    parts = [ScenePart(a=a.positions, b=b.positions, keys=a.skeleton.keys) for a, b in placed]
+    sizes = [_size_ratio(a, b) or scale for a, b in placed]
+    found = [gap for _, gap in measure_gaps(bodies, [*zip(parts, sizes, strict=True)], scale)]
+    gaps = sorted(filter(None, found), key=lambda gap: (-gap.frames, gap.between, gap.regions))
+    return SceneDiff(performers=tuple(performers), props=placed, world_scale=scale, gaps=tuple(gaps))
+
+
+def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str) -> Motion:
+    """Return a prop of the source in the target's axes, resampled to `frames` frames; it stands still after its own."""
+    prop = world.turned(prop)
+    if len(prop) > 1:
+        prop = prop.resampled(frame_time_text, frames)
+    return replace(prop[np.minimum(np.arange(frames), len(prop) - 1)], frame_time_text=frame_time_text)
+
+
+def _check_scenes(
+    performers: Sequence[Diff], props: Sequence[tuple[Motion, Motion]], world_scale: float | None
+) -> None:
+    check_kind("performers", performers, Sequence)
+    if not performers:
+        raise SettingsError("performers is empty; expected a diff for each performer")
+    for number, performer in enumerate(performers, 1):
+        check_kind(f"performers[{number - 1}]", performer, Diff)
+        one, time = performers[0].b.frame_time, performer.b.frame_time
+        if not same_time(one, time):
+            raise MotionError(
+                f"performer {number} of B has a frame time of {time:g} s and performer 1 of {one:g} s; resample one"
+            )
+        (a, b), ups = ((each.world.source_up, each.world.up) for each in (performers[0], performer))
+        if ups != (a, b):
+            raise MotionError(
+                f"performer {number} has other axes up ({ups[0]} in A, {ups[1]} in B) than performer 1 ({a}, {b}); "
+                "tell `diff` which point up"
+            )
+    check_kind("props", props, Sequence)
+    for number, pair in enumerate(props, 1):
+        check_kind(f"prop {number}", pair, tuple)
+        for motion in pair:
+            check_kind(f"a motion of prop {number}", motion, Motion)
+            if not len(motion) or not extent(motion.positions) <= LARGEST:
+                raise MotionError(f"prop {number} has no frames, or positions beyond {LARGEST:g}; check its file")
+        in_a, in_b = (len(motion.skeleton) for motion in pair)
+        if in_a != in_b:
+            raise MotionError(f"prop {number} has {in_a} joints in A and {in_b} in B; expected the same")
+    if world_scale is not None:
+        check_number("world_scale", world_scale, SMALLEST, LARGEST)
+
+
+def _size_ratio(a: Motion, b: Motion) -> float:
+    """The size of a prop in B over that in A; 0 for a single point."""
+    size = a.rigid_skeleton.longest_path
+    return float(b.rigid_skeleton.longest_path / size) if size > 0 else 0.0

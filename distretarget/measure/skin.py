@@ -13,11 +13,17 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.arms import raised
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.inner_balls import inner_balls
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.skin_clusters import Clusters, Patches, clusters_of, patches_of
 from distretarget.measure.skin_depths import find_depths
-from distretarget.measure.skin_points import LIMBS, SkinPoints, points_of_capsules, points_of_mesh
+from distretarget.measure.skin_points import (
+    LIMBS,
+    Patches,
+    SkinPoints,
+    patches_of,
+    points_of_capsules,
+    points_of_mesh,
+)
+from distretarget.measure.solid_parts import Clusters, clusters_of, inner_balls
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of, over_blocks
 from distretarget.skeleton import Skeleton
@@ -158,9 +164,7 @@ class SourceSkin:
             there = PLACE[:-1] == PLACE[segment][:, None]
             for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
                 reach[frame[there[:, part]], either[there[:, part]], part] = np.inf
-            between = reach[:, :, : len(LIMBS)]
-            between[:] = np.maximum(between, between.transpose(0, 2, 1))
-            depths, vertices[block] = _depths(skin, result, block, reach)
+            depths, vertices[block] = _depths(skin, result, block, _of_first(reach))
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
             of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
             gaps[rows] = -np.where(there, of_arm, -np.inf).max(axis=1, initial=-np.inf)
@@ -204,12 +208,17 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
 
 
 def _depths(skin: Skin, motion: Motion, frames: slice, reach: Array) -> tuple[Array, Array]:
-    """The depths of `find_depths`, where two limbs meet those of the first of the two, and the vertices inside."""
-    grazing, limbs = GRAZING / 100.0 * skin.height, len(LIMBS)
-    found = find_depths(skin.patches, skin.clusters, motion, frames, reach, grazing)
-    between = found.depths[:, :, :limbs]
+    """`find_depths`, where two limbs meet those of the first of the two."""
+    posed = motion.positions[frames], motion.world_rotations_in(frames)
+    depths, inside = find_depths(skin.patches, skin.clusters, posed, reach, GRAZING / 100.0 * skin.height)
+    return _of_first(depths), inside
+
+
+def _of_first(of_limbs: Array) -> Array:
+    """Values of limbs and segments, (frames, limbs, segments), those of two limbs being the larger of both ways."""
+    between = of_limbs[:, :, : len(LIMBS)]  # the first segments are the limbs
     between[:] = np.maximum(between, between.transpose(0, 2, 1))
-    return found.depths, found.inside.sum(axis=1)
+    return of_limbs
 
 
 def _hanging(motion: Motion, body: Body, up: Array) -> NDArray[np.bool_]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.measure.skin_clusters import Clusters, Patches
-from distretarget.measure.skin_points import LIMBS
-from distretarget.motion import Motion
+from distretarget.measure.skin_points import LIMBS, Patches
+from distretarget.measure.solid_parts import Clusters
 from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.kinematics import turned
 from distretarget.skin.capsules import SEGMENTS
@@ -18,38 +16,27 @@ from distretarget.skin.capsules import SEGMENTS
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Depths:
-    """Where the skin of hands and forearms is in each frame.
-
-    Attributes:
-        depths: (frames, limbs, segments), how deep the deepest point of a limb is inside a segment; negative where it
-            is that far off, and minus the reach where that is farther [file units].
-        inside: (frames, limbs), the number of vertices that the points stand for that are inside any segment.
-    """
-
-    depths: Array
-    inside: Array
-
-
 def find_depths(
-    patches: Patches, clusters: Clusters, motion: Motion, frames: slice, reach: Array, grazing: float = 0.0
-) -> Depths:
-    """Return where points are in some frames; `reach`, (frames or 1, limbs, segments), is how far from a segment to
-    look [file units], negative infinity for not at all. Points that are no deeper than `grazing` are not inside.
+    patches: Patches, clusters: Clusters, posed: tuple[Array, Array], reach: Array, grazing: float = 0.0
+) -> tuple[Array, Array]:
+    """Return how deep the deepest point of each limb is inside each segment, (frames, limbs, segments), negative where
+    it is that far off, and minus the reach where that is farther [file units]; and the number of vertices, (frames,),
+    that the points stand for that are inside any segment, deeper than `grazing`.
+
+    `posed` are the positions and world rotations of the joints, (frames, joints, 3 and 4); `reach`, (frames or 1,
+    limbs, segments), is how far from a segment to look [file units], negative infinity for not at all.
     """
-    positions, points = np.ascontiguousarray(motion.positions[frames]), patches.points
-    depths = np.array(np.broadcast_to(-reach, (len(positions), len(LIMBS), len(SEGMENTS))))
-    inside = np.zeros((len(positions), len(LIMBS)))
+    points, frames = patches.points, len(posed[0])
+    depths, inside = np.array(np.broadcast_to(-reach, (frames, len(LIMBS), len(SEGMENTS)))), np.zeros(frames)
     bound = np.concatenate([points.offsets, points.weights[..., None]], axis=2)
     of_points = patches.limbs, patches.patches, patches.balls, points.joints, bound, points.counts
     of_body = clusters.groups, clusters.first, clusters.balls, clusters.capsules
-    fixed = positions, motion.world_rotations_in(frames), *of_points, *of_body
     near, placed = np.empty((4, len(clusters.balls)), np.intp), np.empty((len(clusters.balls), 4))
     scratch = near, placed, np.empty((len(patches.balls) + 2, 4))
-    given: list[Any] = [*(contiguous(each) for each in fixed), grazing, *scratch, depths, inside]
+    fixed = (contiguous(each) for each in (*posed, *of_points, *of_body))
+    given: list[Any] = [*fixed, grazing, *scratch, depths, inside]
     _find(*given)
-    return Depths(np.where(depths == np.inf, -np.inf, depths), inside)
+    return np.where(depths == np.inf, -np.inf, depths), inside
 
 
 @inlined()
@@ -218,4 +205,4 @@ def _find(  # type: ignore[no-untyped-def]
                         if deepest > deepest_of[segment]:
                             deepest_of[segment] = deepest
                     if is_inside:
-                        inside[frame, limb] += counts[point]
+                        inside[frame] += counts[point]

@@ -1,4 +1,4 @@
-"""Points on the skin of hands and forearms, which move with the joints of a body."""
+"""Points on the skin of hands and forearms, which move with the joints of a body, in patches of neighbours."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ Numbers = NDArray[np.intp]
 LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
 MOST = (128, 128, 64, 64)  # points of each limb
 INFLUENCES = 4  # most joints that move a point
+PATCH = 8  # most points of a patch
+BLENDED = 1.2  # room for points that other joints move as well [radii of a patch]
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a spiral over a surface [rad]
 
 
@@ -97,3 +99,51 @@ def _spiral(ends: Array, radii: Array, count: int) -> Array:
     radii = np.sqrt(np.maximum(radii**2 - beyond**2, 0.0))
     around = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * np.cross(along, across)
     return np.asarray(start + places[:, None] * along + radii[:, None] * around)
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Points of one limb that one joint moves most, in patches of a few neighbours.
+
+    Attributes:
+        limbs: (limbs + 1,), the first patch of each; the last is their end.
+        patches: (patches + 1, 2), joint and first point of each; the last is their end.
+        balls: (patches, 4), centre relative to the joint, and radius [file units].
+        points: the points in this order.
+    """
+
+    limbs: Numbers
+    patches: Numbers
+    balls: Array
+    points: SkinPoints
+
+
+def patches_of(points: SkinPoints) -> Patches:
+    """Return points in patches."""
+    rows, strongest = np.arange(len(points)), points.weights.argmax(axis=1)
+    joints, offsets = points.joints[rows, strongest], points.offsets[rows, strongest]
+    limbs, patches, balls = [0], [], []
+    order: list[int] = []
+    for limb in range(len(LIMBS)):
+        for joint in np.unique(joints[points.limbs == limb]).tolist():
+            for patch in halves(offsets, np.flatnonzero((points.limbs == limb) & (joints == joint)), PATCH):
+                middle = offsets[patch].mean(axis=0)
+                patches.append((joint, len(order)))
+                balls.append((*middle, BLENDED * lengths(offsets[patch] - middle).max()))
+                order.extend(patch.tolist())
+        limbs.append(len(patches))
+    return Patches(
+        limbs=np.array(limbs, np.intp),
+        patches=np.array([*patches, (-1, len(order))], np.intp),
+        balls=np.array(balls).reshape(-1, 4),
+        points=points[np.array(order, np.intp)],
+    )
+
+
+def halves(places: Array, on: Numbers, most: int) -> list[Numbers]:
+    """Return some of the places in halves of halves along their longest extent, down to parts of `most` at most."""
+    if len(on) <= most:
+        return [on]
+    in_line = on[np.argsort(places[on, np.ptp(places[on], axis=0).argmax()], kind="stable")]
+    half = len(on) // 2
+    return halves(places, in_line[:half], most) + halves(places, in_line[half:], most)

@@ -1,10 +1,14 @@
-"""Joints that rest on the world, apart from feet: when they do, and whether they slide or leave their height.
+"""What rests on the world in a source, feet and other joints: whether it slides in a result or leaves its height.
 
-Found from positions alone.
+All is found from positions alone. Heights are compared in leg lengths of each body. A foot is compared with how the
+target's own foot stands on its flat sole, so that a foot of another build is not an error. Where the target's feet have
+a mesh, its lowest vertices are their soles, and belong at the mean height of the source's sole over a rest, on a level
+floor (`level_on_floor`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -12,18 +16,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
+from distretarget.body.body import Body
+from distretarget.body.legs import Leg
+from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Underside, Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
-from distretarget.numerics.time_series import largest
+from distretarget.numerics.kinematics import turned_by
+from distretarget.numerics.time_series import largest, over_runs
 from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Joints = NDArray[np.intp]
 
 SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
-LOW = 0.1  # ... and no higher than this above the lowest joint [leg lengths]
+LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
+LOWEST = 2.0  # which is this percentile of them [%];
+LOW = 0.1  # other joints are no higher than this above the lowest joint [leg lengths]
+FLAT = 5.0  # a foot within this of the pitch of its flat sole stands flat [degrees]
+LEVEL = 0.5  # a sole stands on the floor, not on the tip or the back of the foot, if it is nearer to level [cosine]
 HOLD = 1.0  # a hand or head that holds on to something stays in its place for this long [s],
 PLACE = 0.02  # which is no larger than this [leg lengths],
 SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
@@ -32,11 +45,177 @@ BETWEEN = 0.5  # the body takes about this long from its feet to other supports 
 ENDS = ("left hand", "right hand", "head")  # the regions that hold on to something
 
 
+@dataclass(frozen=True, eq=False)
+class FlatFoot:
+    """A foot, and how it stands on its flat sole."""
+
+    leg: Leg
+    points: Joints  # (points,), the ankle and all joints below it; only the ankle if there is no toe
+    flat_pitch: float = np.nan  # elevation of the bone from ankle to toe on the flat sole [degrees]; nan if unknown
+    flat_height: float = np.nan  # of the ankle over the lowest point on the flat sole [file units]; nan if unknown
+    normal: Array | None = None  # (3,), the unit vector up from the flat sole in the ankle's axes; None if unknown
+
+    @classmethod
+    def of(cls, body: Body, leg: Leg, sole: Sole) -> FlatFoot:
+        """Return the foot of a leg: on its flat sole as in the rest pose if a person can stand in that pose and the
+        foot does not hang there, else as the motion shows.
+        """
+        toe = np.flatnonzero(sole.joints == leg.toe)
+        bone = np.linalg.norm(body.reference.positions[leg.toe] - body.reference.positions[leg.ankle])
+        if not (len(toe) and bone and sole.known):
+            return cls(leg, sole.joints)
+        sine = (sole.heights[toe[0]] - sole.ankle) / bone
+        pitch = float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
+        return cls(leg, sole.joints, pitch, sole.ankle, sole.normal)
+
+    def over_time(self, motion: Motion, hips: Array, up: Array) -> Array:
+        """(5, frames), the foot's `_FootTracks` but the first, heights in file units; nan what is unknown. `hips`,
+        (frames, 3), is the middle of the hip joints, `up`, (3,), the unit vector up.
+        """
+        ankle, normals = motion.positions[:, self.leg.ankle], np.full((len(motion), 3), np.nan)
+        if self.normal is not None:
+            normals = turned_by(motion.world_rotations_of(self.leg.ankle), self.normal)
+        heel, bone = ankle - self.flat_height * normals, motion.positions[:, self.leg.toe] - ankle
+        length = lengths(bone)
+        sine = np.divide(bone @ up, length, out=np.full_like(length, np.nan), where=length > 0)
+        pitch = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+        lowest = np.fmin(lowest_heights(motion.positions, up, self.points), heel @ up)
+        over_sole = ankle @ up - self.flat_height
+        return np.stack([lowest, normals @ up, pitch - self.flat_pitch, over_sole, (hips - ankle) @ up])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Feet:
+    """The feet of a result against those of its source. All arrays have no columns if the bodies have no legs.
+
+    Errors are nan in frames in which nothing is to be measured.
+    """
+
+    joints: Joints  # (foot joints,), the target's left ankle and toe, then the right ones
+    stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
+    skate_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
+    skate: Array  # the same of the result
+    foot_height: Array  # (frames, legs), of the sole while ankle or toe rests [% of leg length]
+    foot_pitch: Array  # (frames, legs), from the flat sole, while ankle and toe rest and the sole is down [degrees]
+    ankle_height: Array  # (frames, legs), over the source's floor, while the foot rests flat [% of leg length]
+    hips_height: Array  # (frames, legs), over a resting ankle, while only feet carry the body [% of leg length]
+
+
+@dataclass(frozen=True, eq=False)
+class _FootTracks:
+    """The feet of one body over time."""
+
+    skate: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
+    sole: Array  # (frames, legs), the height of the lowest joint of the foot or of the heel [leg lengths]
+    level: Flags  # (frames, legs), whether the sole, not the tip or the back of the foot, faces the floor
+    pitch: Array  # (frames, legs), of the foot from its flat sole [degrees]
+    flat_ankle: Array  # (frames, legs), the height of the ankle less that over a flat sole [leg lengths]
+    hips: Array  # (frames, legs), the height of the middle of the hip joints over the ankle [leg lengths]
+
+    @classmethod
+    def of(cls, motion: Motion, feet: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:
+        """Follow the feet of a motion, on legs of this length [file units]."""
+        hips = motion.positions[:, [foot.leg.hip for foot in feet]].mean(axis=1) if feet else np.zeros((len(motion), 3))
+        tracks = np.reshape([foot.over_time(motion, hips, up) for foot in feet], (len(feet), 5, len(motion)))
+        sole, level_by, pitch, flat_ankle, over_ankle = tracks.transpose(1, 2, 0)
+        skate = speeds_along(level(_foot_paths(motion, feet, length), up), motion.frame_time)
+        return cls(skate, sole / length, ~(level_by < LEVEL), pitch, flat_ankle / length, over_ankle / length)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SourceFeet:
+    """The feet of a source, which those of results are measured against."""
+
+    up: Array  # (3,), the unit vector up in source and results
+    feet: Sequence[FlatFoot]  # the target's
+    leg: float  # the length of the target's legs [file units]
+    stance: Flags  # as in `Feet`
+    tracks: _FootTracks  # of the source
+    belongs: Array  # (frames, legs), the height at which the sole belongs [leg lengths]
+    undersides: Undersides | None  # the skins of source and target; None if no mesh shows the target's feet
+
+    def in_result(self, result: Motion, others_carry: Flags) -> Feet:
+        """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
+        ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
+        source, own = self.tracks, _FootTracks.of(result, self.feet, self.leg, self.up)
+        sole = own.sole if self.undersides is None else self._lowest_skin(result, self.undersides)
+        on_sole = ankle_rests & toe_rests & source.level
+        flat = on_sole & (np.abs(source.pitch) <= FLAT)
+        alone = ankle_rests & ~others_carry[:, None]
+        return Feet(
+            joints=_foot_joints(self.feet),
+            stance=self.stance,
+            skate_source=source.skate,
+            skate=own.skate,
+            foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(sole - self.belongs), np.nan),
+            foot_pitch=np.where(on_sole, np.abs(own.pitch - source.pitch), np.nan),
+            ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
+            hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
+        )
+
+    def _lowest_skin(self, result: Motion, undersides: Undersides) -> Array:
+        """(frames, legs), the height of the lowest vertex of each foot, less that below a flat foot [leg lengths]."""
+        lowest = [undersides.target.lowest_of_foot(result, foot.leg.ankle, self.up) for foot in self.feet]
+        return (np.stack(lowest, axis=1) + undersides.soles[1]) / self.leg
+
+
+def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None) -> SourceFeet:
+    """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results, `undersides` are the skins
+    of both bodies, if known.
+    """
+    on_mesh = undersides if undersides is not None and undersides.feet_have_mesh else None
+    legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
+    both = [
+        (FlatFoot.of(matching.source, one, sole), FlatFoot.of(matching.target, other, own_sole))
+        for one, other, (sole, own_sole) in legs
+    ]
+    source_feet, feet = zip(*both, strict=True) if both else ((), ())
+    length, target_length = matching.leg_lengths
+    stance, tracks = _stance(source, source_feet, length, up), _FootTracks.of(source, source_feet, length, up)
+    return SourceFeet(
+        up=up,
+        feet=feet,
+        leg=target_length,
+        stance=stance,
+        tracks=tracks,
+        belongs=tracks.sole if on_mesh is None else _on_floor(tracks.sole, stance[:, ::2] | stance[:, 1::2]),
+        undersides=on_mesh,
+    )
+
+
+def _on_floor(soles: Array, rests: Flags) -> Array:
+    """(frames, legs), the heights at which soles belong that are at these heights in the source, (frames, legs), and
+    rest or not.
+    """
+    if not rests.any():
+        return soles
+    means = [over_runs(sole[:, None], rest.astype(float))[:, 0] for sole, rest in zip(soles.T, rests.T, strict=True)]
+    return level_on_floor(np.stack(means, axis=1), floor_height(soles, rests), rests, 1.0)
+
+
+def _stance(motion: Motion, feet: Sequence[FlatFoot], length: float, up: Array) -> Flags:
+    """(frames, foot joints), whether each foot joint rests: it is slow, and near its lowest heights."""
+    paths = _foot_paths(motion, feet, length)
+    heights = paths @ up
+    low = heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT
+    return np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
+
+
+def _foot_paths(motion: Motion, feet: Sequence[FlatFoot], length: float) -> Array:
+    """(frames, foot joints, 3), positions of the foot joints [leg lengths]."""
+    return motion.positions[:, _foot_joints(feet)] / length
+
+
+def _foot_joints(feet: Sequence[FlatFoot]) -> Joints:
+    """Ankle and toe of each foot in turn."""
+    return np.array([joint for foot in feet for joint in (foot.leg.ankle, foot.leg.toe)], np.intp)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SupportsMeasured:
     """The joints that rest on the world in a source, apart from feet, and how they do so in a result."""
 
-    joints: NDArray[np.intp]  # (joints,), of the target, that rest in some frame of the source
+    joints: Joints  # (joints,), of the target, that rest in some frame of the source
     on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
     holds: Flags  # (frames, joints), whether each holds on to something that stands still
     skate_source: Array  # (frames, joints), horizontal speed in the source [leg lengths / s]
@@ -110,7 +289,7 @@ def find_supports(
     )
 
 
-def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: float) -> Flags:
+def _holds(source: Motion, matching: Matching, joints: Joints, leg: float) -> Flags:
     """(frames, joints), whether each keeps its place while the base of its limb moves."""
     names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
@@ -118,7 +297,9 @@ def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: fl
 
     @cache
     def way_of(joint: int) -> Array:
-        return _extent(source.positions[:, drivers[joint]] / leg, reach)
+        """(frames,), the diagonal of the box that a joint's path fills within `reach` frames before and after."""
+        path = source.positions[:, drivers[joint]] / leg
+        return lengths(largest(path, reach) + largest(-path, reach))
 
     for column, joint in enumerate(joints.tolist()):
         if names[of_joint[joint]] in ENDS:
@@ -128,8 +309,3 @@ def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: fl
             stays = way < PLACE
             holds[:, column] = stays & (way_of(base) > SWAY * way + FARTHER) if stays.any() else stays
     return holds
-
-
-def _extent(path: Array, reach: int) -> Array:
-    """(frames,), the diagonal of the box that a path (frames, 3) fills within `reach` frames before and after."""
-    return lengths(largest(path, reach) + largest(-path, reach))

@@ -1,6 +1,6 @@
-"""Lengths, directions, products and angles of vectors; components are the last axis.
+"""The kinds of arrays, and lengths, directions, products and angles of vectors; components are the last axis.
 
-These are faster than numpy's `norm` along a short last axis, and than its `cross` for few vectors.
+The functions are faster than numpy's `norm` along a short last axis, and than its `cross` for few vectors.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 
 def lengths(vectors: Array) -> Array:
@@ -43,15 +45,14 @@ def level(vectors: Array, up: Array) -> Array:
 
 
 def angles_between(a: Array, b: Array) -> Array:
-    """The angles between vectors (..., n) of the same shape, (...) [rad]; 0 for a zero vector.
-
-    Accurate for all angles, as half of each is taken between the sides of a rhombus (W. Kahan).
+    """The angles between vectors (..., n) of one shape, (...) [rad]; 0 for a zero vector. Accurate for all angles, as
+    half of each is taken between the sides of a rhombus (W. Kahan).
     """
     a, b = a * lengths(b)[..., None], b * lengths(a)[..., None]
     return np.asarray(2.0 * np.arctan2(lengths(a - b), lengths(a + b)))
 
 
-def spread_out(points: NDArray[np.float64], most: int) -> NDArray[np.intp]:
+def spread_out(points: Array, most: int) -> Numbers:
     """Return the indices of up to `most` points, (points, dimensions), by farthest-point sampling from the first."""
     chosen, away = [0], np.full(len(points), np.inf)
     while len(chosen) < min(most, len(points)):

@@ -2,22 +2,21 @@
 
 A contact is what a limb goes out of its way for. A hand that hangs is near hip and thigh and touches neither; so joints
 of one body are in contact if they are clearly nearer than in a body with hanging arms, or if they stay near each other
-on a raised or bent arm.
+on a raised or bent arm. `ContactSettings` are what an animator may want to change; all else are constants.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import asdict, dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled
+from distretarget.checks import brief
+from distretarget.errors import SettingsError
 from distretarget.numerics.time_series import Shots, by_shot, largest, median_of_three, smoothstep, widened
-from distretarget.objectives.settings import ContactSettings
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
 
 FADE = 0.05  # [D] a contact fades out from `reach` to `reach` plus this
 # A pair is in contact up to `NEARER` times its D in a body with hanging arms, and in none from `AS_FAR` times it on.
@@ -25,6 +24,37 @@ NEARER = 0.6
 AS_FAR = 0.9
 HELD = 0.15  # a hand is held where it is if it keeps its D for this time before and after a frame [s]
 STEADY, UNSTEADY = 0.02, 0.04  # a D that varies by the first keeps, by the second does not [D]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ContactSettings:
+    """How strongly self-contacts and foot lock act; the defaults suit every clip and body.
+
+    Attributes:
+        strength: [-] stiffness of contacts against the source's rotations; 2 is twice as stiff.
+        reach: [-] two joints may be in contact up to this normalised distance D, Eq. (1), and fade out over the next
+            0.05. A larger reach keeps more contacts and changes the motion more.
+        blend: [s] a contact blends in over twice this time, and out over twice this time; longer is smoother.
+        foot_lock: [-] how strongly feet and other resting joints are held in place; 1 is usual, 0 leaves them free.
+
+    Raises:
+        SettingsError: a value is no finite number, or less than 0.
+    """
+
+    strength: float = 1.0
+    reach: float = 0.13
+    blend: float = 0.36
+    foot_lock: float = 1.0
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if not isinstance(value, int | float) or not 0 <= value < math.inf:
+                raise SettingsError(f"{name} is {value!r}; it has to be a finite number, not less than 0")
+
+
+DEFAULT_SETTINGS = ContactSettings()
 
 
 def activation(D: Array, shots: Shots, lead: float, reach: float) -> Array:
@@ -65,17 +95,16 @@ class SelfContact:
         farthest = self.reach + FADE
         return np.where(raised.any(axis=0), farthest, np.minimum(farthest, AS_FAR * hanging))
 
-    def activation(self, D: Array, hanging: Array, raised: Array, shots: Shots, kept: Array | None = None) -> Array:
+    def activation(self, D: Array, hanging: Array, raised: Array, shots: Shots, kept: Array) -> Array:
         """f: (frames, pairs), as `activation` for two bodies.
 
         `hanging`, (pairs,), is the D of the pairs in the same body with hanging arms, infinite where that is not known;
         `raised`, (frames, pairs), how far the arm of either joint is raised or bent, 0 to 1; `kept`, (frames, pairs), 0
-        where a contact is dropped, else 1; None to drop none.
+        where a contact is dropped, else 1.
         """
-        given = (D, raised) if kept is None else (D, raised, kept)
-        return by_shot(partial(self._activation, hanging), shots, *given)
+        return by_shot(partial(self._activation, hanging), shots, D, raised, kept)
 
-    def _activation(self, hanging: Array, D: Array, raised: Array, kept: Array | None = None) -> Array:
+    def _activation(self, hanging: Array, D: Array, raised: Array, kept: Array) -> Array:
         reach, farthest = self.reach, self.reach + FADE
         f = _sets_in(D, np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging))
         hangs = np.flatnonzero((AS_FAR * hanging < farthest) & raised.any(axis=0))
@@ -84,23 +113,10 @@ class SelfContact:
             varies = largest(D, self.held) + largest(-D, self.held)
             held = smoothstep((UNSTEADY - varies) / (UNSTEADY - STEADY)) * raised
             f[:, hangs] = np.maximum(f[:, hangs], held * _sets_in(D, reach, farthest))
-        return widened(f if kept is None else f * kept, self.lead)
+        return widened(f * kept, self.lead)
 
 
 def _sets_in(D: Array, near: Array | float, apart: Array | float) -> Array:
-    """(frames, pairs), the activation before it is widened."""
-    f, pairs = np.empty_like(D), np.ones(D.shape[1])
-    _write_sets_in(D, near * pairs, apart * pairs, f)
-    return f
-
-
-@compiled()
-def _write_sets_in(D, near, apart, f):  # type: ignore[no-untyped-def]
-    """Write the activation by the median of three frames of the distances D, (frames, pairs)."""
-    for frame in range(len(D)):
-        before, after = max(frame - 1, 0), min(frame + 1, len(D) - 1)
-        for pair in range(D.shape[1]):
-            a, b, c = D[before, pair], D[frame, pair], D[after, pair]
-            median = max(min(a, c), min(b, max(a, c)))
-            t = min(max((apart[pair] - median) / (apart[pair] - near[pair]), 0.0), 1.0)
-            f[frame, pair] = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+    """(frames, pairs), the activation before it is widened, by the median of three frames of the distances D."""
+    t = np.clip((apart - median_of_three(D)) / (apart - near), 0.0, 1.0)
+    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)

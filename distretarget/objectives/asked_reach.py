@@ -7,30 +7,28 @@ that would meet inside the trunk are brought out of it first, forwards.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.contact_entries import Contact, Plant
+from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot, widened
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.asked_springs import off_by, pair_of
 from distretarget.objectives.asking import Wish, Wishes
-from distretarget.objectives.looks import front_of
-from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
-from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
 from distretarget.skin.limbs import Limb, bent, reaching
-
-Array = NDArray[np.float64]
 
 FOREARM = 0.5  # what touches a forearm moves by about this share of what its wrist does
 STEPS = np.linspace(0.0, 0.5, 26)  # how far arms are brought out of the trunk, at most [body units]
 OUT = 0.15  # they lead in time over twice this [s]
-TRUNK = [SEGMENTS.index(name) for name in ("head", "neck", "chest", "belly", "pelvis", "left thigh", "right thigh")]
+TRUNK = [SEGMENTS.index(name) for name in (*TRUNK_SEGMENTS, "left thigh", "right thigh")]
 
 
 def reached(
@@ -78,7 +76,7 @@ def _moved(motion: Motion, wishes: Wishes, limbs: Sequence[Limb], moved: Array, 
     average = partial(averaged, reach=round(steady / clip.frame_time))
     moved = by_shot(average, clip.shots, moved) * (wishes.share > 0.0)[:, None, None]
     displaced = np.stack([reaching(motion, limb, moved[:, n]) for n, limb in enumerate(limbs)], axis=1)
-    return bent(motion, tuple(limbs), displaced)
+    return bent(motion, limbs, displaced)
 
 
 def _moving(
@@ -102,7 +100,7 @@ def _moving(
     return arms if arms or planted else found
 
 
-def _way_out(skin: BodySkin, posed: Array, parts: NDArray[np.intp], front: Array) -> Array:
+def _way_out(skin: BodySkin, posed: Array, parts: Numbers, front: Array) -> Array:
     """(frames,), how far the balls of limbs' parts have to go along `front`, (frames, 3), to leave the trunk or the
     head, unless they are to touch it [body units].
     """
@@ -126,3 +124,47 @@ def _way_out(skin: BodySkin, posed: Array, parts: NDArray[np.intp], front: Array
         )
         clear &= (far >= radius).all(axis=2)
     return np.where(clear.any(axis=1), STEPS[clear.argmax(axis=1)], 0.0)
+
+
+# ---- directions that are asked for: head, hands and feet turned as the source's, or with their front to a direction
+
+
+def with_looks(posed: Motion, wishes: Wishes, body: Body) -> Motion:
+    """Return a motion of the target's body with parts turned as asked for, and all that they carry with them."""
+    clip = wishes.clip
+    for wish in wishes.wishes:
+        if isinstance(wish.entry, Look):
+            roles = body.anatomy.roles if body.anatomy else {}
+            joint = roles.get(wish.entry.look, int(wish.joints[0][0]))  # the region of the head begins at the neck
+            goal = Rotation.from_quat(clip.copy.world_rotations[:, joint])
+            if wish.entry.like != "source":
+                goal = _facing(goal, wish.entry.like, front_of(body, clip.copy, joint))
+            posed = _turned(posed, joint, goal, wishes.firmness(wish))
+    return posed
+
+
+def front_of(body: Body, motion: Motion, joint: int) -> Array:
+    """(frames, 3), where the front of a joint points, as in the reference pose the body's does."""
+    pose = body.reference
+    front = Rotation.from_quat(pose.rotations[joint]).inv().apply(pose.axes[:, 2])
+    return np.asarray(Rotation.from_quat(motion.world_rotations_of(joint)).apply(front))
+
+
+def _facing(turned: Rotation, direction: Place, now: Array) -> Rotation:
+    """The rotations of a joint turned the shortest way so that its front, which points to `now`, has a direction."""
+    goal = np.broadcast_to(normalised(np.array([direction], float)), now.shape)
+    axis = cross(now, goal)
+    angle = np.arctan2(lengths(axis), (now * goal).sum(axis=1))
+    return Rotation.from_rotvec(normalised(axis) * angle[:, None]) * turned
+
+
+def _turned(posed: Motion, joint: int, goal: Rotation, weight: Array) -> Motion:
+    """The motion with a joint turned towards world rotations, by a weight from 0 to 1 in each frame."""
+    on, parent = weight > 0.0, posed.skeleton.parents[joint]
+    world = Rotation.from_quat(posed.world_rotations[on, joint])
+    way = (goal[on] * world.inv()).as_rotvec()
+    turned = Rotation.from_rotvec(weight[on, None] * way) * world
+    above = Rotation.from_quat(posed.world_rotations[on, parent]) if joint else None
+    rotations = np.array(posed.rotations)
+    rotations[on, joint] = (above.inv() * turned if above else turned).as_quat()
+    return replace(posed, rotations=rotations)

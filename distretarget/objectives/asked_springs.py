@@ -1,4 +1,4 @@
-"""Springs of contacts, distances and planted parts that are asked for, and by how much these are off.
+"""What is asked for as springs and supports: contacts, distances and planted parts, and by how much these are off.
 
 A spring brings its joints the share s of the way from the rotation copy to what is asked, however stiff the body:
 
@@ -14,26 +14,20 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.contact_entries import Contact, Distance, Plant
 from distretarget.ik.springs import Springs, joined
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
-from distretarget.numerics.vectors import lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
-from distretarget.objectives.planting import let_go, planted, turns_of
-from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import LEAST_WEIGHT, STIFFNESS, Supports
-from distretarget.skin.nearest import nearest_skin
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
+from distretarget.skin.meetings import nearest_skin
 
 STEADY = 0.3  # what is to be between joints is averaged over this time before and after [s]
 FACING = 0.1  # and where skins face each other over this [s]
@@ -57,9 +51,9 @@ def with_wishes(
             average = partial(averaged, reach=round(STEADY / clip.frame_time))
             springs.append(_spring(clip, pair, by_shot(average, clip.shots, way), firmness))
         elif isinstance(wish.entry, Plant) and not wish.entry.keep:
-            supports = let_go(supports, wish.joints[0], firmness)
+            supports = _let_go(supports, wish.joints[0], firmness)
         elif isinstance(wish.entry, Plant):
-            supports = planted(supports, clip, wish, firmness, undersides, skins)
+            supports = _planted(supports, clip, wish, firmness, undersides, skins)
     return replace(supports, asked_springs=joined(*springs))
 
 
@@ -101,7 +95,7 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
     now = between(motion, pair, clip)
     if isinstance(entry, Plant):
         assert wish.carrier is not None
-        return resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
+        return _resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
     on = np.zeros(0, np.intp) if skins is None else skins.target.between(*wish.joints)
     if isinstance(entry, Contact) and skins is not None and len(on):
         return _to_gap(clip, wish, motion, skins.target, on, _asked_gap(wishes, wish, skins))
@@ -143,30 +137,29 @@ def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers,
     return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
 
 
-def _nearest_way(motion: Motion, parts: Sequence[Joints]) -> Array:
+def _nearest_way(motion: Motion, parts: Sequence[Numbers]) -> Array:
     """(frames, 3), the way from the second of two parts to the first between the joints that are nearest in a frame."""
     ways = motion.positions[:, parts[0], None] - motion.positions[:, None, parts[1]]
     ways = ways.reshape(len(motion), -1, 3)
     return np.asarray(ways[np.arange(len(motion)), lengths(ways).argmin(axis=1)])
 
 
-def resting_way(
+def _resting_way(
     clip: Clip, wish: Wish, carrier: Carrier, motion: Motion, pair: tuple[int, int], skins: Skins | None
 ) -> Array:
     """(frames, 3), the way from a joint of the body to the part that rests on it and moves with it [body units]."""
-    own = turns_of(clip.copy, carrier.joint).inv().apply(between(clip.copy, pair, clip))
+    own = _turns_of(clip.copy, carrier.joint).inv().apply(between(clip.copy, pair, clip))
     thick = 0.0 if skins is None else sum(skins.target.thickness(joint) for joint in pair)
     offset = thick * normalised(own[wish.frames].mean(axis=0)[None])[0]
-    return np.asarray(turns_of(motion, carrier.joint).apply(offset))
+    return np.asarray(_turns_of(motion, carrier.joint).apply(offset))
 
 
 def _spring(clip: Clip, pair: tuple[int, int], way: Array, firmness: Array) -> Springs:
     """The spring that brings what is between two joints to a way, (frames, 3) [body units]."""
     A = np.zeros((len(clip), 1, 3, 3))
     on = firmness > LEAST_WEIGHT
-    if on.any():
-        s = firmness[on, None, None]
-        A[on, 0] = np.linalg.inv(_compliance(clip, pair, on) * (1.0 - s) / s + np.eye(3) / STIFFNESS)
+    s = firmness[on, None, None]
+    A[on, 0] = np.linalg.inv(_compliance(clip, pair, on) * (1.0 - s) / s + np.eye(3) / STIFFNESS)
     a, b = pair
     return Springs(np.array([a]), np.array([b]), way[:, None], A)
 
@@ -182,3 +175,78 @@ def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
                 arms[:, clip.parts[skeleton.parents[joint]]] += sign * bones[:, joint]
     square = ((arms**2).sum(axis=2) / h[:-1]).sum(axis=1)
     return np.asarray(square[:, None, None] * np.eye(3) - np.einsum("fpi,fpj,p->fij", arms, arms, 1.0 / h[:-1]))
+
+
+# ---- parts that are planted on the world, on props and on other performers, and parts that are let go
+
+
+def _let_go(supports: Supports, joints: Numbers, firmness: Array) -> Supports:
+    """The supports without those at some joints, where `firmness`, (frames,), is 1."""
+    at = np.isin(supports.joints, joints)
+    return replace(supports, weights=np.where(at, supports.weights * (1.0 - firmness[:, None]), supports.weights))
+
+
+def _planted(
+    supports: Supports, clip: Clip, wish: Wish, firmness: Array, undersides: Undersides | None, skins: Skins | None
+) -> Supports:
+    """The supports with a part that is planted where `firmness`, (frames,), is 1."""
+    columns = np.flatnonzero(np.isin(supports.joints[: supports.feet], wish.joints[0]))
+    if not len(columns):
+        first = wish.joints[0][:1]
+        if not np.isin(first, supports.joints):
+            nowhere = np.zeros((len(clip), 1))
+            supports = supports.with_joints(first, clip.regions.of_joint[first], nowhere, clip.copy_on_path(first))
+        columns = np.flatnonzero(supports.joints == first)
+    joints, on = supports.joints[columns], np.flatnonzero(wish.frames)
+    copy = clip.copy_on_path(joints)
+    goal = _goal(supports, clip, wish, columns, copy, undersides, skins)
+    edge = np.clip(np.arange(len(clip)), on[0], on[-1])  # outside of its frames it moves with the copy
+    goal = copy + (goal - copy)[edge]
+    weights, places, w = np.array(supports.weights), np.array(supports.places), firmness[:, None]
+    places[:, columns] += w[..., None] * (goal - places[:, columns])
+    weights[:, columns] = np.maximum(weights[:, columns], w)
+    return replace(supports, weights=weights, places=places)
+
+
+def _goal(
+    supports: Supports,
+    clip: Clip,
+    wish: Wish,
+    columns: Numbers,
+    copy: Array,
+    undersides: Undersides | None,
+    skins: Skins | None,
+) -> Array:
+    """(frames, columns, 3), where planted joints are to be [target file units]; `copy` is where the copy's are."""
+    entry, joints, on, is_foot = wish.entry, supports.joints[columns], wish.frames, columns[0] < supports.feet
+    assert isinstance(entry, Plant)
+    if wish.carrier is not None:
+        thick = 0.0 if skins is None else skins.target.thickness(int(joints[0])) * clip.unit
+        return _carried(wish.carrier, copy, on, thick)
+    here = copy[on].mean(axis=0)
+    if is_foot:
+        places = supports.places[on][:, columns]  # of the sole as it is on the floor
+        here = places[lengths(places - places.mean(axis=0)).sum(axis=1).argmin()]
+    if not isinstance(entry.on, str):
+        here = here - here[0] + np.array(entry.on)
+    elif entry.on == "floor" and not is_foot:
+        floor = np.full(len(joints), clip.scale.height * np.median(clip.source_floor[on]))
+        if undersides is not None:
+            floor += undersides.target.below(clip.copy, joints, clip.up)[on].mean(axis=0) - undersides.soles[1]
+        here = level(here, clip.up) + np.outer(floor, clip.up)
+    return np.broadcast_to(here, copy.shape)
+
+
+def _carried(carrier: Carrier, copy: Array, on: Flags, thick: float) -> Array:
+    """(frames, columns, 3), places that move with what they rest on, `thick` above its surface."""
+    assert carrier.motion is not None
+    at, turns = carrier.motion.positions[:, carrier.joint], _turns_of(carrier.motion, carrier.joint)
+    ways = np.stack([turns.inv().apply(x - at)[on].mean(axis=0) for x in copy.swapaxes(0, 1)])
+    surface, out = carrier.nearest(ways[0])
+    ways += surface + (thick + carrier.radii[carrier.joint]) * out - ways[0]
+    return np.stack([at + turns.apply(way) for way in ways], axis=1)
+
+
+def _turns_of(motion: Motion, joint: int) -> Rotation:
+    """The rotations of a joint in the world."""
+    return Rotation.from_quat(motion.world_rotations_of(joint))

@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, widened
-from distretarget.numerics.vectors import normalised
-from distretarget.objectives.clip import Clip
-from distretarget.objectives.dropped import Drop, Dropped
+from distretarget.numerics.vectors import Array, Flags, Numbers, normalised
+from distretarget.objectives.clip import Clip, Drop
 from distretarget.objectives.supports import BLEND as FOOT_BLEND
-from distretarget.objectives.units import centimetres
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
-
-KEYS = {Contact: "between", Plant: "plant", Distance: "distance", Look: "look"}
 NO_OTHERS: Mapping[str, Carrier] = {}
 TURNED = ("head", "hand", "foot")  # parts whose direction can be kept
+ADULT = 170.0  # the body unit of an adult, twice the leg's length [cm]
+UNITS = (100.0, 1.0, 0.1, 2.54 / 0.45)  # m, cm, mm, and that of the CMU data base [cm]
 
 
 def _away(place: Array) -> tuple[Array, Array]:
@@ -54,16 +49,11 @@ class Wish:
     """An entry that changes something, on a clip."""
 
     entry: Entry
-    joints: tuple[Joints, ...]  # the target's joints of each part
+    joints: tuple[Numbers, ...]  # the target's joints of each part
     frames: Flags  # (frames,)
     weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
     lead: int  # it sets in and lets go over so many frames
     carrier: Carrier | None = None  # what a part is planted on
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """The names of its parts, in the order of the file."""
-        return tuple(_named(self.entry))
 
     @property
     def drops(self) -> bool:
@@ -91,7 +81,7 @@ class Wishes:
         """
         found = []
         for entry in contacts:
-            joints = tuple(_joints_of(contacts, clip, entry, n, name) for n, name in enumerate(_named(entry)))
+            joints = tuple(_joints_of(contacts, clip, entry, n, name) for n, name in enumerate(entry.named))
             on = frames_of(contacts, clip, entry)
             _check_parts(contacts, clip, entry, joints)
             carrier = _carrier_of(contacts, clip, entry, joints[0], others)
@@ -118,11 +108,11 @@ class Wishes:
         return replace(self, wishes=tuple(wish for wish in self.wishes if not wish.drops))
 
     @property
-    def dropped(self) -> Dropped:
+    def dropped(self) -> tuple[Drop, ...]:
         """The contacts that are only dropped; of made ones, what was found between the parts is dropped as well."""
         among = [wish for wish in self.wishes if isinstance(wish.entry, Contact)]
         spans = (wish.frames if wish.drops else wish.weight > 0.0 for wish in among)
-        return Dropped(tuple(Drop((*wish.joints,), on) for wish, on in zip(among, spans, strict=True)))
+        return tuple(Drop(wish.joints, on) for wish, on in zip(among, spans, strict=True))
 
     @property
     def on(self) -> Flags:
@@ -145,7 +135,7 @@ class Wishes:
         return cm / centimetres(self.clip.unit) / self.clip.unit
 
 
-def _without_neck(body: Body, part: Joints) -> Joints:
+def _without_neck(body: Body, part: Numbers) -> Numbers:
     """The joints of a part without the neck's, if it is the head: that is what is to be touched."""
     head = body.anatomy.roles.get("head") if body.anatomy else None
     return part if head is None or head not in part else np.intersect1d(part, [*body.skeleton.subtree(head)])
@@ -158,7 +148,7 @@ def _eased(on: Flags, frames: int) -> Array:
 
 
 def _carrier_of(
-    contacts: ContactList, clip: Clip, entry: Entry, part: Joints, others: Mapping[str, Carrier]
+    contacts: ContactList, clip: Clip, entry: Entry, part: Numbers, others: Mapping[str, Carrier]
 ) -> Carrier | None:
     """What a part is planted on, if it is a joint or a prop."""
     if not isinstance(entry, Plant) or not isinstance(entry.on, str) or entry.on in get_args(Ground):
@@ -167,11 +157,11 @@ def _carrier_of(
     other = others.get(entry.on if entry.on in others else name)
     if other and other.is_whole:
         return other
-    if other and other.motion and joint in other.motion.skeleton.keys:
-        return replace(other, joint=other.motion.skeleton.keys.index(joint))
     if other and other.motion:
-        what = f"performer {name} has no joint {joint!r}; {closest(joint, other.motion.skeleton.keys)}"
-        raise contacts.fault(entry, "on", what)
+        keys = other.motion.skeleton.keys
+        if joint in keys:
+            return replace(other, joint=keys.index(joint))
+        raise contacts.fault(entry, "on", f"performer {name} has no joint {joint!r}; {closest(joint, keys)}")
     own = _find_joints(clip, entry.on, regions=True)
     if own is None:
         props = (name for name, each in others.items() if each.is_whole)
@@ -182,25 +172,19 @@ def _carrier_of(
     return Carrier(joint=int(own[0]))
 
 
-def _named(entry: Entry) -> Sequence[str]:
-    """The names of its parts, in the order of the file."""
-    value = getattr(entry, KEYS[type(entry)])
-    return (value,) if isinstance(value, str) else value
-
-
-def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, name: str) -> Joints:
+def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, name: str) -> Numbers:
     """The target's joints of a part that an entry names."""
     regions = not isinstance(entry, Distance)
     joints = _find_joints(clip, name, regions=regions)
     if joints is None:
         what, available = ("part or joint", clip.regions.names) if regions else ("joint", ())
-        key = KEYS[type(entry)] + (f"[{number}]" if len(_named(entry)) > 1 else "")
+        key = entry.key + (f"[{number}]" if len(entry.named) > 1 else "")
         near = closest(name, (*available, *clip.skeleton.keys))
         raise contacts.fault(entry, key, f"no {what} {name!r}; {near}")
     return joints
 
 
-def _find_joints(clip: Clip, name: str, *, regions: bool) -> Joints | None:
+def _find_joints(clip: Clip, name: str, *, regions: bool) -> Numbers | None:
     """The target's joints of a region; or its joint of this name, or that which the source's drives; None for none."""
     if regions and name in clip.regions.names:
         return np.flatnonzero(clip.regions.of_joint == clip.regions.names.index(name))
@@ -217,28 +201,26 @@ def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
     Raises:
         ContactsError: they go beyond the clip.
     """
-    on, last = np.ones(len(clip), bool), len(clip) - 1
-    span = entry.frames
+    last = len(clip) - 1
+    span = entry.frames or (0, last)
     if entry.seconds is not None:
         first, end = (round(time / clip.frame_time) for time in entry.seconds)
         if end > last + 1:
             lasts = f"the clip, which lasts {len(clip) * clip.frame_time:g} s"
             raise contacts.fault(entry, "seconds", f"{entry.seconds[1]:g} s is beyond {lasts}")
         span = first, min(end, last)
-    elif span is not None and span[1] > last:
+    elif span[1] > last:
         has = f"the clip, which has {counted(len(clip), 'frame')}, 0 to {last}"
         raise contacts.fault(entry, "frames", f"frame {span[1]:g} is beyond {has}")
-    if span is not None:
-        numbers = np.arange(len(clip))
-        on = (numbers >= span[0]) & (numbers <= span[1])
-    return on
+    numbers = np.arange(len(clip))
+    return (numbers >= span[0]) & (numbers <= span[1])
 
 
-def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[Joints, ...]) -> None:
+def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[Numbers, ...]) -> None:
     """Check that the parts of an entry suit it."""
-    key = KEYS[type(entry)]
+    key = entry.key
     if len(joints) > 1 and set(joints[0].tolist()) & set(joints[1].tolist()):
-        raise contacts.fault(entry, key, f"{quoted(_named(entry))} are the same part of the body")
+        raise contacts.fault(entry, key, f"{quoted(entry.named)} are the same part of the body")
     if isinstance(entry, Contact):
         one, other = (clip.regions.of_joint[each[0]] for each in joints)
         if min(one, other) >= 0 and clip.regions.neighbours[one, other]:
@@ -246,15 +228,15 @@ def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[
     if isinstance(entry, Look) and not clip.regions.inside(*TURNED)[joints[0]].all():
         raise contacts.fault(entry, key, f"{entry.look!r} carries other parts; expected the head, a hand or a foot")
     if isinstance(entry, Distance):
-        least, most = distance_limits(clip, int(joints[0][0]), int(joints[1][0]))
+        least, most = _distance_limits(clip, int(joints[0][0]), int(joints[1][0]))
         cm = centimetres(clip.unit)
         if not least * cm - 1e-6 <= entry.value <= most * cm + 1e-6:
             what = f"{entry.value:g} cm apart; their bones allow {least * cm:.1f} to {most * cm:.1f}"
             raise contacts.fault(entry, "value", f"no posture has {quoted(entry.distance)} {what}")
 
 
-def distance_limits(clip: Clip, a: int, b: int) -> tuple[float, float]:
-    """Return the least and the largest distance of two joints that bones of these lengths allow [file units]."""
+def _distance_limits(clip: Clip, a: int, b: int) -> tuple[float, float]:
+    """The least and the largest distance of two joints that bones of these lengths allow [file units]."""
     skeleton = clip.skeleton
     one, other = skeleton.line(a), skeleton.line(b)
     bones = np.array([skeleton.lengths[joint] for joint in {*one} ^ {*other}])
@@ -268,16 +250,16 @@ def _check_agree(contacts: ContactList, one: Wish, other: Wish) -> None:
     both = np.flatnonzero(one.frames & other.frames)
     if type(a) is not type(b) or a.parts != b.parts or not len(both):
         return
-    if replace(a, frames=None, seconds=None) == replace(b, frames=None, seconds=None):
-        return
-    if {getattr(entry, KEYS[type(entry)]) for entry in (a, b)} and _says(a) == _says(b):
+    if replace(a, frames=b.frames, seconds=b.seconds, **{b.key: getattr(b, b.key)}) == b:
         return
     where = f"frame {both[0]}" if len(both) == 1 else f"frames {both[0]} to {both[-1]}"
-    says = f"contradicts {contacts.place_of(a)}: both are about {quoted(_named(b))} in {where}"
+    says = f"contradicts {contacts.place_of(a)}: both are about {quoted(b.named)} in {where}"
     raise contacts.fault(b, "", says)
 
 
-def _says(entry: Entry) -> dict[str, object]:
-    """What an entry says of its parts."""
-    left_out = ("frames", "seconds", "place", "found", KEYS[type(entry)])
-    return {key: value for key, value in vars(entry).items() if key not in left_out}
+def centimetres(unit: float) -> float:
+    """Return how many centimetres a file's unit is: that of `UNITS` in which the body is most like an adult's size.
+
+    `unit` is the body unit [file units].
+    """
+    return min(UNITS, key=lambda each: abs(math.log(max(unit, 1e-9) * each / ADULT)))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
 from distretarget.body.anatomy import Regions
@@ -15,16 +14,13 @@ from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.soles import Sole
 from distretarget.distances import DistanceProblem, distance_problem
-from distretarget.ik.rigid_parts import part_of_joint
+from distretarget.ik.poses import part_of_joint
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots
-from distretarget.objectives.dropped import Dropped
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
-Joints = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -35,6 +31,19 @@ class LegPair:
     target: Leg
     source_sole: Sole
     target_sole: Sole
+
+
+@dataclass(frozen=True, eq=False)
+class Drop:
+    """A contact that does not count, in some frames."""
+
+    parts: tuple[Numbers, ...]  # the target's joints of its two parts
+    frames: Flags  # (frames,)
+
+    def of(self, a: Numbers, b: Numbers) -> Flags:
+        """(pairs,), whether joints a and b are one of each part."""
+        one, other = self.parts
+        return (np.isin(a, one) & np.isin(b, other)) | (np.isin(a, other) & np.isin(b, one))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,14 +65,14 @@ class Clip:
     # (frames, source joints), how far the arm that each joint belongs to is raised or bent, 0 to 1; 0 for other joints
     raised_arms: Array
     pelvis: int  # the target's joint where its legs branch off, if it has a driver; else the first that has one
-    drivers: Joints  # (joints,), the source joint that drives each target joint; -1 for none
+    drivers: Numbers  # (joints,), the source joint that drives each target joint; -1 for none
     regions: Regions  # the target's body regions between which self-contacts are looked for
-    limb_joints: Joints  # driven joints of the target's body, without the feet's; none without legs
-    undriven_joints: Joints  # undriven joints of the target's body, without the feet's; none without legs
+    limb_joints: Numbers  # driven joints of the target's body, without the feet's; none without legs
+    undriven_joints: Numbers  # undriven joints of the target's body, without the feet's; none without legs
     distances: DistanceProblem  # the points that source and target share, with their path lengths
-    roots: Joints  # (joints,), the topmost joint of the rigid part that each joint belongs to
-    parts: Joints  # (joints,), the rigid part that carries the bones below each joint
-    dropped: Dropped | None = None  # contacts that the user drops
+    roots: Numbers  # (joints,), the topmost joint of the rigid part that each joint belongs to
+    parts: Numbers  # (joints,), the rigid part that carries the bones below each joint
+    drops: tuple[Drop, ...] = ()  # contacts that the user drops
 
     @classmethod
     def of(cls, matching: Matching, scale: RootScale) -> Clip:
@@ -101,8 +110,8 @@ class Clip:
     def __getitem__(self, frames: slice) -> Clip:
         source, copy = self.source[frames], self.copy[frames]
         root, shots, arms = self.root[frames], self.shots[frames], self.raised_arms[frames]
-        dropped = self.dropped and self.dropped[frames]
-        return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms, dropped=dropped)
+        drops = tuple(replace(drop, frames=drop.frames[frames]) for drop in self.drops)
+        return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms, drops=drops)
 
     @property
     def skeleton(self) -> Skeleton:
@@ -118,7 +127,7 @@ class Clip:
         """Return the clip with the root's path displaced by vectors (frames, 3) [target file units]."""
         return replace(self, root=self.root + by)
 
-    def copy_on_path(self, joints: Joints) -> Array:
+    def copy_on_path(self, joints: Numbers) -> Array:
         """Return the rotation copy's joints with its root on `root`, (frames, joints, 3) [target file units]."""
         places = self.copy.positions_of(joints)
         places += (self.root - self.copy.root_positions)[:, None]
@@ -130,12 +139,12 @@ class Clip:
         return lowest_heights(self.source.positions, self.up)
 
     @property
-    def loose_parts(self) -> Joints:
+    def loose_parts(self) -> Numbers:
         """The parts without a driven joint, such as undriven fingers: only the floor moves them."""
         return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.driven)]])
 
     @property
-    def driven(self) -> Joints:
+    def driven(self) -> Numbers:
         """The target's joints that have a driver."""
         return np.flatnonzero(self.drivers >= 0)
 
@@ -148,7 +157,7 @@ def _raised_arms(body: Body, motion: Motion) -> Array:
     return values
 
 
-def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:
+def rigid_part_roots(matching: Matching) -> Numbers:
     """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 
     A joint belongs to its parent's part if it has no rotation channels, or if nothing drives it, as for most twist

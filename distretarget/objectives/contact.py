@@ -11,43 +11,36 @@ Per frame it minimises, over the rotations of a body of rigid bones and the disp
 A pair is pulled to a difference vector, not only to a distance, so that limbs do not swap sides. In a frame without
 contacts and supports the result is the rotation copy. A frame depends only on a few frames around it, except for the
 places of resting joints, which are averaged over about the whole rest.
+
+A flip is a change of a part's deviation from the rotation copy that is faster than `FLIP_SPEED` and lasts: frames
+around it get a moving average (raised cosine). Spikes of one or two frames stay. Nothing is averaged across cuts.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.axes import perpendicular
 from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
-from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks
-from distretarget.ik.rigid_parts import subtree_lengths
+from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks, subtree_lengths
 from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import cross, lengths, normalised
-from distretarget.objectives.activation import SelfContact
+from distretarget.numerics.time_series import Shots, averaged, slices_of, widened
+from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
+from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact_pairs import (
-    CandidatePairs,
-    NearPairs,
-    candidate_pairs,
-    near_pairs,
-    write_pair_spring,
-)
-from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
+from distretarget.objectives.contact_pairs import Contacts, NearPairs, write_pair_spring
 from distretarget.objectives.floor import Floor, add_floor, floor_energy
-from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
-
-Array = NDArray[np.float64]
 
 BASE_STIFFNESS = 0.04  # of a part's rotation, per body unit of its bones
 ADDED_LENGTH = 1.0  # added to the length of a part's bones, so that hands, fingers and eyes are stiff too [body units]
@@ -57,6 +50,10 @@ LOOSE_FACTOR = 0.1  # undriven fingers, which only the floor moves, are this muc
 FIXED_STIFFNESS = 1e6  # of joints above the pelvis, so that the body does not tip over about a root on the floor
 ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
 SLIGHT = 1e-4  # knees of the copy that bend by less than 200 times this are bent by up to this, unseen [rad]
+FLIP_SPEED = 60.0 * math.radians(4.0)  # [rad/s]
+HELD_FLIP_SPEED = 60.0 * math.radians(10.0)  # of parts whose ends rest on something: smoothing moves them [rad/s]
+BLEND = 0.15  # deviations are averaged over this time before and after a flip [s] ...
+LANDING_BLEND = 0.1  # ... and over this where the floor stops a part
 TOLERANCE = 1e-6  # a frame is solved when the search direction is shorter, in the metric of the curvature
 
 
@@ -78,6 +75,47 @@ def solve_contact(
     smooth_flips(poses.v, held_parts(clip, supports, settings), clip.shots, clip.frame_time)
     smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses
+
+
+def smooth_flips(v: Array, held: Array, shots: Shots, frame_time: float) -> None:
+    """Smooth the flips of all parts in poses (frames, parts + 1, 3), in place.
+
+    `held`, (frames, parts), is 1 while a joint below a part rests on something, blended to 0; `frame_time` is in [s].
+    """
+    reach = round(BLEND / frame_time)
+    for shot, of_shot in ((v[frames], held[frames]) for frames in slices_of(shots)):
+        parts = np.flatnonzero(_flips(shot, FLIP_SPEED * frame_time)[:, :-1].any(axis=0))
+        if len(parts):
+            lasting = _without_spikes(shot[:, parts])
+            free, fast = (
+                widened(np.maximum(flips, np.roll(flips, 1, axis=0)), reach)
+                for flips in (_flips(lasting, speed * frame_time) for speed in (FLIP_SPEED, HELD_FLIP_SPEED))
+            )
+            share = np.maximum(fast, free * (1.0 - of_shot[:, parts]))[..., None]
+            shot[:, parts] += share * (averaged(lasting, reach) - shot[:, parts])
+
+
+def smooth_landings(v: Array, parts: Numbers, shots: Shots, frame_time: float) -> None:
+    """Smooth the floor impacts of `parts`, which only the floor moves, in poses (frames, parts + 1, 3), in place."""
+    for shot in map(v.__getitem__, slices_of(shots)):
+        moved = parts[shot[:, parts].any(axis=(0, 2))]
+        if len(moved):
+            shot[:, moved] = averaged(shot[:, moved], round(LANDING_BLEND / frame_time))
+
+
+def _flips(v: Array, limit: float) -> Array:
+    """(frames, parts), 1 where v, (frames, parts, 3), changes by more than `limit` [rad] to the next frame, else 0."""
+    return np.pad((steps_along(v) > limit).astype(float), ((0, 1), (0, 0)))
+
+
+def _without_spikes(v: Array) -> Array:
+    """The geometric median of v over five frames: the deviation with the least summed distance to the others. Unlike a
+    median of components it does not depend on the axes.
+    """
+    padded = np.pad(v, ((2, 2), (0, 0), (0, 0)), mode="edge")
+    around = np.stack([padded[first : first + len(v)] for first in range(5)])
+    chosen = np.argmin([lengths(around - one).sum(axis=0) for one in around], axis=0)
+    return np.asarray(np.take_along_axis(around, chosen[None, ..., None], axis=0)[0])
 
 
 def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
@@ -117,45 +155,6 @@ def part_stiffness(clip: Clip) -> Array:
         above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
         stiffness[parts[above]] = FIXED_STIFFNESS
     return np.append(stiffness, ROOT_STIFFNESS)
-
-
-@dataclass(frozen=True, eq=False)
-class Contacts:
-    """What contact pairs are found from, over the frames of a clip."""
-
-    clip: Clip
-    settings: ContactSettings
-    pairs: CandidatePairs
-    source: Array  # (frames, points, 3), the points of the source [file units]
-    copy: Array  # (frames, points, 3), those of the rotation copy [body units]
-    raised: Array  # (frames, points), how far the arm of each is raised
-
-    @classmethod
-    def of(cls, clip: Clip, settings: ContactSettings, points: NDArray[np.bool_] | None = None) -> Contacts:
-        """Return it for all contact pairs of a clip, or for those of two of the `points`, (points,)."""
-        distances = clip.distances
-        pairs = candidate_pairs(distances, clip.regions, clip.target_legs, clip.unit, clip.hanging)
-        pairs = pairs if points is None else pairs.among(points)
-        # One layout of arrays, for which the solver is compiled once.
-        source = np.take(clip.source.positions, distances.sources, axis=1)
-        copy = np.take(clip.copy.positions, distances.targets, axis=1)
-        copy /= clip.unit
-        return cls(clip, settings, pairs, source, copy, clip.raised_arms[:, distances.sources])
-
-    def near(self, block: slice, standing: Array) -> NearPairs:
-        """Return the pairs in contact in a block of frames."""
-        return near_pairs(
-            self.pairs,
-            self.source,
-            self.copy,
-            standing,
-            self.clip.shots,
-            self.raised,
-            block=block,
-            frame_time=self.clip.frame_time,
-            settings=self.settings,
-            dropped=self.clip.dropped,
-        )
 
 
 def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:

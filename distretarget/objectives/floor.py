@@ -11,7 +11,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import WITHOUT_SIDE
 from distretarget.body.resting import REST_HEIGHT
@@ -21,9 +20,8 @@ from distretarget.matching.undersides import Undersides
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import by_shot, largest, widened
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.clip import Clip
-
-Array = NDArray[np.float64]
 
 STIFFNESS = 500.0  # k, shared by the joints of a region
 NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
@@ -34,7 +32,7 @@ STEADY = 0.16  # the floor of a frame is the lowest within this time before and 
 class Floor(NamedTuple):
     """The heights that joints stay above. `heights` and `stiffness` of several frames have the frames as first axis."""
 
-    joints: NDArray[np.intp]  # (joints,), joints of the target
+    joints: Numbers  # (joints,), joints of the target
     heights: Array  # (joints,), h [body units]
     stiffness: Array  # (joints,), k
     up: Array  # (3,), the unit vector up
@@ -52,7 +50,7 @@ def no_floor(frames: int) -> Floor:
 class Flesh(NamedTuple):
     """Joints of trunk and head whose skin may be near the floor while something rests."""
 
-    joints: NDArray[np.intp]  # (joints,), joints of the target
+    joints: Numbers  # (joints,), joints of the target
     heights: Array  # (frames, joints), those at which their lowest skin is as low as the soles [target file units]
 
 
@@ -63,8 +61,7 @@ def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Fle
     """
     if undersides is None or not clip.legs:
         return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
-    names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
-    joints = clip.limb_joints[np.isin(names, WITHOUT_SIDE)]
+    joints = clip.limb_joints[clip.regions.inside(*WITHOUT_SIDE)[clip.limb_joints]]
     floor, rests = _height_of_floor(clip) - undersides.soles[1], weights.max(axis=1, initial=0.0) > 0.0
     reach = np.array([undersides.target.reach(joint) for joint in joints.tolist()])
     near = (clip.copy_on_path(joints) @ clip.up - floor < reach) & rests[:, None]

@@ -13,34 +13,66 @@ So the sole has the source's height, scaled. What is steadied is its mean while 
 change as far as the source's foot slides: the leg is on average splayed as the source's, and the foot does not skate.
 a is 0 while the foot rolls about its toe and 1 while it turns about its ankle: a trembling foot leaves that still.
 Feet that stand beside each other under narrow hips come no nearer than a foot's width.
+
+While a foot of the source rests, its sole lies on what it rests on: it does not rise or sink, and on a level floor it
+is as high as any other (`level_on_floor`). What joints show of it wanders: its height is steadied over each rest. From
+one rest to the next the offset of the sole from its level is interpolated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from distretarget.body.legs import Leg
 from distretarget.body.resting import REST_SPEED, feet_resting
-from distretarget.body.soles import Sole
-from distretarget.ik.springs import no_springs
+from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_height
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import averaged, by_shot, smoothed, widened
-from distretarget.numerics.vectors import lengths, level
+from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied, widened
+from distretarget.numerics.vectors import Array, Flags, lengths, level
 from distretarget.objectives.clip import Clip, LegPair
-from distretarget.objectives.floor import no_floor
-from distretarget.objectives.soles import LITTLE, ROLL, STEADY, Foot, on_mesh, steadied_offset
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
-
-Array = NDArray[np.float64]
 
 REST_BLEND = 0.06  # where feet stand on their mesh, the hips bend over this time from the height of one rest [s]
 FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, metric 4.1) [leg lengths]
+ROLL = 0.05  # height over which the lowest point of the sole rolls from heel to toe [leg lengths]
+WAY = 0.1  # a place is averaged over about the way that a foot which does not stand still moves meanwhile [leg lengths]
+STILL = 1e-5  # a foot counts as moving at least as far as this in each frame [leg lengths]
+STEADY = 0.05  # speeds of feet are averaged over this time before and after [s]
+LITTLE = 1e-3  # weight of a foot that hardly rests
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """A foot over the frames of a motion."""
+
+    hip: Array  # (frames, 3), the places of the leg's hip joint [file units]
+    toe: Array  # (frames, 3), its places [file units]
+    bone: Array  # (frames, 3), from toe to ankle [file units]
+    # (frames,), how far the lowest point of the sole is below the toe; it rolls smoothly from heel to toe [file units]
+    below: Array
+
+    @classmethod
+    def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, length: float) -> Foot:
+        """The foot of a leg in a motion; `length` is that of the legs [file units]."""
+        positions = motion.positions
+        toe = positions[:, leg.toe]
+        bone = positions[:, leg.ankle] - toe
+        normal = Rotation.from_quat(motion.world_rotations_of(leg.ankle)).apply(sole.normal) @ up
+        under = np.outer(np.maximum(normal, 0.0), sole.heights) - (
+            heights_of(positions, sole.joints, up) - (toe @ up)[:, None]
+        )
+        heel, others = under[:, 0], under[:, 1:]
+        front = others.max(axis=1) if others.shape[1] else heel
+        below = (heel + front + np.hypot(heel - front, ROLL * length)) / 2.0
+        return cls(positions[:, leg.hip], toe, bone, below)
 
 
 def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports:
@@ -63,22 +95,20 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
     side_by_side = mapper_for(len(clip), len(clip.skeleton))
     rests, weights, sources, copies = map(list, zip(*side_by_side(foot, clip.legs), strict=True))
     if undersides is not None and undersides.feet_have_mesh:
-        copies = on_mesh(clip, undersides, rests, sources, copies)
+        copies = _on_mesh(clip, undersides, rests, sources, copies)
     wider = _wider(clip, weights, sources, copies)
     places = [
         _places(clip, source, copy, of_foot.max(axis=1), aside)
         for source, copy, of_foot, aside in zip(sources, copies, weights, (wider, -wider), strict=True)
     ]
     joints = np.array([joint for pair in clip.legs for joint in (pair.target.ankle, pair.target.toe)])
-    return Supports(
+    return replace(
+        no_supports(len(clip)),
         joints=joints,
         regions=clip.regions.of_joint[joints],
         feet=len(joints),
         weights=np.concatenate(weights, axis=1),
         places=np.stack([*places[0], *places[1]], axis=1),
-        floor=no_floor(len(clip)),
-        scene_springs=no_springs(len(clip)),
-        asked_springs=no_springs(len(clip)),
     )
 
 
@@ -143,7 +173,7 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
     paths = np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0]
 
     def offset(longer: Array, wider: Array, weights: Array, paths: Array) -> Array:
-        mean = steadied_offset(longer + wider, weights, level(paths, up), reach)
+        mean = _steadied_offset(longer + wider, weights, level(paths, up), reach)
         return mean + _about_ankle(paths, clip.frame_time, reach) * (longer - averaged(longer, reach))
 
     longer = level(scale.height * source.bone - copy.bone, up)
@@ -159,3 +189,60 @@ def _about_ankle(paths: Array, frame_time: float, reach: int) -> Array:
     steps = np.diff(paths, axis=0, append=2.0 * paths[-1:] - paths[-2:][:1]) / frame_time  # goes on at the end
     toe, ankle = averaged((steps**2).sum(axis=2), reach).T
     return np.asarray(toe / (toe + ankle + REST_SPEED**2))[:, None]
+
+
+def _on_mesh(
+    clip: Clip, undersides: Undersides, rests: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]
+) -> list[Foot]:
+    """The feet of the rotation copy with the lowest points of their mesh as soles: so far below the toe that the foot
+    lock brings them to their level. What this changes is averaged over `STEADY`, as a sole may have edges.
+
+    `rests`, (frames, 2) each, is how much ankle and toe of the source rest; `sources` and `copies` are feet by joints.
+    """
+    scale, up, feet = clip.scale.height, clip.up, []
+    smooth = partial(averaged, reach=round(STEADY / clip.frame_time))
+    for height, pair, source, copy in zip(_sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
+        own = undersides.target.lowest_of_foot(clip.copy, pair.target.ankle, up) + undersides.soles[1]
+        rise = scale * (height - source.toe @ up) + copy.toe @ up - own
+        feet.append(replace(copy, below=scale * source.below + by_shot(smooth, clip.shots, rise)))
+    return feet
+
+
+def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
+    """How high the lowest points of the source's soles belong, (frames, legs) [source file units]; `rests` as in
+    `_on_mesh`.
+    """
+    heights, steady_heights, length = [], [], clip.leg_lengths[0]
+    steady = partial(_steadied_offset, reach=round(STEADY / clip.frame_time))
+    for pair, resting in zip(clip.legs, rests, strict=True):
+        heights.append(sole_height(clip.source, pair.source_sole, clip.up))
+        paths = clip.source.positions[:, [pair.source.ankle, pair.source.toe]] / length
+        found = by_shot(steady, clip.shots, heights[-1][:, None], resting.max(axis=1), paths)
+        steady_heights.append(found[:, 0])
+    rest = np.stack([each.max(axis=1) == 1.0 for each in rests], axis=1)
+    on_floor = partial(_on_floor, length=length)
+    return by_shot(on_floor, clip.shots, np.stack(heights, axis=1), np.stack(steady_heights, axis=1), rest)
+
+
+def _on_floor(heights: Array, steady_heights: Array, rests: Flags, length: float) -> Array:
+    """(frames, legs), the levels of one shot of soles with these `heights`, steadied as well, which rest or not;
+    (frames, legs) each. `length` is that of a leg.
+    """
+    if not rests.any():
+        return heights
+    rises = level_on_floor(steady_heights, floor_height(heights, rests), rests, length) - heights
+    levels = heights.copy()
+    for leg, resting in enumerate(rests.T):
+        frames = np.flatnonzero(resting)
+        if len(frames):
+            levels[:, leg] += np.interp(np.arange(len(levels)), frames, rises[frames, leg])
+    return levels
+
+
+def _steadied_offset(offset: Array, weights: Array, paths: Array, reach: int) -> Array:
+    """An offset, (frames, n), steadied, as firmly from one frame to the next as (`WAY` / step of ankle or toe,
+    the lesser)^2; `paths`, (frames, 2, 3), are theirs [leg lengths], averaged over `reach` frames.
+    """
+    paths = averaged(median_of_three(paths), reach)  # the median ignores a single faulty frame
+    steps = lengths(np.diff(paths, axis=0, append=paths[-1:])).min(axis=1)
+    return steadied(median_of_three(offset), weights + LITTLE, (WAY / np.maximum(steps, STILL)) ** 2)

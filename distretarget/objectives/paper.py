@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.contact_entries import ContactList, Distance
 from distretarget.distances import DistanceProblem, columns, filled, stress_and_gradient, target_distances
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
-from distretarget.ik.poses import Poses, Progress, ignore_progress
-from distretarget.ik.rigid_parts import fit_rotations
+from distretarget.ik.poses import Poses, Progress, fit_rotations, ignore_progress
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
 from distretarget.ik.springs import Springs
 from distretarget.motion import Motion
@@ -26,10 +25,9 @@ from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
-from distretarget.objectives.asked_distances import AskedDistances, no_distances, put_distances
+from distretarget.numerics.vectors import Array, Numbers
+from distretarget.objectives.asking import Wishes
 from distretarget.objectives.clip import Clip
-
-Array = NDArray[np.float64]
 
 POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
 POINT_ITERATIONS = 2000  # at most, per frame
@@ -58,9 +56,8 @@ def solve_paper(
     `progress` is called with the number of frames solved since the last call; `asked` are distances in place of the
     source's.
     """
-    postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions, asked=asked)
-    posed = Posed(clip.source, clip.copy, clip.root, clip.distances, clip.parts)
-    return solve_poses(posed, _fitted_poses(clip, postures), progress, asked), postures
+    postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions, asked)
+    return solve_poses(clip, _fitted_poses(clip, postures), progress, asked), postures
 
 
 def _fitted_poses(clip: Clip, postures: Postures) -> Array:
@@ -71,6 +68,70 @@ def _fitted_poses(clip: Clip, postures: Postures) -> Array:
     roots = np.unique(clip.parts, return_index=True)[1]
     before, after = (Rotation.from_quat(motion.world_rotations[:, roots]) for motion in (copy, fitted))
     return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
+
+
+class AskedDistances(NamedTuple):
+    """Pairs of points whose distances are asked for: they replace delta and pi, Eq. (2)."""
+
+    u: Numbers  # (pairs,), the first point
+    v: Numbers  # (pairs,), the second point
+    delta: Array  # (pairs,), their distance [body sizes]
+    pi: Array  # (pairs,), their priority
+    own: Array  # (pairs,), their priority where nothing is asked
+    weight: Array  # (frames, pairs), 1 where it is asked for, blended to 0
+
+    def of_frames(self, frames: slice) -> AskedDistances:
+        """Return those of some frames."""
+        return self._replace(weight=self.weight[frames])
+
+
+def no_distances(frames: int) -> AskedDistances:
+    """Return no pairs."""
+    none, nothing = np.zeros(0, np.intp), np.zeros(0)
+    return AskedDistances(none, none, nothing, nothing, nothing, np.zeros((frames, 0)))
+
+
+def find_distances(contacts: ContactList, wishes: Wishes) -> AskedDistances:
+    """Return the distances of a contact list.
+
+    Raises:
+        ContactsError: an entry asks for something else, or for the distance of a joint that nothing drives.
+    """
+    problem, rows, weights = wishes.clip.distances, [], []
+    for wish in wishes.wishes:
+        entry = wish.entry
+        if not isinstance(entry, Distance):
+            what = "the paper's objective keeps nothing but distances; use --objective contact"
+            raise contacts.fault(entry, "", what)
+        u, v = (_point(contacts, entry, int(joints[0]), wishes.clip) for joints in wish.joints)
+        size = wishes.length(entry.value) * wishes.clip.unit / problem.body_size
+        rows.append((u, v, size, entry.priority, problem.priorities[u, v]))
+        weights.append(wishes.firmness(wish))
+    first, second, *values = zip(*rows, strict=True)
+    delta, pi, own = (np.array(each, float) for each in values)
+    weight = np.stack(weights, axis=1)
+    return AskedDistances(np.array(first, np.intp), np.array(second, np.intp), delta, pi, own, weight)
+
+
+def _point(contacts: ContactList, entry: Distance, joint: int, clip: Clip) -> int:
+    """The point at a joint."""
+    found = np.flatnonzero(clip.distances.targets == joint)
+    if not len(found):
+        key = clip.skeleton.keys[joint]
+        what = f"no joint of the source drives {key!r}, or it is where its parent is; expected another joint"
+        raise contacts.fault(entry, "distance", what)
+    return int(found[0])
+
+
+@inlined()
+def _put_distances(asked: AskedDistances, frame: int, delta: Array, pi: Array) -> None:
+    """Put what is asked in a frame in the place of target distances and priorities, (points, columns)."""
+    for n in range(len(asked.u)):
+        u, v, w = asked.u[n], asked.v[n], asked.weight[frame, n]
+        value = delta[u, v] + w * (asked.delta[n] - delta[u, v])
+        priority = asked.own[n] + w * (asked.pi[n] - asked.own[n])
+        delta[u, v] = delta[v, u] = value
+        pi[u, v] = pi[v, u] = priority
 
 
 class _Stress(NamedTuple):
@@ -94,24 +155,19 @@ def _solve_points(source, starts, ratio, problem, asked, solved, first, log, gra
     for t in range(len(source)):
         copy_to(solved[t], starts[t])
         target_distances(source[t], ratio, problem.delta)
-        put_distances(asked, t, problem.delta, problem.pi)
+        _put_distances(asked, t, problem.delta, problem.pi)
         sigma = _objective(solved[t], problem, gradient)
         minimum = _minimise(solved[t], sigma, gradient, problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
         record(minimum, log, first + t)
 
 
 def solve_postures(
-    problem: DistanceProblem,
-    source: Array,
-    copy: Array,
-    progress: Progress = ignore_progress,
-    asked: AskedDistances | None = None,
+    problem: DistanceProblem, source: Array, copy: Array, asked: AskedDistances | None = None
 ) -> Postures:
     """Minimise Eq. (2) in every frame.
 
     `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and of
-    its rotation copy on the target [file units]. `progress` is called with the number of frames solved since the last
-    call; `asked` are distances in place of the source's.
+    its rotation copy on the target [file units]; `asked` are distances in place of the source's.
     """
     asked = asked or no_distances(len(copy))
     points = copy[:, problem.targets]
@@ -129,7 +185,6 @@ def solve_postures(
             filled(S[block]), x, ratio, stress, asked.of_frames(block), solved, block.start, log, gradient, scratch
         )
         X[block] = solved[:, :, : len(problem)]
-        progress(block.stop - block.start)
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
     return Postures(positions, log[0], Effort.from_log(log))
 
@@ -157,7 +212,7 @@ def aligned(x: Array, onto: Array) -> Array:
 class Terms(NamedTuple):
     """The stress of one frame."""
 
-    points: NDArray[np.intp]  # (points,), the joint at each point
+    points: Numbers  # (points,), the joint at each point
     delta: Array  # (points, points), target distances [body sizes]
     pi: Array  # (points, points), priorities
     x: Array  # (3, points), scratch
@@ -174,21 +229,21 @@ class Given(NamedTuple):
     ratio: Array  # (points, points), tau2 / tau1 [body sizes / source file unit]
     terms: Terms  # those of one frame, scratch
     asked: AskedDistances  # distances in place of the source's
-    springs: NDArray[np.intp]  # (asked,), the spring of each of them
+    springs: Numbers  # (asked,), the spring of each of them
 
 
 class Posed(NamedTuple):
-    """What `solve_poses` needs of a clip; see `Clip`."""
+    """What `solve_poses` needs of a `Clip`."""
 
     source: Motion
     copy: Motion
     root: Array
     distances: DistanceProblem
-    parts: NDArray[np.intp]
+    parts: Numbers
 
 
 def solve_poses(
-    clip: Posed, guess: Array, progress: Progress = ignore_progress, asked: AskedDistances | None = None
+    clip: Clip | Posed, guess: Array, progress: Progress = ignore_progress, asked: AskedDistances | None = None
 ) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame of a clip.
 
@@ -226,7 +281,7 @@ def _terms(distances: DistanceProblem) -> Terms:
     return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
 
 
-def _springs_of(asked: AskedDistances, terms: Terms) -> NDArray[np.intp]:
+def _springs_of(asked: AskedDistances, terms: Terms) -> Numbers:
     """(asked,), the spring of each asked pair; -1 for none."""
     a, b = np.sort(terms.points[np.stack([asked.u, asked.v])], axis=0)
     on = (terms.springs.a == a[:, None]) & (terms.springs.b == b[:, None])
@@ -264,7 +319,7 @@ def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
 def _terms_of(given: Given, frame: int, start: Array) -> Terms:
     copy_to(start, given.guess[frame])
     target_distances(given.source[frame], given.ratio, given.terms.delta)
-    put_distances(given.asked, frame, given.terms.delta, given.terms.pi)
+    _put_distances(given.asked, frame, given.terms.delta, given.terms.pi)
     for n in range(len(given.springs)):
         if given.springs[n] >= 0:
             given.terms.priorities[given.springs[n]] = given.terms.pi[given.asked.u[n], given.asked.v[n]]

@@ -10,27 +10,24 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem
-from distretarget.ik.rigid_parts import part_of_joint, posed_motion
+from distretarget.ik.poses import part_of_joint, posed_motion
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.time_series import averaged
-from distretarget.numerics.vectors import cross, lengths, level, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
 from distretarget.objectives.paper import Posed, solve_poses
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 SURE = 0.15  # a limb that is bent by more than this shows its twist [sine]
 SPAN = 0.15  # twists are means over this time before and after a frame [s]
 
 
-def motion_of_positions(skeleton: Skeleton, joints: NDArray[np.intp], positions: Array, frame_time_text: str) -> Motion:
+def motion_of_positions(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time_text: str) -> Motion:
     """Return the motion of a skeleton that keeps the distances between positions best.
 
     `positions`, (frames, positions, 3), are those of `joints`, all but End Sites at least, in any unit and for any
@@ -51,7 +48,7 @@ def motion_of_positions(skeleton: Skeleton, joints: NDArray[np.intp], positions:
     return _placed(posed, scale * source.positions, np.flatnonzero(drivers >= 0))
 
 
-def _as_motion(skeleton: Skeleton, joints: NDArray[np.intp], positions: Array, frame_time_text: str) -> Motion:
+def _as_motion(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time_text: str) -> Motion:
     """The positions as a motion of bones that stretch and do not turn."""
     places = np.zeros((len(positions), len(skeleton), 3))
     places[:, joints] = positions
@@ -63,7 +60,7 @@ def _as_motion(skeleton: Skeleton, joints: NDArray[np.intp], positions: Array, f
     return Motion.of_translations(skeleton, translations, turns, frame_time_text)
 
 
-def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: NDArray[np.bool_]) -> Motion:
+def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: Flags) -> Motion:
     """The motion whose bones point as those of the source, from the root down, with the root on its path, scaled."""
     frames = len(source)
     local, hinges = np.tile(skeleton.unturned, (frames, 1, 1)), _hinges(skeleton)
@@ -86,7 +83,7 @@ def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: NDArray[np.
     return Motion(skeleton, scale * source.root_positions, local, source.frame_time_text)
 
 
-def _placed(motion: Motion, points: Array, joints: NDArray[np.intp]) -> Motion:
+def _placed(motion: Motion, points: Array, joints: Numbers) -> Motion:
     """The motion turned and moved as a whole in each frame, so that some joints are nearest to points, which the
     distances between them do not show.
     """

@@ -13,25 +13,21 @@ out in the limb rests too, such as the foot in a kneel, the joint keeps its dist
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.body.anatomy import TRUNK_REGIONS
+from distretarget.body.anatomy import TRUNK_REGIONS, WITHOUT_SIDE
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, smoothed, spans_of, widened
-from distretarget.numerics.vectors import lengths, level
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
 Environment = Literal["body", "scaled"]
 
 LITTLE = 1e-6  # weight of frames that hardly count
@@ -46,9 +42,7 @@ SEAT = 10.0  # weight of a resting region of the trunk, which only the root can 
 class RestingJoints:
     """Joints other than the feet's that rest on the world."""
 
-    joints: Joints  # (joints,), of the target
-    regions: Joints  # (joints,), the body region of each
-    in_trunk: Flags  # (joints,), whether each belongs to the trunk
+    joints: Numbers  # (joints,), of the target
     rests: Flags  # (frames, joints), whether each rests
     places: Array  # (frames, joints, 3), the place of each while it rests [target file units]
 
@@ -77,11 +71,9 @@ def find_resting_joints(
     if not len(on):
         return None
     targets, on_floor, rests = targets[on], on_floor[:, on], rests[:, on]
-    regions = clip.regions.of_joint[targets]
-    in_trunk = np.isin(np.array(clip.regions.names)[regions], TRUNK_REGIONS)
     rises = None if undersides is None else _rises(clip, feet, undersides, targets, on_floor, rests)
     places = _resting_places(clip, feet, targets, on_floor, rests, environment, rises)
-    return RestingJoints(joints=targets, regions=regions, in_trunk=in_trunk, rests=rests, places=places)
+    return RestingJoints(joints=targets, rests=rests, places=places)
 
 
 def with_resting_joints(clip: Clip, feet: Supports, resting: RestingJoints) -> Supports:
@@ -91,13 +83,8 @@ def with_resting_joints(clip: Clip, feet: Supports, resting: RestingJoints) -> S
     blend = partial(_blended, frame_time=clip.frame_time)
     far = lengths(resting.places - clip.copy_on_path(resting.joints)) / (0.5 * clip.unit)
     weights = [by_shot(blend, clip.shots, *columns) for columns in zip(resting.rests.T, far.T, strict=True)]
-    return replace(
-        feet,
-        joints=np.append(feet.joints, resting.joints),
-        regions=np.append(feet.regions, resting.regions),
-        weights=np.concatenate([feet.weights, np.stack(weights, axis=1)], axis=1),
-        places=np.concatenate([feet.places, resting.places], axis=1),
-    )
+    regions = clip.regions.of_joint[resting.joints]
+    return feet.with_joints(resting.joints, regions, np.stack(weights, axis=1), resting.places)
 
 
 def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
@@ -108,10 +95,10 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
     their places in the rotation copy, where resting feet count as zero, smoothed.
     """
     off = resting.places - clip.copy_on_path(resting.joints)
-    sums, count = np.zeros((len(clip), 3)), np.zeros(len(clip))
-    for region in np.unique(resting.regions):
-        on = resting.rests & (resting.regions == region)
-        weight = SEAT if resting.in_trunk[resting.regions == region].all() else 1.0
+    sums, count, regions = np.zeros((len(clip), 3)), np.zeros(len(clip)), clip.regions.of_joint[resting.joints]
+    for region in np.unique(regions):
+        on = resting.rests & (regions == region)
+        weight = SEAT if clip.regions.names[region] in TRUNK_REGIONS else 1.0
         sums += weight * (on[..., None] * off).sum(axis=1) / np.maximum(on.sum(axis=1), 1)[:, None]
         count += weight * on.any(axis=1)
     for leg in range(0, feet.feet, 2):
@@ -120,15 +107,12 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
     return by_shot(smooth, clip.shots, sums / np.maximum(count, 1.0)[:, None], count)
 
 
-def _limb_bases(clip: Clip) -> Joints:
+def _limb_bases(clip: Clip) -> Numbers:
     """(joints,), for each of `clip.limb_joints` the source joint where its limb begins; in the trunk its own driver."""
-    of_joint, skeleton, drivers = clip.regions.of_joint, clip.skeleton, clip.drivers
-    trunk = [number for number, name in enumerate(clip.regions.names) if name in TRUNK_REGIONS]
-    bases = []
-    for joint in clip.limb_joints:
-        line = [each for each in skeleton.line(int(joint)) if of_joint[each] in trunk and drivers[each] >= 0]
-        bases.append(drivers[line[0] if line else joint])
-    return np.array(bases, np.intp)
+    trunk = clip.regions.inside(*TRUNK_REGIONS) & (clip.drivers >= 0)
+    joints = clip.limb_joints.tolist()
+    bases = [next((each for each in clip.skeleton.line(joint) if trunk[each]), joint) for joint in joints]
+    return clip.drivers[bases]
 
 
 def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
@@ -136,9 +120,8 @@ def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
     floor, and is lower than its neighbours in the tree.
     """
     skeleton, sources = clip.source_skeleton, clip.drivers[clip.limb_joints]
-    names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
-    lies = np.zeros_like(near_floor)
-    for column in np.flatnonzero(np.isin(names, (*TRUNK_REGIONS, "head")) & near_floor.any(axis=0)):
+    lies, inside = np.zeros_like(near_floor), clip.regions.inside(*WITHOUT_SIDE)[clip.limb_joints]
+    for column in np.flatnonzero(inside & near_floor.any(axis=0)):
         joint = int(sources[column])
         around = [skeleton.parents[joint], *skeleton.children[joint]] if joint else skeleton.children[joint]
         around = [each for each in around if skeleton.paths_from(joint)[each] > 0]
@@ -159,8 +142,8 @@ def _stand_on_others(clip: Clip, rests: Flags, feet: Supports) -> Flags:
 
 def _farther_out(clip: Clip, joint: int) -> list[int]:
     """The joints of other regions farther out in the same limb; none for a joint of the trunk."""
-    names, of_joint = clip.regions.names, clip.regions.of_joint
-    if names[of_joint[joint]] in TRUNK_REGIONS:
+    of_joint = clip.regions.of_joint
+    if clip.regions.names[of_joint[joint]] in TRUNK_REGIONS:
         return []
     return [each for each in clip.skeleton.subtree(joint) if of_joint[each] not in (-1, of_joint[joint])]
 
@@ -168,7 +151,7 @@ def _farther_out(clip: Clip, joint: int) -> list[int]:
 def _resting_places(
     clip: Clip,
     feet: Supports,
-    targets: Joints,
+    targets: Numbers,
     on_floor: Flags,
     rests: Flags,
     environment: Environment,
@@ -180,20 +163,26 @@ def _resting_places(
     places = clip.scale.places(clip.source.positions[:, clip.drivers[targets]], clip.up)
     if rises is not None:
         places += rises[..., None] * clip.up
-    shifts = feet.places - clip.copy_on_path(feet.joints)
-    held = {int(j): (feet.weights[:, k] >= RESTS, shifts[:, k]) for k, j in enumerate(feet.joints)}
+    resting = np.zeros((len(clip), len(clip.skeleton)), bool)
+    shifts = np.zeros((*resting.shape, 3))  # from the rotation copy
+    resting[:, feet.joints] = feet.weights >= RESTS
+    shifts[:, feet.joints] = feet.places - clip.copy_on_path(feet.joints)
     copied = clip.copy_on_path(targets)
     offsets = partial(_offsets, up=clip.up, environment=environment)
     for column in np.argsort(-targets):  # from the ends of limbs inwards
         joint = int(targets[column])
-        carried, shift = _carried([held[each] for each in _farther_out(clip, joint) if each in held], len(clip))
+        out = _farther_out(clip, joint)
+        count = resting[:, out].sum(axis=1)
+        shift = (resting[:, out, None] * shifts[:, out]).sum(axis=1) / np.maximum(count, 1)[:, None]
         off = copied[:, column] + shift - places[:, column]
-        places[:, column] += by_shot(offsets, clip.shots, off, rests[:, column], on_floor[:, column], carried)
-        held[joint] = rests[:, column], places[:, column] - copied[:, column]
+        places[:, column] += by_shot(offsets, clip.shots, off, rests[:, column], on_floor[:, column], count > 0)
+        resting[:, joint], shifts[:, joint] = rests[:, column], places[:, column] - copied[:, column]
     return places
 
 
-def _rises(clip: Clip, feet: Supports, undersides: Undersides, targets: Joints, on_floor: Flags, rests: Flags) -> Array:
+def _rises(
+    clip: Clip, feet: Supports, undersides: Undersides, targets: Numbers, on_floor: Flags, rests: Flags
+) -> Array:
     """(frames, joints), how much higher than the source's, scaled, joints rest [target file units]: as much as brings
     their skin up to the floor, or down to the gap of the source's, on average over each rest; 0 if not on the floor.
     """
@@ -209,7 +198,7 @@ def _rises(clip: Clip, feet: Supports, undersides: Undersides, targets: Joints, 
     for column in range(len(targets)):
         counts = rests[:, column].astype(float)
         runs = runs_of(rests[:, column])
-        on = np.isin(runs, np.unique(runs[on_floor[:, column]]))
+        on = np.isin(runs, runs[on_floor[:, column]])
         means = by_shot(over_runs, clip.shots, np.stack([gaps[:, column], own_gaps[:, column], on], axis=1), counts)
         gap, own_gap, on = means.T
         rises[:, column] = on * (np.clip(own_gap, 0.0, gap) - own_gap)
@@ -235,26 +224,15 @@ def _skin_floor(clip: Clip, feet: Supports, sole: float, skin: Array, rests: Fla
     return by_shot(of_shot, clip.shots, low, skin, rests)
 
 
-def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array]:
-    """Whether any of the joints rests, (frames,), and the mean shift of the resting ones, (frames, 3). Each joint is
-    given by whether it rests, (frames,), and its shift from the rotation copy to its place, (frames, 3).
-    """
-    count, total = np.zeros(frames), np.zeros((frames, 3))
-    for rests, shift in held:
-        count += rests
-        total += rests[:, None] * shift
-    return count > 0, total / np.maximum(count, 1.0)[:, None]
-
-
 def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Array, environment: Environment) -> Array:
     """(frames, 3), the mean of `off`, (frames, 3), over each rest of the joint, taken over the frames in which it is
     `carried` by others if there are any. The mean is level in a rest on the floor; in any other rest it is zero if the
     environment is scaled.
     """
     runs = runs_of(rests)
-    with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
+    with_floor = np.isin(runs, runs[on_floor])[:, None]
     off = np.where(with_floor, level(off, up), off if environment == "body" else 0.0)
-    counts = carried | ~np.isin(runs, np.unique(runs[carried & rests]))
+    counts = carried | ~np.isin(runs, runs[carried & rests])
     return over_runs(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
 
 

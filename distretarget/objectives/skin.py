@@ -7,33 +7,33 @@ in time: a limb that is about to sink in begins to leave its way before it arriv
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from distretarget.body.anatomy import SIDES
+from distretarget.body.body import Body
 from distretarget.ik.poses import Chunk, chunks_of
+from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.parallel import blocks_of, in_threads
 from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
-from distretarget.numerics.vectors import lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
+from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact import Contacts
-from distretarget.objectives.settings import ContactSettings
-from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.objectives.contact_pairs import Contacts
 from distretarget.objectives.supports import Supports
-from distretarget.skin.balls import Balls, mean_radii
-from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS
+from distretarget.skin.balls import NEVER, Balls, balls_of, mean_radii
+from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS, Capsules
 from distretarget.skin.displacement import REACH, displacements
-from distretarget.skin.limbs import bent
+from distretarget.skin.limbs import Limb, bent, shares_of
 from distretarget.skin.meetings import segment_gaps
-from distretarget.skin.tangents import Displaced
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
@@ -41,9 +41,101 @@ LEAD = 0.08  # a limb leaves its way over twice this time before it would sink i
 SETTLE = (0.14, 0.08, 0.06)  # brought out again, displacements are averaged over these times before and after [s]
 RATE = 20.0  # displacements are found about as often, and interpolated [1/s]
 
+LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
+
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
 # armpit.
 FLESH = {"upper arm": 1.0, "thigh": 0.2, "pelvis": 0.16, "belly": 0.16}
+SOFT = np.array([next((value for part, value in FLESH.items() if part in name), 0.0) for name in SEGMENTS])
+IS_HARD = np.array(["hand" in name or "forearm" in name for name in SEGMENTS])
+
+
+@dataclass(frozen=True, eq=False)
+class BodySkin:
+    """The skin of one body. Lengths of `balls` are in body units, all others in file units."""
+
+    capsules: Capsules  # ordered by segment
+    balls: Balls  # the same, and the balls of the limbs
+    limbs: tuple[Limb, ...]  # arms, then legs
+    displaced: Displaced  # how the balls move with middle and end of each limb
+    of_joint: Numbers  # (joints,), the segment of each joint, that of its nearest ancestor with a capsule; -1 for none
+    unit: float  # the body unit
+
+    @classmethod
+    def of(cls, body: Body, capsules: Capsules) -> BodySkin:
+        """Return the skin of a body with these capsules."""
+        pose, skeleton = body.reference, body.skeleton
+        capsules = capsules[np.argsort(capsules.segments, kind="stable")]
+        turned = Rotation.from_quat(pose.rotations[capsules.joints]).as_matrix()
+        posed = np.einsum("cij,cej->cei", turned, capsules.ends) + pose.positions[capsules.joints, None]
+        in_units = replace(capsules, ends=capsules.ends / body.unit, radii=capsules.radii / body.unit)
+        balls = balls_of(in_units, posed / body.unit)
+        own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))
+        of_joint = [next((own[a] for a in skeleton.line(joint) if a in own), -1) for joint in range(len(skeleton))]
+        limbs = limbs_of(body)
+        ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
+        of_capsule, shares = ends[0][0], np.stack([share for _, share in ends], axis=1)
+        t, on = balls.places[:, None], balls.carriers
+        moving = (1.0 - t) * shares[on, 0] + t * shares[on, 1]
+        is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
+        moving[is_leg[of_capsule[on]], 1] = 0.0  # feet stay
+        balls.spare[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
+        mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms give way to arms and legs to legs, but legs not to arms
+        return cls(
+            capsules=capsules,
+            balls=balls,
+            limbs=limbs,
+            displaced=Displaced(of_capsule, shares, mutual),
+            of_joint=np.array(of_joint, np.intp),
+            unit=body.unit,
+        )
+
+    def between(self, one: Numbers | Flags, other: Numbers | Flags) -> Numbers:
+        """Return the pairs of segments of two parts of the body, given by their joints."""
+        a, b = (np.setdiff1d(self.of_joint[joints], [-1]) for joints in (one, other))
+        first, second = self.balls.pairs.T
+        on = (np.isin(first, a) & np.isin(second, b)) | (np.isin(first, b) & np.isin(second, a))
+        return np.flatnonzero(on)
+
+    def thickness(self, joint: int) -> float:
+        """Return the mean radius of the part of the body that a joint belongs to [body units]."""
+        radii = self.balls.cap_radii[self.capsules.segments == self.of_joint[joint]]
+        return float(radii.mean()) if radii.size else 0.0
+
+    def posed(self, motion: Motion) -> Array:
+        """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""
+        posed = self.capsules.posed(motion)
+        posed /= self.unit
+        return posed
+
+
+def limbs_of(body: Body) -> tuple[Limb, ...]:
+    """Return the limbs whose three joints are known, arms before legs."""
+    roles = body.anatomy.roles if body.anatomy else {}
+    named = [[side + part for part in parts] for parts in LIMBS for side in SIDES]
+    known = [names for names in named if roles.keys() >= {*names}]
+    return tuple(Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known)
+
+
+@dataclass(frozen=True, eq=False)
+class Skins:
+    """The skins of source and target."""
+
+    source: BodySkin
+    target: BodySkin
+
+    @classmethod
+    def of(cls, matching: Matching, source: Capsules, target: Capsules) -> Skins | None:
+        """Return the skins of a source and its target; None where a body has no capsules."""
+        if not len(source) or not len(target):
+            return None
+        return cls(BodySkin.of(matching.source, source), _of_target(matching.target, target))
+
+
+@lru_cache(maxsize=4)
+def _of_target(body: Body, capsules: Capsules) -> BodySkin:
+    """The skin of a target, kept for the next clip on it."""
+    return BodySkin.of(body, capsules)
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
@@ -72,9 +164,10 @@ def _displaced(
     in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source))[at], APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     soft = softness(balls, balls.pairs, in_source)
-    firmness, aim = _firmness(clip, body, in_source, supports, settings, at), np.maximum(in_source, 0.0)
+    touching = how_touching(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]], in_source)
+    firmness = touching * _meant(clip, body, touching, supports, settings, at)
     given = ends, limb_places(body, posed), how_free(clip, body, supports, settings)
-    return led(balls, body.displaced, given, (soft, aim, firmness), keys)
+    return led(balls, body.displaced, given, (soft, np.maximum(in_source, 0.0), firmness), keys)
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
@@ -117,16 +210,6 @@ def led(
     out = find(*geometry, soft, soft, np.zeros_like(soft), keys.between(smooth))
     reach_of_last = max(round(SETTLE[-1] / keys.frame_time), 1)
     return over_time(partial(averaged, reach=reach_of_last), out, keys.shots)
-
-
-def _firmness(
-    clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings, at: Numbers
-) -> Array:
-    """(keys, pairs), how firmly pairs of segments touch, 0 to 1: they touch in the source, and are meant to."""
-    touching = how_touching(body.balls.pairs[:, 0], PLACE[body.balls.pairs[:, 1]], in_source)
-    if not touching.any():
-        return touching
-    return touching * _meant(clip, body, touching, supports, settings, at)
 
 
 def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
@@ -175,24 +258,15 @@ def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
 
     `parts`, (pairs, 2), are the parts of the body that the segments of a pair are.
     """
-    flesh = _of_segments(FLESH)[parts] * mean_radii(balls)[balls.pairs]
-    hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in parts[:, 0]], bool)
-    return np.where(hard, 0.0, np.maximum(flesh.sum(axis=1), -in_source))
-
-
-def _of_segments(by_part: Mapping[str, float]) -> Array:
-    """(segments,), the value of each, given for parts of the body; 0 for others."""
-    return np.array([next((value for part, value in by_part.items() if part in name), 0.0) for name in SEGMENTS])
+    flesh = SOFT[parts] * mean_radii(balls)[balls.pairs]
+    return np.where(IS_HARD[parts[:, 0]], 0.0, np.maximum(flesh.sum(axis=1), -in_source))
 
 
 def of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
     """(frames, wanted pairs), the gaps of pairs, (frames, pairs); `APART` for those that are not there."""
     columns = {pair: column for column, pair in enumerate(map(tuple, pairs.tolist()))}
-    result = np.full((len(gaps), len(wanted)), APART)
-    for column, pair in enumerate(map(tuple, wanted.tolist())):
-        if pair in columns:
-            result[:, column] = gaps[:, columns[pair]]
-    return result
+    found = np.array([columns.get(pair, -1) for pair in map(tuple, wanted.tolist())], np.intp)
+    return np.take(np.pad(gaps, ((0, 0), (0, 1)), constant_values=APART), found, axis=1)
 
 
 def _meant(
@@ -202,6 +276,8 @@ def _meant(
     pair of the first segment and of the place that the second belongs to. Only blocks of frames in which any pair is
     `touching`, (keys, pairs), count, and of the hands' joints only wrists and what is farthest from them.
     """
+    if not touching.any():
+        return touching
     pairs, targets = body.balls.pairs, clip.distances.targets
     of_point = body.of_joint[targets]
     chosen = np.ones(len(targets), bool)

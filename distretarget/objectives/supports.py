@@ -13,15 +13,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation
 from distretarget.ik.springs import Springs, no_springs
-from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.loops import clear
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.floor import Floor, no_floor
-
-Array = NDArray[np.float64]
 
 STIFFNESS = 5000.0  # k, far above all other stiffnesses
 RESTS = 0.99  # a joint of this weight or more rests
@@ -46,8 +42,8 @@ class Supports:
         asked_springs: springs of contacts and distances that the user asks for [body units].
     """
 
-    joints: NDArray[np.intp]
-    regions: NDArray[np.intp]
+    joints: Numbers
+    regions: Numbers
     feet: int
     weights: Array
     places: Array
@@ -67,29 +63,37 @@ class Supports:
         stiffness = np.trace(springs.A, axis1=-2, axis2=-1)
         return zip(springs.a.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)
 
+    def with_joints(self, joints: Numbers, regions: Numbers, weights: Array, places: Array) -> Supports:
+        """Return the supports with other joints after these; the arguments are the attributes of these joints."""
+        return replace(
+            self,
+            joints=np.append(self.joints, joints),
+            regions=np.append(self.regions, regions),
+            weights=np.hstack([self.weights, weights]),
+            places=np.hstack([self.places, places]),
+        )
+
     def __getitem__(self, frames: slice) -> Supports:
-        floor, springs = self.floor.of_frames(frames), self.scene_springs.of_frames(frames)
         return replace(
             self,
             weights=self.weights[frames],
             places=self.places[frames],
-            floor=floor,
-            scene_springs=springs,
+            floor=self.floor.of_frames(frames),
+            scene_springs=self.scene_springs.of_frames(frames),
             asked_springs=self.asked_springs.of_frames(frames),
         )
 
 
 def no_supports(frames: int) -> Supports:
     """Return supports of a clip in which nothing rests."""
-    none, weights, places = np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3))
-    floor, springs = no_floor(frames), no_springs(frames)
+    none, springs = np.zeros(0, np.intp), no_springs(frames)
     return Supports(
         joints=none,
         regions=none,
         feet=0,
-        weights=weights,
-        places=places,
-        floor=floor,
+        weights=np.zeros((frames, 0)),
+        places=np.zeros((frames, 0, 3)),
+        floor=no_floor(frames),
         scene_springs=springs,
         asked_springs=springs,
     )
@@ -101,80 +105,52 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
     `bones`, (frames, joints, 3), are the rotation copy's [body units], `unit` is the body unit [file units], and
     `stiffness` is k; 0 leaves the joints free.
     """
-    weights, joints, regions, feet = supports.weights, supports.joints, supports.regions, supports.feet
-    A = np.zeros((*weights.shape, 3, 3))
-    if stiffness > 0.0:
-        scratch = np.zeros((len(body.stiffness), 3)), np.zeros((3, 3))
-        _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch)
-    return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
+    A = np.zeros((*supports.weights.shape, 3, 3))
+    for support in range(len(supports.joints) if stiffness > 0.0 else 0):
+        _write_stiffness(supports, support, body, bones, stiffness, A[:, support])
+    return Springs(supports.joints, np.full(len(supports.joints), -1), supports.places / unit, A)
 
 
-@compiled()
-def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch):  # type: ignore[no-untyped-def]
-    """Write A, (frames, joints, 3, 3); foot joints come first. `scratch` holds lever arms and compliance."""
-    arms, M = scratch
-    for frame in range(len(weights)):
-        for support in range(len(joints)):
-            s = weights[frame, support]
-            if s <= LEAST_WEIGHT:
-                continue
-            resting = _resting_in_region(weights[frame], regions, support)
-            n = resting / FIRM if resting > FIRM else 1.0
-            m = n if support < feet else resting
-            if s < 1.0:
-                write_compliance(body, bones[frame], joints[support], arms, M)
-                for i in range(3):
-                    for j in range(3):
-                        M[i, j] *= m * (1.0 - s) / s
-                    M[i, i] += n / stiffness
-                _write_inverse(M, A[frame, support])
-            else:
-                for i in range(3):
-                    A[frame, support, i, i] = stiffness / n
+def _write_stiffness(
+    supports: Supports, support: int, body: Articulation, bones: Array, stiffness: float, A: Array
+) -> None:
+    """Write A, (frames, 3, 3), of one of the supports."""
+    s, same_region = supports.weights[:, support], supports.regions == supports.regions[support]
+    resting = (supports.weights[:, same_region] > LEAST_WEIGHT).sum(axis=1)
+    n = np.maximum(resting / FIRM, 1.0)
+    m = n if support < supports.feet else resting
+    wholly, partly = np.flatnonzero(s >= 1.0), np.flatnonzero((s > LEAST_WEIGHT) & (s < 1.0))
+    A[wholly] = (stiffness / n[wholly])[:, None, None] * np.eye(3)
+    if len(partly):
+        s, m, n = (each[partly, None, None] for each in (s, m, n))
+        M = compliance(body, bones[partly], int(supports.joints[support])) * (m * (1.0 - s) / s)
+        A[partly] = _inverse(M + n / stiffness * np.eye(3))
 
 
-@inlined()
-def _resting_in_region(weights: Array, regions: NDArray[np.intp], support: int) -> int:
-    """The number of joints of the same region that rest in a frame, this one included."""
-    count = 0
-    for other in range(len(weights)):
-        count += regions[other] == regions[support] and weights[other] > LEAST_WEIGHT
-    return count
+def compliance(body: Articulation, bones: Array, joint: int) -> Array:
+    """M: (frames, 3, 3), displacement of a joint per force, against the stiffness of parts and root alone.
 
-
-@inlined()
-def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, M: Array) -> None:
-    """Write the compliance M, (3, 3): displacement of a joint per force, against the stiffness of parts and root alone.
-
-    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones`,
-    (joints, 3), are the frame's; `arms`, (parts + 1, 3), is scratch.
+    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones` are
+    (frames, joints, 3).
     """
-    clear(arms)
+    arms: dict[int, Array] = {}
     while joint > 0:
-        parent = body.parents[joint]
-        for i in range(3):
-            arms[body.parts[parent], i] += bones[joint, i]
+        parent = int(body.parents[joint])
+        part = int(body.parts[parent])
+        arms[part] = arms.get(part, 0.0) + bones[:, joint]
         joint = parent
-    clear(M)
-    for i in range(3):
-        M[i, i] = 1.0 / body.stiffness[-1]
-    for part in range(len(arms) - 1):
-        square = arms[part, 0] ** 2 + arms[part, 1] ** 2 + arms[part, 2] ** 2
-        if square == 0.0:
-            continue
-        for i in range(3):
-            M[i, i] += square / body.stiffness[part]
-            for j in range(3):
-                M[i, j] -= arms[part, i] * arms[part, j] / body.stiffness[part]
+    M = np.tile(np.eye(3) / body.stiffness[-1], (len(bones), 1, 1))
+    for part in sorted(arms):
+        a, h = arms[part], body.stiffness[part]
+        M += ((a**2).sum(axis=1) / h)[:, None, None] * np.eye(3)
+        M -= a[:, :, None] * a[:, None, :] / h
+    return M
 
 
-@inlined()
-def _write_inverse(M: Array, inverse: Array) -> None:
-    """Write the inverse of a symmetric matrix, (3, 3), by its cofactors."""
-    a, b, c, d, e, f = M[0, 0], M[0, 1], M[0, 2], M[1, 1], M[1, 2], M[2, 2]
+def _inverse(M: Array) -> Array:
+    """The inverses of symmetric matrices, (frames, 3, 3), by their cofactors."""
+    a, b, c, d, e, f = (M[:, i, j] for i, j in zip(*np.triu_indices(3), strict=True))
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
     D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
     scale = 1.0 / (a * A + b * B + c * C)
-    inverse[0, 0], inverse[0, 1], inverse[0, 2] = scale * A, scale * B, scale * C
-    inverse[1, 0], inverse[1, 1], inverse[1, 2] = scale * B, scale * D, scale * E
-    inverse[2, 0], inverse[2, 1], inverse[2, 2] = scale * C, scale * E, scale * F
+    return np.moveaxis(scale * np.array([[A, B, C], [B, D, E], [C, E, F]]), -1, 0)

@@ -22,14 +22,12 @@ from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, averaged, by_shot, slices_of, spans_of
 from distretarget.numerics.vectors import lengths
-from distretarget.objectives.asked_reach import brought_out, reached
+from distretarget.objectives.asked_reach import brought_out, reached, with_looks
 from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
-from distretarget.objectives.asking import Wish, Wishes
+from distretarget.objectives.asking import Wish, Wishes, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
-from distretarget.objectives.looks import with_looks
-from distretarget.objectives.skins import BodySkin, limbs_of
+from distretarget.objectives.skin import BodySkin, limbs_of
 from distretarget.objectives.supports import Supports
-from distretarget.objectives.units import centimetres
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
 
@@ -51,7 +49,7 @@ LEAST = 1e-12  # angles are no smaller [rad]
 
 def dropping(performer: Performer, wishes: Wishes) -> Performer:
     """Return a performer without the contacts that wishes drop."""
-    return replace(performer, clip=replace(performer.clip, dropped=wishes.dropped)) if wishes.wishes else performer
+    return replace(performer, clip=replace(performer.clip, drops=wishes.dropped)) if wishes.wishes else performer
 
 
 def as_asked(performer: Performer, wishes: Wishes, ways: Ways = ()) -> Performer:
@@ -122,7 +120,7 @@ def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
     """Yield how far off what is asked is in a motion, for what is not met; `performer` is as asked."""
     for wish, off in _off(performer, wishes, posed):
         if off.max() > NOTICED * performer.match.matching.target.height:
-            name, worst = " - ".join(wish.named), int(off.argmax())
+            name, worst = " - ".join(wish.entry.named), int(off.argmax())
             cm = centimetres(performer.clip.unit) * off[worst]
             yield f"{name} misses what was asked for by up to {cm:.1f} cm, at frame {worst}"
 

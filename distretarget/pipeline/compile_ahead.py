@@ -18,7 +18,7 @@ from distretarget.numerics.compiled import code_folder
 from distretarget.numerics.interrupts import interrupts_kept
 from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import median_of_three
-from distretarget.objectives.skins import BodySkin
+from distretarget.objectives.skin import BodySkin
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton

@@ -15,20 +15,18 @@ from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, average_for
 from distretarget.body.thickness import capsules_of
 from distretarget.errors import MotionError
-from distretarget.ik.poses import Poses
-from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
+from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.vectors import extent, lengths
+from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_flesh, find_floor, rise_of_flesh
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
-from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
-from distretarget.objectives.skin import with_skin
-from distretarget.objectives.skins import Skins
+from distretarget.objectives.skin import Skins, with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult

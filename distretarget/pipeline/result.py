@@ -20,14 +20,14 @@ from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
-from distretarget.measure.pops import find_pops
+from distretarget.measure.movement import find_pops
 from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
-from distretarget.objectives.skins import Skins
+from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.skin.mesh import SkinnedMesh
 

@@ -20,11 +20,10 @@ from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import TargetFile
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
-from distretarget.objectives.asked_distances import find_distances
+from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.asking import Wishes
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.paper import solve_paper
-from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.paper import find_distances, solve_paper
 from distretarget.pipeline.asked_motion import asked_result, dropping, layered, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, match_performer

@@ -20,10 +20,9 @@ from distretarget.body.segments import find_segments
 from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
-from distretarget.measure.diff import Diff
+from distretarget.measure.diff import Diff, SceneDiff
+from distretarget.measure.gaps import TOUCH_DISTANCE, SkinGap, Touch
 from distretarget.measure.metrics import BY_KEY, METRICS
-from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
-from distretarget.measure.scene_skin_gaps import SkinGap, Touch
 from distretarget.numerics.vectors import lengths
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, upright

@@ -17,10 +17,9 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.body.thickness import capsules_of
 from distretarget.errors import DistretargetError
-from distretarget.io.character_file import animations_in
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.target_file import parse_full_target
+from distretarget.io.target_file import animations_in, parse_full_target
 from distretarget.measure.diff import Diff, diff
 from distretarget.motion import Motion
 from distretarget.pipeline.found_contacts import MarkedContact

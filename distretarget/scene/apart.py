@@ -22,11 +22,11 @@ from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, read_only
 from distretarget.numerics.time_series import averaged, by_shot, over_runs, smoothstep, widened
 from distretarget.numerics.vectors import lengths, level, normalised
-from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.scene.seats import moved_by
 from distretarget.scene.sweeps import SceneContacts
-from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.capsules import SEGMENTS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -57,7 +57,7 @@ class Core:
         """Return the balls of some parts, (segments,), of a body in a motion; `unit` is that of lengths."""
         whole = skin.capsules
         on = parts[whole.segments]
-        ends = Capsules(whole.joints[on], whole.ends[on], whole.radii[on], whole.segments[on]).posed(motion) / unit
+        ends = whole[on].posed(motion) / unit
         t = np.linspace(0.0, 1.0, BALLS)
         shares = np.stack([1.0 - t, t])
         centres = np.einsum("fcei,eb->fcbi", ends, shares).reshape(len(ends), -1, 3)

@@ -14,7 +14,7 @@ from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asking import Carrier, Wishes
-from distretarget.objectives.skins import Skins
+from distretarget.objectives.skin import Skins
 from distretarget.pipeline.asked_motion import as_asked, asked_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.apart import kept_apart

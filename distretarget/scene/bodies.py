@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import median_of_three
-from distretarget.objectives.skin import limb_places
-from distretarget.objectives.skins import BodySkin
+from distretarget.objectives.skin import BodySkin, limb_places
 from distretarget.scene.prop_surface import Surface, nearest_places
 from distretarget.skin.balls import NEVER, Balls
 from distretarget.skin.capsules import SEGMENTS

@@ -12,14 +12,13 @@ from distretarget.ik.springs import Springs
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import lengths
-from distretarget.objectives.activation import FADE, activation, activation_window
+from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
 from distretarget.objectives.contact_pairs import (
     come_near,
     normalised_distances,
     pair_stiffness,
     share_across,
 )
-from distretarget.objectives.settings import ContactSettings
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]

@@ -23,9 +23,8 @@ from distretarget.motion import Motion, check_reach
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import extent, lengths
-from distretarget.objectives.activation import activation
+from distretarget.objectives.activation import ContactSettings, activation
 from distretarget.objectives.contact_pairs import pair_stiffness, share_across
-from distretarget.objectives.settings import ContactSettings
 from distretarget.scene.performer_contacts import ContactPoints, firmness
 from distretarget.scene.prop_surface import Surface
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST

@@ -17,15 +17,15 @@ from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError, MatchingError, MotionError, SettingsError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
-from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
-from distretarget.measure.scene_skin_gaps import SkinGap, measure_skin_gap
+from distretarget.measure.diff import prop_in_world
+from distretarget.measure.gaps import Gap, ScenePart, SkinGap, body_part, measure_gaps, measure_skin_gap
 from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
+from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.asking import centimetres
 from distretarget.objectives.resting_joints import Environment
-from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
-from distretarget.objectives.units import centimetres
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult

@@ -10,7 +10,6 @@ from typing import Any, get_args
 from distretarget.body.build import BUILDS, OWN_BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import DistretargetError, MotionError, closest, counted
-from distretarget.io.build_file import load_build, with_source
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text, safe_file_name
 from distretarget.io.input_file import InputFile, load_file
@@ -18,7 +17,7 @@ from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.obj import parse_obj, parse_obj_mesh
-from distretarget.io.target_file import load_target
+from distretarget.io.target_file import load_build, load_target, with_source
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, SkinMode

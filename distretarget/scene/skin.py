@@ -25,13 +25,13 @@ from distretarget.numerics.vectors import normalised
 from distretarget.objectives.skin import (
     APART,
     RATE,
+    Skins,
     how_free,
     how_touching,
     led,
     of_pairs,
     softness,
 )
-from distretarget.objectives.skins import Skins
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape

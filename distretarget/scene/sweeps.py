@@ -25,7 +25,7 @@ from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.ik.springs import Springs, joined, no_springs
-from distretarget.measure.scene_gaps import TOUCH_DISTANCE
+from distretarget.measure.gaps import TOUCH_DISTANCE
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import lengths, spread_out

@@ -9,27 +9,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled
-from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.closest import gap_at, write_axis
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Numbers
+from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, Capsules, gap_at, write_axis
 
 SPACING = 1.2  # between the balls of a limb [radii]
 MOST_BALLS = 7  # of a capsule
 NEVER = 1e9  # the spare gap of a ball and a capsule that never meet
 OVERLAP = 0.5  # balls that are deeper than this in another part in the reference pose do not meet it [radii]
 
-ARM_PARTS = ("hand", "forearm", "upper arm")
-LEG_PARTS = ("thigh", "shin", "foot")
-TRUNK_PARTS = ("head", "neck", "chest", "belly", "pelvis")
+ARM_PARTS, LEG_PARTS = LIMB_SEGMENTS[:3], LIMB_SEGMENTS[3:]
 
 
-def touching_segments() -> tuple[tuple[int, int], ...]:
-    """Return the pairs of segments that can touch, numbers of `SEGMENTS`: arms and trunk, arms and legs, the two arms,
+def _touching_segments() -> list[tuple[int, int]]:
+    """The pairs of segments that can touch, numbers of `SEGMENTS`: arms and trunk, arms and legs, the two arms,
     hand and shoulder of one arm, and the two legs.
     """
     number = SEGMENTS.index
@@ -37,15 +31,12 @@ def touching_segments() -> tuple[tuple[int, int], ...]:
     for side in ("left", "right"):
         for part in ARM_PARTS:
             limb = number(f"{side} {part}")
-            pairs += [(limb, number(trunk)) for trunk in TRUNK_PARTS]
+            pairs += [(limb, number(trunk)) for trunk in TRUNK_SEGMENTS]
             pairs += [(limb, number(f"{leg} {below}")) for leg in ("left", "right") for below in LEG_PARTS]
             pairs += [(limb, number(f"right {arm}")) for arm in ARM_PARTS if side == "left"]
         pairs.append((number(f"{side} hand"), number(f"{side} upper arm")))
     pairs += [(number(f"left {a}"), number(f"right {b}")) for a in LEG_PARTS for b in LEG_PARTS]
-    return tuple(pairs)
-
-
-TOUCHING = touching_segments()
+    return pairs
 
 
 class Balls(NamedTuple):
@@ -71,12 +62,6 @@ def mean_radii(balls: Balls) -> Array:
     return np.asarray(sums / np.maximum(np.diff(first), 1))
 
 
-def ordered(capsules: Capsules) -> Capsules:
-    """Return the capsules ordered by segment."""
-    order = np.argsort(capsules.segments, kind="stable")
-    return Capsules(capsules.joints[order], capsules.ends[order], capsules.radii[order], capsules.segments[order])
-
-
 def balls_of(capsules: Capsules, posed: Array) -> Balls:
     """Return the balls of a body; its `capsules` are ordered, and `posed`, (capsules, 2, 3), are their ends in the
     reference pose.
@@ -86,7 +71,8 @@ def balls_of(capsules: Capsules, posed: Array) -> Balls:
     segments = np.arange(len(SEGMENTS) + 1)
     of_ball = np.searchsorted(capsules.segments[carriers], segments)
     of_capsule = np.searchsorted(capsules.segments, segments)
-    pairs = np.array([pair for pair in TOUCHING if _has_both(pair, of_ball, of_capsule)], np.intp).reshape(-1, 2)
+    pairs = np.array(_touching_segments(), np.intp)
+    pairs = pairs[(np.diff(of_ball)[pairs[:, 0]] > 0) & (np.diff(of_capsule)[pairs[:, 1]] > 0)]
     spare = np.full((len(carriers), len(capsules)), NEVER)
     balls = Balls(carriers, places, radii, capsules.joints, capsules.radii, of_ball, of_capsule, pairs, spare)
     _write_spare(balls, posed, np.zeros(3), np.zeros(8), spare)
@@ -105,11 +91,6 @@ def _rows(capsules: Capsules) -> tuple[Numbers, Array]:
         carriers += [capsule] * count
         places += np.linspace(0.0, 1.0, count).tolist() if count > 1 else [0.5]
     return np.array(carriers, np.intp), np.array(places)
-
-
-def _has_both(pair: tuple[int, int], of_ball: Numbers, of_capsule: Numbers) -> bool:
-    a, b = pair
-    return bool(of_ball[a + 1] > of_ball[a] and of_capsule[b + 1] > of_capsule[b])
 
 
 @compiled()

@@ -1,30 +1,24 @@
-"""Tapered capsules: balls of changing radius along lines that move with the joints of a body."""
+"""Tapered capsules: balls of changing radius along lines that move with the joints of a body; how near balls come to
+them, and their surface as triangles.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, read_only
+from distretarget.numerics.compiled import inlined
 from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, normalised
 from distretarget.skeleton import HALF_TURN
-
-Array = NDArray[np.float64]
 
 # The parts of a body whose surfaces can touch.
 LIMB_SEGMENTS = ("hand", "forearm", "upper arm", "thigh", "shin", "foot")
-SEGMENTS = (
-    *(f"{side} {part}" for part in LIMB_SEGMENTS for side in ("left", "right")),
-    "head",
-    "neck",
-    "chest",
-    "belly",
-    "pelvis",
-)
+TRUNK_SEGMENTS = ("head", "neck", "chest", "belly", "pelvis")
+SEGMENTS = (*(f"{side} {part}" for part in LIMB_SEGMENTS for side in ("left", "right")), *TRUNK_SEGMENTS)
 IS_ARM = np.array(["arm" in name or "hand" in name for name in SEGMENTS])  # (segments,)
 
 # Segments that are one place to be touched: what is meant for one of them is meant for all.
@@ -50,13 +44,16 @@ class Capsules:
         segments: (capsules,), the part of the body that each belongs to, a number of `SEGMENTS`.
     """
 
-    joints: NDArray[np.intp]
+    joints: Numbers
     ends: Array
     radii: Array
-    segments: NDArray[np.intp]
+    segments: Numbers
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    def __getitem__(self, chosen: Numbers | Flags) -> Capsules:
+        return Capsules(self.joints[chosen], self.ends[chosen], self.radii[chosen], self.segments[chosen])
 
     def turned_round(self) -> Capsules:
         """Return the capsules turned half round about Y, as `Skeleton.turned_round` is."""
@@ -71,27 +68,77 @@ class Capsules:
         posed = np.empty((len(motion), *self.ends.shape))
 
         def pose(block: slice) -> None:
-            world = motion.world_rotations_in(block)
-            _write_posed(world, read_only(motion.positions[block]), self.joints, read_only(self.ends), posed[block])
+            world, places = motion.world_rotations_in(block)[:, self.joints], motion.positions[block][:, self.joints]
+            quaternions = np.moveaxis(world[:, :, None], -1, 0)
+            posed[block] = places[:, :, None] + np.stack(turned(*quaternions, *np.moveaxis(self.ends, -1, 0)), axis=-1)
 
         over_blocks(pose, len(motion), len(motion.skeleton))
         return posed
-
-
-@compiled()
-def _write_posed(world, positions, joints, ends, posed):  # type: ignore[no-untyped-def]
-    for frame in range(len(world)):
-        for capsule in range(len(joints)):
-            q, x = world[frame, joints[capsule]], positions[frame, joints[capsule]]
-            for end in range(2):
-                v = ends[capsule, end]
-                a, b, c = turned(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
-                posed[frame, capsule, end, 0] = x[0] + a
-                posed[frame, capsule, end, 1] = x[1] + b
-                posed[frame, capsule, end, 2] = x[2] + c
 
 
 def no_capsules() -> Capsules:
     """Return the surface of a body without thickness."""
     none = np.zeros(0, np.intp)
     return Capsules(none, np.zeros((0, 2, 3)), np.zeros((0, 2)), none)
+
+
+LEAST = 1e-9  # a shorter axis is a point, and a smaller distance has no direction [any unit of length]
+MOST_TAPER = 0.99  # of the radius per length of the axis; beyond, the larger ball holds the smaller
+HOLDS = 1e9  # stands for the last number of an axis that is a point with the larger radius at its end
+
+
+@inlined(fastmath=True)
+def write_axis(ends: Array, radii: Array, axis: Array) -> None:
+    """Write what `gap_at` needs of a tapered capsule, (8,): one end of its axis, the way to the other, and with the
+    length L and the taper c = (r_1 - r_0) / L also 1 / L^2 and c / sqrt(1 - c^2) / L. `ends` are (2, 3), `radii` (2,).
+    """
+    square = 0.0
+    for i in range(3):
+        axis[i] = ends[0, i]
+        axis[3 + i] = ends[1, i] - ends[0, i]
+        square += axis[3 + i] ** 2
+    axis[6] = 1.0 / square if square > LEAST * LEAST else 0.0
+    taper = max(min((radii[1] - radii[0]) * np.sqrt(axis[6]), MOST_TAPER), -MOST_TAPER)
+    axis[7] = taper * np.sqrt(axis[6] / (1.0 - taper * taper))
+    if axis[6] == 0.0 and radii[1] > radii[0]:
+        axis[7] = HOLDS
+
+
+@inlined(fastmath=True)
+def gap_at(p, radius, axis, radii):  # type: ignore[no-untyped-def]
+    """The gap between a ball about p, (3,), and a tapered capsule, negative where they overlap; where on its axis the
+    ball of the capsule is that is nearest, from 0 to 1; and the direction from there to p.
+
+    With z along the axis of length L and h across it, the distance sqrt(h^2 + (z - L t)^2) - (1 - t) r_0 - t r_1 is
+    least where L t = z + c h / sqrt(1 - c^2).
+    """
+    wx, wy, wz = p[0] - axis[0], p[1] - axis[1], p[2] - axis[2]
+    along = (wx * axis[3] + wy * axis[4] + wz * axis[5]) * axis[6]
+    across = max(wx * wx + wy * wy + wz * wz - along * along / max(axis[6], LEAST), 0.0)
+    t = max(min(along + axis[7] * np.sqrt(across), 1.0), 0.0)
+    x, y, z = wx - t * axis[3], wy - t * axis[4], wz - t * axis[5]
+    distance = np.sqrt(x * x + y * y + z * z)
+    inverse = 1.0 / max(distance, LEAST)
+    return distance - radii[0] - t * (radii[1] - radii[0]) - radius, t, inverse * x, inverse * y, inverse * z
+
+
+RINGS, AROUND = 5, 16  # of each round end, its pole included, and points of each ring
+
+
+def surface_of(ends: Array, radii: Array) -> tuple[Array, Numbers]:
+    """Return the points, (points, 3), and triangles, (triangles, 3), of the surface of a tapered capsule, given by the
+    ends of its axis, (2, 3), and the radius at each, (2,).
+    """
+    bone = ends[1] - ends[0]
+    along = normalised(bone) if bone.any() else np.array([0.0, 1.0, 0.0])
+    side = normalised(cross(along, np.eye(3)[np.abs(along).argmin()]))
+    turns = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)[:, None]
+    circle = np.cos(turns) * side + np.sin(turns) * cross(along, side)
+    tilts = np.linspace(0.0, 0.5 * np.pi, RINGS)
+    rings = [(0, -tilt) for tilt in tilts[::-1]] + [(1, tilt) for tilt in tilts]
+    points = [ends[end] + radii[end] * (np.sin(tilt) * along + np.cos(tilt) * circle) for end, tilt in rings]
+    grid = np.arange(2 * RINGS * AROUND).reshape(2 * RINGS, AROUND)
+    a, c = grid[:-1], grid[1:]
+    b, d = np.roll(a, -1, axis=1), np.roll(c, -1, axis=1)
+    triangles = [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (b, d, c))]
+    return np.concatenate(points), np.concatenate(triangles)

@@ -14,16 +14,14 @@ doi:10.1145/1243980.1243986).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import clear, copy_to
 from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.vectors import Array
 from distretarget.skin.balls import Balls
 from distretarget.skin.meetings import room_for
 from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place_displaced, push, tangents_for
-
-Array = NDArray[np.float64]
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
 AFRESH = 4  # the same without those of the frame before
@@ -75,7 +73,7 @@ def displacements(
 
     def write(frames: slice) -> None:
         some = tuple(each[frames] for each in constraints)
-        of_limbs = *np.zeros((3, count + 1, 2, 3)), np.zeros(count + 1, np.bool_)
+        of_limbs = *np.zeros((4, count + 1, 2, 3)), np.zeros(count + 1, np.bool_)
         room = room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *of_limbs
         _write_displacements(balls, moved, posed[frames], some, given, reach, room, sides[frames], result[frames])
 
@@ -89,13 +87,13 @@ def displacements(
 @compiled(fastmath=True)
 def _write_displacements(balls, displaced, posed, constraints, given, reach, room, outside, result):  # type: ignore[no-untyped-def]
     limbs, free, soft, aims, firmness = constraints
-    placed, rows, ends, least, before, afresh, pushed = room
+    placed, rows, ends, nowhere, least, before, afresh, pushed = room
     for frame in range(len(posed)):
         d = result[frame]
         asked = soft[frame], aims[frame], firmness[frame]
         if given:
             touches = firmness[frame].any()
-            if _size_of(d) < NOTHING and not touches:
+            if _way_between(d, nowhere) < NOTHING and not touches:
                 clear(d)
                 continue
             copy_to(least, d)
@@ -105,7 +103,7 @@ def _write_displacements(balls, displaced, posed, constraints, given, reach, roo
             for limb in range(len(d)):
                 if pushed[limb]:
                     copy_to(d[limb], result[frame - 1, limb])
-        from_none = not given and _size_of(d) < NOTHING
+        from_none = not given and _way_between(d, nowhere) < NOTHING
         if from_none:
             clear(d)
         # From those of the frame before; then from none; then from the shorter of the two for each limb.
@@ -162,25 +160,23 @@ def _take_shorter(d: Array, other: Array) -> bool:
 @inlined(fastmath=True)
 def _any_shorter(d: Array, other: Array) -> bool:
     """Whether the displacements of any limb are much shorter than others, and less than a right angle away."""
-    any_shorter = False
-    for limb in range(len(d)):
-        any_shorter = any_shorter or _is_shorter(d[limb], other[limb])
-    return any_shorter
+    for limb in range(len(d)):  # noqa: SIM110 - compiled
+        if _is_shorter(d[limb], other[limb]):
+            return True
+    return False
 
 
 @inlined(fastmath=True)
 def _is_shorter(one: Array, other: Array) -> bool:
-    """Whether a limb's displacements are much shorter than others, and less than a right angle away."""
+    """The same of one limb."""
     return bool(_dot(one, one) < MUCH_SHORTER**2 * _dot(other, other) and _dot(one, other) > 0.0)
 
 
 @inlined(fastmath=True)
 def _dot(a: Array, b: Array) -> float:
-    """The sum of the products of two limbs' displacements, (2, 3)."""
-    total = 0.0
-    for joint in range(2):
-        for i in range(3):
-            total += a[joint, i] * b[joint, i]
+    total, flat_a, flat_b = 0.0, a.flat, b.flat
+    for i in range(a.size):
+        total += flat_a[i] * flat_b[i]
     return total
 
 
@@ -196,22 +192,9 @@ def _push_all(rows, count, d):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _size_of(d: Array) -> float:
-    """The sum of the absolute values of displacements."""
-    size = 0.0
-    for limb in range(len(d)):
-        for joint in range(2):
-            for i in range(3):
-                size += abs(d[limb, joint, i])
-    return size
-
-
-@inlined(fastmath=True)
 def _way_between(a: Array, b: Array) -> float:
     """The sum of the absolute differences of displacements."""
-    size = 0.0
-    for limb in range(len(a)):
-        for joint in range(2):
-            for i in range(3):
-                size += abs(a[limb, joint, i] - b[limb, joint, i])
+    size, flat_a, flat_b = 0.0, a.flat, b.flat
+    for i in range(a.size):
+        size += abs(flat_a[i] - flat_b[i])
     return size

@@ -11,14 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.numerics.vectors import cross, lengths, level, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import PLACE, SEGMENTS, Capsules, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 30_000  # on the mesh that are looked at
 FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
@@ -93,7 +90,7 @@ class _Surface:
             np.concatenate([each.points for each in surfaces]), np.concatenate([each.areas for each in surfaces])
         )
 
-    def part(self, chosen: NDArray[np.bool_]) -> _Surface:
+    def part(self, chosen: Flags) -> _Surface:
         """Return some of the points."""
         return _Surface(self.points[chosen], self.areas[chosen])
 
@@ -142,7 +139,7 @@ def _covering_together(capsules: Capsules, covered: Sequence[tuple[Part, _Surfac
     return replace(capsules, radii=radii)
 
 
-def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Surface, NDArray[np.intp]]:
+def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Surface, Numbers]:
     """Points spread over the mesh, and the part that moves each most, (points,); -1 for what is none of the body's.
 
     They are the middles of its triangles, or of quarters of these where they are few.
@@ -166,9 +163,7 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
     return surface, owned
 
 
-def _owners_at_joints(
-    surface: _Surface, owners: NDArray[np.intp], parts: Sequence[Part], rest: Array
-) -> NDArray[np.intp]:
+def _owners_at_joints(surface: _Surface, owners: Numbers, parts: Sequence[Part], rest: Array) -> Numbers:
     """The owners, (points,), with what lies beyond the joint of a part, seen from its tip, given to the part's parent:
     thighs move the flanks above the hip joints, but these are the pelvis.
     """
@@ -235,7 +230,7 @@ def _axes(surface: _Surface, part: Part, tip: Array | None) -> Array:
     return np.stack([along, across, np.cross(along, across)], axis=1)
 
 
-def _width(surface: _Surface, values: Array, chosen: NDArray[np.bool_]) -> tuple[float, float]:
+def _width(surface: _Surface, values: Array, chosen: Flags) -> tuple[float, float]:
     """The middle of values of some points and half of the range that they span."""
     low, top = (surface.part(chosen).percentile(values[chosen], percent) for percent in EDGES)
     return 0.5 * (low + top), 0.5 * (top - low)

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled
 from distretarget.numerics.kinematics import multiply
 from distretarget.numerics.rotations import least_rotation
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
 LEAST = 1e-9  # smaller angles are none [rad]
 STRETCHED = 1e-3  # a limb that reaches for something is shorter than its bones by this share of them
 FOLDED = np.radians(30.0)  # it folds up to this angle between its bones, if it was not folded more [rad]
-UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
+UNTURNED, INVERSE = np.array([[0.0, 0.0, 0.0, 1.0], [-1.0, -1.0, -1.0, 1.0]])
 
 
 @dataclass(frozen=True)
@@ -41,7 +37,7 @@ class Limb:
 
 
 def shares_of(
-    limbs: tuple[Limb, ...], skeleton: Skeleton, places: Array, joints: Numbers, points: Array
+    limbs: Sequence[Limb], skeleton: Skeleton, places: Array, joints: Numbers, points: Array
 ) -> tuple[Numbers, Array]:
     """Return the limb that each point belongs to, (points,), -1 for none, and its shares of the displacements of middle
     and end, (points, 2). `joints`, (points,), carry the points, (points, 3); `places`, (joints, 3), are all joints'.
@@ -53,9 +49,7 @@ def shares_of(
         upper, lower = _along(top, middle, points[on]), _along(middle, end, points[on])
         bends = (upper >= 1.0) | (lower > 0.0)
         numbers[on] = number
-        shares[on] = np.where(
-            bends[:, None], np.stack([1.0 - lower, lower], axis=1), np.stack([upper, 0.0 * upper], axis=1)
-        )
+        shares[on] = np.where(bends, [1.0 - lower, lower], [upper, 0.0 * upper]).T
     return numbers, shares
 
 
@@ -65,7 +59,7 @@ def _along(a: Array, b: Array, points: Array) -> Array:
     return np.clip((points - a) @ (b - a) / square, 0.0, 1.0) if square else np.ones(len(points))
 
 
-def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motion:
+def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
     """Return the motion with the middle and the end of each limb displaced, (frames, limbs, 2, 3) [file units].
 
     The upper and the lower part of a limb turn by the least rotations. What is beyond its end keeps its rotation in the
@@ -88,7 +82,11 @@ def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motio
         for part, joint in enumerate(limb.joints):
             of_joint[skeleton.subtree(joint)] = part
         edges = np.flatnonzero((of_joint != of_joint[skeleton.parents]) & ~skeleton.end_sites)
-        _turn_edges(turns, of_joint, skeleton.parents, edges[edges > 0], world, local)
+        for joint in edges[edges > 0]:  # with the turns P and Q of parent and joint, the parent's W: W^-1 P^-1 Q W
+            parent = skeleton.parents[joint]
+            w, p, q = world[:, parent], turns[of_joint[parent]], turns[of_joint[joint]]
+            for rotation in (w, q, INVERSE * p, INVERSE * w):
+                multiply(*rotation.T, local[:, joint].T.copy(), local[:, joint].T)
     rotations = motion.rotations.copy()
     rotations[frames] = local
     return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)
@@ -120,19 +118,3 @@ def _excess(turns: Array) -> Array:
     vectors = Rotation.from_quat(turns).as_rotvec()
     angles = lengths(vectors)[:, None]
     return Rotation.from_rotvec(vectors * (1.0 - np.tanh(angles / WRIST) * WRIST / np.maximum(angles, LEAST))).as_quat()
-
-
-@compiled()
-def _turn_edges(turns, of_joint, parents, edges, world, local):  # type: ignore[no-untyped-def]
-    """Write the local rotation of each joint that turns otherwise than its parent: with the turns P and Q of parent and
-    joint and the parent's rotation W, it becomes W^-1 P^-1 Q W times what it was.
-    """
-    for frame in range(len(world)):
-        for joint in edges:
-            parent = parents[joint]
-            w, p, q = world[frame, parent], turns[of_joint[parent], frame], turns[of_joint[joint], frame]
-            target = local[frame, joint]
-            multiply(w[0], w[1], w[2], w[3], target, target)
-            multiply(q[0], q[1], q[2], q[3], target, target)
-            multiply(-p[0], -p[1], -p[2], p[3], target, target)
-            multiply(-w[0], -w[1], -w[2], w[3], target, target)

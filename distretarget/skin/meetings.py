@@ -5,22 +5,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skin.balls import NEVER, Balls
-from distretarget.skin.closest import gap_at, write_axis
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.skin.capsules import gap_at, write_axis
 
 
 class Placed(NamedTuple):
     """Where balls and capsules are in a frame, and pairs of them that may be near."""
 
     centres: Array  # (balls, 4), and their radii
-    axes: Array  # (capsules, 8), see `closest.write_axis`
+    axes: Array  # (capsules, 8), see `capsules.write_axis`
     spheres: Array  # (capsules, 4), the centre and the radius of a ball that holds each
     of_segments: Array  # (segments, 4), the same of the capsules of each segment
     meetings: Numbers  # (meetings, 2), a ball and a capsule
@@ -104,7 +101,7 @@ def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
 @inlined(fastmath=True)
 def gap_of(balls, ball, capsule, placed):  # type: ignore[no-untyped-def]
     """The gap between a ball and a capsule, less than 0 only for overlaps beyond that of the reference pose; and the
-    rest of `closest.gap_at`.
+    rest of `capsules.gap_at`.
     """
     radii = balls.cap_radii[capsule]
     gap, t, x, y, z = gap_at(placed.centres[ball], balls.radii[ball], placed.axes[capsule], radii)
@@ -136,3 +133,24 @@ def _write_gaps(balls, posed, farthest, placed, gaps):  # type: ignore[no-untype
                 if is_near(placed.centres[ball], placed.spheres[capsule], least):
                     least = min(least, gap_of(balls, ball, capsule, placed)[0])
             gaps[frame, pair] = least
+
+
+def nearest_skin(balls: Balls, posed: Array, pairs: Numbers) -> tuple[Array, Array]:
+    """Return the least gap of some `pairs` of segments in each frame, (frames,), and the direction there from the
+    capsules to the balls, (frames, 3). Capsules end at `posed`, (frames, capsules, 2, 3); gaps are as in
+    `segment_gaps`.
+    """
+    gaps, away = np.full(len(posed), NEVER), np.zeros((len(posed), 3))
+    _write_nearest(balls, read_only(posed), pairs, room_for(balls), gaps, away)
+    return gaps, away
+
+
+@compiled()
+def _write_nearest(balls, posed, pairs, placed, gaps, away):  # type: ignore[no-untyped-def]
+    for frame in range(len(posed)):
+        place(balls, posed[frame], placed)
+        for pair in pairs:
+            for meeting in range(find_meetings(balls, pair, gaps[frame], placed)):
+                gap, _, x, y, z = gap_of(balls, placed.meetings[meeting, 0], placed.meetings[meeting, 1], placed)
+                if gap < gaps[frame]:
+                    gaps[frame], away[frame, 0], away[frame, 1], away[frame, 2] = gap, x, y, z

@@ -6,13 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skeleton import HALF_TURN
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,7 +41,7 @@ class Looks:
     """
 
     materials: tuple[Material, ...]
-    of_triangle: NDArray[np.intp]
+    of_triangle: Numbers
     uv: Array
 
 
@@ -65,13 +63,13 @@ class SkinnedMesh:
     """
 
     vertices: Array
-    joints: NDArray[np.intp]
+    joints: Numbers
     weights: Array
-    triangles: NDArray[np.intp]
+    triangles: Numbers
     looks: Looks | None = None
     whole: SkinnedMesh | None = None
 
-    def posed(self, motion: Motion, vertices: NDArray[np.intp] | slice = slice(None)) -> Array:
+    def posed(self, motion: Motion, vertices: Numbers | slice = slice(None)) -> Array:
         """Return the vertices, or some of them, in each frame of a motion by linear blend skinning, (frames, vertices,
         3) [file units].
         """

@@ -9,16 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.loops import clear
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skin.balls import NEVER, Balls
-from distretarget.skin.closest import LEAST
+from distretarget.skin.capsules import LEAST
 from distretarget.skin.meetings import Placed, find_meetings, gap_of, place
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 MARGIN = 0.005  # gaps that are larger have no tangent [body units]
 GIVES = 0.18  # of what a push moves, it gives way: limbs that have no room to leave would else be pushed without end
@@ -30,7 +27,7 @@ class Displaced(NamedTuple):
 
     limbs: Numbers  # (capsules,), the limb that each capsule belongs to; -1 for none
     shares: Array  # (capsules, 2, 2), how much of the displacements of middle and end its own two ends move by
-    mutual: NDArray[np.bool_]  # (pairs,), whether both segments of a pair give way, or that of the balls alone
+    mutual: Flags  # (pairs,), whether both segments of a pair give way, or that of the balls alone
 
 
 class Tangents(NamedTuple):

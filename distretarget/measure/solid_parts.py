@@ -1,4 +1,4 @@
-"""The inside of a character's mesh as balls that touch the skin from within: more detail than a few capsules have.
+"""The solid parts of a body: balls that touch a mesh from within, more detail than a few capsules have, in clusters.
 
 A ball of the medial axis touches the skin in two places and lies inside. It is found from one of them by shrinking: the
 largest ball that touches there and whose inside holds no other point of the skin (J. Ma, S. W. Bae, S. Choi, "3D medial
@@ -16,6 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from distretarget.measure.skin_points import halves
 from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import Capsules
@@ -29,6 +30,8 @@ LARGEST_BALL = 0.25  # radius from which balls shrink [extents of the mesh]
 SAME = 0.004  # balls that stick out of another by less than this are left out [extents of the mesh]
 MOST_PARTS = 12  # into which an edge of a large triangle is divided
 SHRINKS = 30  # most steps of shrinking
+CLUSTER = 8  # most capsules of a cluster
+STEEP = 1e9  # slope of a capsule of which one end is within the other
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,3 +139,55 @@ def _not_within_others(centres: Array, radii: Array, joints: Numbers, margin: fl
             out[0] = False
             on = on[out]
     return np.array(sorted(kept), np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """Capsules in groups of one joint and one segment, and these in clusters of a few neighbours, each within a ball.
+
+    Attributes:
+        groups: (groups + 1, 3), the joint and the segment of each, and its first cluster; the last is their end.
+        first: (clusters + 1,), the first capsule of each; the last is their end.
+        balls: (groups + clusters, 4), centre relative to the joint, and radius [file units].
+        capsules: (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius
+            where it begins, the change of the radius along it, and how far along it, over a point's distance to the
+            axis, the nearest ball is off the point's foot.
+    """
+
+    groups: Numbers
+    first: Numbers
+    balls: Array
+    capsules: Array
+
+
+def clusters_of(capsules: Capsules) -> Clusters:
+    """Return the capsules of a body in clusters."""
+    middles, groups, balls = capsules.ends.mean(axis=1), [], []
+    clusters: list[Numbers] = []
+    for joint, segment in np.unique(np.stack([capsules.joints, capsules.segments], axis=1), axis=0).tolist():
+        on = np.flatnonzero((capsules.joints == joint) & (capsules.segments == segment))
+        groups.append((joint, segment, len(clusters)))
+        balls.append(_ball_around(capsules, on))
+        clusters += halves(middles, on, CLUSTER)
+    balls += [_ball_around(capsules, on) for on in clusters]
+    order = np.concatenate([np.zeros(0, np.intp), *clusters])
+    ends, radii = capsules.ends[order], capsules.radii[order]
+    axes = ends[:, 1] - ends[:, 0]
+    along = lengths(axes)
+    known = np.where(along > 0.0, along, 1.0)
+    taper = np.where(along > 0.0, radii[:, 1] - radii[:, 0], 0.0) / known
+    cosine = np.sqrt(np.maximum(1.0 - taper**2, 0.0))
+    slope = np.divide(taper, cosine, out=STEEP * np.sign(taper), where=cosine > 1.0 / STEEP)
+    return Clusters(
+        groups=np.array([*groups, (-1, -1, len(clusters))], np.intp),
+        first=np.cumsum([0, *map(len, clusters)]),
+        balls=np.array(balls).reshape(-1, 4),
+        capsules=np.column_stack([ends[:, 0], axes / known[:, None], along, radii[:, 0], taper, slope]),
+    )
+
+
+def _ball_around(capsules: Capsules, on: Numbers) -> Array:
+    """A ball around some of the capsules of a joint: centre and radius."""
+    ends = capsules.ends[on]
+    centre = ends.mean(axis=(0, 1))
+    return np.append(centre, (lengths(ends - centre) + capsules.radii[on]).max())

@@ -1,17 +1,43 @@
-"""The frames of an animation with keys: at which rate they are, and at which times."""
+"""Animations with keys: which of a file is asked for, at which rate its frames are, and at which times.
+
+The process that reads FBX imports this, so it imports nothing that takes long.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
 
-Array = NDArray[np.float64]
+import numpy as np
+
+from distretarget.errors import FileError, closest, cut, quoted
+from distretarget.numerics.vectors import Array
 
 RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
 LEAST_RATE, MOST_RATE = 9.9, 1000.0  # keys at other rates are no frames [frames/s]
 IRREGULAR_RATE = 60.0  # of keys that are on no such grid [frames/s]
 ON_GRID = 0.02  # a key is on a grid within this [frames]
 SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times are float32
+
+
+def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -> int | None:
+    """Return the number of the animation named `clip`, or of the only one; None where a file has none and none is
+    asked for. "#2" stands for the second, for animations without a name of their own. A FileError if there is no such
+    animation, or if there are several and none is asked for.
+    """
+    times = Counter(names)
+    shown = [name if name and times[name] == 1 else f"#{number}" for number, name in enumerate(names, start=1)]
+    if clip is None:
+        if len(names) > 1:
+            listed = quoted(shown, 12)
+            raise FileError(path, f"has {len(names)} animations: {listed}; choose one with --clip NAME")
+        return 0 if names else None
+    if clip in shown:
+        return shown.index(clip)
+    if clip.startswith("#") and clip[1:].isdecimal() and 0 < int(clip[1:]) <= len(names):
+        return int(clip[1:]) - 1
+    raise FileError(path, f"has no animation {cut(clip)!r}; {closest(clip, shown) if names else 'it has none'}")
 
 
 def frame_count(keys: Array, rate: float) -> float:

@@ -1,0 +1,210 @@
+"""Gaps between two performers of a scene or a performer and a prop: between joints that touch, and between skins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.errors import counted
+from distretarget.matching.matching import Matching
+from distretarget.measure.skin import TOUCHING, Skin
+from distretarget.measure.skin_depths import find_depths
+from distretarget.measure.skin_points import LIMBS
+from distretarget.motion import Motion
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.vectors import lengths
+from distretarget.skin.capsules import PLACE, SEGMENTS
+
+Array = NDArray[np.float64]
+
+TOUCH_DISTANCE = 0.07  # joints touch where they are nearer than this in the source, or in scene A [leg lengths]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ScenePart:
+    """A body, a region of a body, or a prop in two scenes, A and B; gaps are those between their joints."""
+
+    a: Array  # (frames, joints, 3), positions in A [file units]
+    b: Array  # (frames, joints, 3), positions in B [file units]
+    keys: tuple[str, ...]  # of the joints in A
+    leg: float = 0.0  # the length of the performer's leg in A [file units]; 0 for a prop
+    region: str = ""  # its name; empty for a body or a prop
+
+
+def body_part(matching: Matching, a: Array, b: Array, region: int | None = None) -> ScenePart:
+    """Return the driven joints of a body, or of one of its regions; `a` and `b`, (frames, joints, 3), are the positions
+    of source and target.
+    """
+    joints, regions = matching.body_joints, matching.regions
+    if region is not None:
+        joints = joints[regions.of_joint[joints] == region]
+    drivers = matching.drivers[joints]
+    keys = tuple(matching.source.skeleton.keys[joint] for joint in drivers)
+    name = "" if region is None else regions.names[region]
+    return ScenePart(a=a[:, drivers], b=b[:, joints], keys=keys, leg=matching.leg_lengths[0], region=name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """The gap between two parts that touch in scene A, over all pairs of joints and frames in which they touch.
+
+    Gaps are in leg lengths of A, the mean of both performers; those of B are scaled to A's world.
+
+    Attributes:
+        between: the numbers of two performers, or of a performer and a prop; performers are counted before props.
+        regions: the region of the body of each, such as "left hand"; empty for a whole body or a prop.
+        frames: the number of frames in which they touch.
+        pairs: the number of pairs of joints that touch, summed over frames.
+        a, b: the mean gap in A and in B.
+        worst: the gap in B that 1 in 100 exceeds.
+        error: the mean |gap in B - gap in A|.
+        worst_frame: the frame with the largest difference.
+        joints: the keys of the two joints of A with the largest difference.
+    """
+
+    between: tuple[int, int]
+    regions: tuple[str, str]
+    frames: int
+    pairs: int
+    a: float
+    b: float
+    worst: float
+    error: float
+    worst_frame: int
+    joints: tuple[str, str]
+
+
+def measure_gap(between: tuple[int, int], one: ScenePart, other: ScenePart, scale: float) -> Gap | None:
+    """Measure the gap between two parts; None if they do not touch in A. `scale` is in units of B per unit of A."""
+    legs = [part.leg for part in (one, other) if part.leg]
+    leg = sum(legs) / max(len(legs), 1)
+    touching = []
+    for block in blocks_of(len(one.a)):
+        frames, u, v = np.nonzero(lengths(one.a[block][:, :, None] - other.a[block][:, None]) < TOUCH_DISTANCE * leg)
+        touching.append((block.start + frames, u, v))
+    frames, u, v = (np.concatenate(values) for values in zip(*touching, strict=True))
+    if not len(frames):
+        return None
+    a = lengths(one.a[frames, u] - other.a[frames, v]) / leg
+    b = lengths(one.b[frames, u] - other.b[frames, v]) / (scale * leg)
+    error = np.abs(b - a)
+    farthest = error.argmax()
+    return Gap(
+        between=between,
+        regions=(one.region, other.region),
+        frames=len(np.unique(frames)),
+        pairs=len(frames),
+        a=float(a.mean()),
+        b=float(b.mean()),
+        worst=float(np.percentile(b, 99)),
+        error=float(error.mean()),
+        worst_frame=int(frames[farthest]),
+        joints=(one.keys[u[farthest]], other.keys[v[farthest]]),
+    )
+
+
+def measure_gaps(
+    bodies: Sequence[Sequence[ScenePart]], props: Sequence[tuple[ScenePart, float]], scale: float
+) -> Iterator[tuple[tuple[int, int], Gap | None]]:
+    """Measure the gaps between each two bodies, and between each body and each prop, with the numbers of the two.
+
+    `bodies` are given as their parts, `props` with scales of their own; bodies are counted before props.
+    """
+    pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]
+    for (i, body), (k, (prop, own)) in product(enumerate(bodies), enumerate(props, len(bodies))):
+        pairs.append(((i, k), body, [prop], own))
+    for between, ones, others, each in pairs:
+        for one, other in product(ones, others):
+            yield between, measure_gap(between, one, other, each)
+
+
+class Touch(NamedTuple):
+    """A hand or forearm of one performer that touches the other in the source.
+
+    Attributes:
+        frame: of the clip.
+        error: the difference of the gap in the result to the source's, 0 or more there, in proportion to heights [% of
+            height].
+        parts: the parts of the first and the second performer that touch.
+    """
+
+    frame: int
+    error: float
+    parts: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class SkinGap:
+    """How well two performers keep touching, by their touches, one or more."""
+
+    touches: tuple[Touch, ...]
+
+    @property
+    def frames(self) -> int:
+        """The number of frames in which they touch."""
+        return len({touch.frame for touch in self.touches})
+
+    @property
+    def error(self) -> float:
+        """The mean error [% of height]."""
+        return float(np.mean([touch.error for touch in self.touches]))
+
+    @property
+    def worst(self) -> Touch:
+        """The touch with the largest error."""
+        return max(self.touches, key=lambda touch: touch.error)
+
+    @property
+    def sentence(self) -> str:
+        """What is told of it."""
+        return (
+            f"contacts in {counted(self.frames, 'frame')}: gaps between the skins off by {self.error:.1f} % of "
+            f"height on average, worst in frame {self.worst.frame} ({' - '.join(self.worst.parts)})"
+        )
+
+
+def measure_skin_gap(
+    sources: Sequence[Motion], results: Sequence[Motion], source_skins: Sequence[Skin], skins: Sequence[Skin]
+) -> SkinGap | None:
+    """Measure the gaps of two performers' skins in source and result, with the same frames; None where none touch."""
+    touches: list[Touch] = []
+    for one, other in ((0, 1), (1, 0)):
+        for block in blocks_of(len(sources[0])):
+            gaps = _gaps(sources, source_skins, one, other, block, TOUCHING)
+            touching = gaps < TOUCHING
+            if not touching.any():
+                continue
+            after = _gaps(results, skins, one, other, block, np.inf)
+            for frame, limb in zip(*np.nonzero(touching.any(axis=2)), strict=True):
+                part = int(gaps[frame, limb].argmin())
+                gap = gaps[frame, limb, part]
+                now = after[frame, limb][PLACE[:-1] == PLACE[part]].min()
+                error = float(max(now - max(gap, 0.0), gap - now, 0.0))
+                own, others = str(LIMBS[limb]), str(SEGMENTS[part])
+                touches.append(Touch(block.start + int(frame), error, (own, others) if one == 0 else (others, own)))
+    return SkinGap(tuple(touches)) if touches else None
+
+
+def _gaps(
+    motions: Sequence[Motion], skins: Sequence[Skin], one: int, other: int, frames: slice, farthest: float
+) -> Array:
+    """(frames, limbs, segments), the gaps between the hands and forearms of one performer and all of the other, up to
+    the `farthest` [% of the mean height]; infinite where there is none.
+    """
+    clusters, height = skins[other].clusters, (skins[0].height + skins[1].height) / 2.0
+    groups = clusters.groups.copy()
+    groups[:, 0] += len(motions[one].skeleton)
+    there = np.isin(np.arange(len(SEGMENTS)), groups[:-1, 1])
+    reach = np.where(there, farthest / 100.0 * height, -np.inf) * np.ones((1, len(LIMBS), 1))
+    both = motions[one], motions[other]
+    posed = (
+        np.concatenate([each.positions[frames] for each in both], axis=1),
+        np.concatenate([each.world_rotations_in(frames) for each in both], axis=1),
+    )
+    depths, _ = find_depths(skins[one].patches, replace(clusters, groups=groups), posed, reach)
+    return np.where(there, -100.0 / height * depths, np.inf)
