@@ -20,9 +20,8 @@ from distretarget.body.body import Body
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.key_frames import KeyFrames
 from distretarget.numerics.parallel import blocks_of, in_threads
-from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
+from distretarget.numerics.time_series import KeyFrames, Shots, averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
@@ -242,9 +241,7 @@ def how_touching(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
 
 
 def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
-    """(frames, pairs), 1 for the pair with the least gap of all pairs of a limb and one place, 0 for pairs whose gap is
-    larger by `MARGIN` and more.
-    """
+    """(frames, pairs), 1 for the least gap of a limb and a place, 0 for gaps that are larger by `MARGIN` and more."""
     nearest = np.empty_like(gaps)
     for limb, where in {*zip(limbs.tolist(), places.tolist(), strict=True)}:
         on = (limbs == limb) & (places == where)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import capsules_of
 from distretarget.errors import DistretargetError
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
