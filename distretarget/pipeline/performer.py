@@ -28,7 +28,7 @@ from distretarget.objectives.resting_joints import find_resting_joints, root_shi
 from distretarget.objectives.skin import Skins, with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.result import RetargetResult, undersides_of
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -52,8 +52,7 @@ class Match:
     @cached_property
     def undersides(self) -> Undersides | None:
         """What source and target rest on; None for stick figures."""
-        capsules = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
-        return Undersides.of(self.matching, capsules, self.mesh) if capsules else None
+        return undersides_of(self.matching, self.skins, self.mesh)
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.

@@ -126,11 +126,9 @@ class RetargetResult:
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
         source, target = self.matching.source, self.matching.target
-        skins = undersides = None
+        undersides = undersides_of(self.matching, self.skins, self.mesh)
+        skins = None
         if self.skins:
-            undersides = Undersides.of(
-                self.matching, (self.skins.source.capsules, self.skins.target.capsules), self.mesh
-            )
             of_target = find_skin(target, self.skins.target.capsules, self.mesh)
             skins = find_skin(source, self.skins.source.capsules), of_target
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
@@ -210,6 +208,11 @@ class RetargetResult:
         return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])
 
 
+def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
+    """Return what source and target rest on; None for stick figures."""
+    return Undersides.of(matching, (skins.source.capsules, skins.target.capsules), mesh) if skins else None
+
+
 def labels_of(result: RetargetResult) -> Labels:
     """Return the labels of the frames of a result.
 
@@ -222,8 +225,6 @@ def labels_of(result: RetargetResult) -> Labels:
     - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
       above it, of the metrics that are over their limits in the clip as a whole.
     """
-    not_converged = np.zeros(len(result.motion), bool)
-    not_converged[result.effort.not_converged] = True
     keys, supports = result.motion.skeleton.keys, result.supports
     return {
         "support_names": np.array([keys[joint] for joint in supports.joints], np.str_),
@@ -231,7 +232,7 @@ def labels_of(result: RetargetResult) -> Labels:
         "contact_names": np.array(result.comparison.contacts.candidates.names, np.str_),
         "contact_gaps": _contact_gaps(result),
         "shots": result.matching.source.shots_of(result.source),
-        "not_converged": not_converged,
+        "not_converged": result.run_tracks["not_converged"].values > 0.0,
         "flag_names": np.array([metric.key for metric in JUDGED], np.str_),
         "flags": _flags(result),
     }

@@ -42,22 +42,14 @@ SMALL = 60_000  # characters for the rotations of a clip among many
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShownBody:
-    """A performer or a prop.
-
-    Attributes:
-        name: its name.
-        motions: on each side of the page, first in A or the source.
-        measured: a performer's last motion against its first; None for a prop.
-        skins, meshes: its surface on the first side and on the others.
-        marked: a performer's contacts that were found, dropped and added.
-    """
+    """A performer or a prop."""
 
     name: str
-    motions: Sequence[Motion]
-    measured: Diff | None = None
-    skins: tuple[Capsules | None, Capsules | None] = (None, None)
-    meshes: tuple[SkinnedMesh | None, SkinnedMesh | None] = (None, None)
-    marked: Sequence[MarkedContact] = ()
+    motions: Sequence[Motion]  # on each side of the page, first in A or the source
+    measured: Diff | None = None  # a performer's last motion against its first; None for a prop
+    skins: tuple[Capsules | None, Capsules | None] = (None, None)  # its surface on the first side and on the others
+    meshes: tuple[SkinnedMesh | None, SkinnedMesh | None] = (None, None)  # the same as meshes
+    marked: Sequence[MarkedContact] = ()  # a performer's contacts that were found, dropped and added
 
     def actor(self, side: int, role: Role, turn: Rotation, unit: float, floor: float) -> Actor:
         """Return the body as it moves on a side, where performers have a role; others as in `Actor`."""
