@@ -228,10 +228,8 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
     """Match as many joints of two bodies as possible: those in `joint_map` by it, the others by names or by shape, but
-    not IK handles, which copy the joints they are named after.
-
-    Raises:
-        MapError: `joint_map` names joints that do not exist.
+    not IK handles, which copy the joints they are named after. A MapError if `joint_map` names joints that do not
+    exist.
     """
     crossed = False  # whether left and right are swapped in the names of one body
     if source.left_is_left is not None and target.left_is_left is not None:

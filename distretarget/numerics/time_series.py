@@ -172,19 +172,12 @@ def by_shot(function: Callable[..., NDArray[Value]], shots: Shots, *values: NDAr
 
 @dataclass(frozen=True, eq=False)
 class KeyFrames:
-    """The key frames of a clip. Slicing selects frames, whose first is then a key frame as well.
-
-    Attributes:
-        shots: (frames,), the number of each frame's shot.
-        are_keys: (frames,), whether each frame is one; the first of each shot is.
-        frame_time: the time between frames [s].
-        time: that between key frames [s].
-    """
+    """Frames, evenly apart, between which values are interpolated. Slices begin with a key frame as well."""
 
     shots: Shots
-    are_keys: Flags
-    frame_time: float
-    time: float
+    are_keys: Flags  # (frames,), whether each frame is one; the first of each shot is
+    frame_time: float  # between frames [s]
+    time: float  # between key frames [s]
 
     @classmethod
     def of(cls, shots: Shots, frame_time: float, rate: float) -> KeyFrames:
