@@ -33,13 +33,11 @@ _FOUND: WeakKeyDictionary[Matching, Array] = WeakKeyDictionary()  # as long as t
 
 def rest_alignment(matching: Matching) -> Array:
     """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources: where a
-    source joint has the world rotation R, the target joint gets R A.
+    source joint has the world rotation R, the target joint gets R A. It is found once for each matching, and read-only.
 
     Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the parent bone, which also gives
     the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
     part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
-
-    It is found once for each matching, and read-only.
     """
     if matching not in _FOUND:
         source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)

@@ -73,9 +73,9 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
 def tree_legs(skeleton: Skeleton) -> Legs | None:
     """Return the two legs that the tree and its bone lengths show, whatever the names; None where they show none.
 
-    A limb is the longest chain below a child of a joint. Two limbs below the same joint are a pair if their bone
-    lengths are about equal. The legs are the pair that branches off nearest to the root, and of several there the
-    longest. Pairs much shorter than the longest one (eyes, toes) do not count.
+    A limb is the longest chain below a child of a joint; two below the same joint, of about equal bone lengths, are a
+    pair. The legs are the pair that branches off nearest to the root, and of several there the longest. Pairs much
+    shorter than the longest one (eyes, toes) do not count.
     """
     pairs = [pair for tops in skeleton.children if len(tops) > 1 for pair in _longest_pair(skeleton, tops)]
     longest = max((length for length, _, _ in pairs), default=0.0)
