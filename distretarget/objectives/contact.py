@@ -119,9 +119,7 @@ def _without_spikes(v: Array) -> Array:
 
 
 def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
-    """Return 1 while a joint below a part rests on something or touches another performer, blended to 0, (frames,
-    parts).
-    """
+    """Return 1 while a joint below a part rests or touches another performer, blended to 0, (frames, parts)."""
     held = np.zeros((len(clip), clip.parts.max() + 1))
     holds = [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()

@@ -115,9 +115,7 @@ class Contacts:
         )
 
     def near(self, block: slice, standing: Array) -> NearPairs:
-        """Return the pairs that are in contact in any frame of a block; `standing`, (frames of the block,), is 1 while
-        a foot rests.
-        """
+        """Return the pairs in contact in a block; `standing`, (frames of it,), is 1 while a foot rests."""
         pairs, contact = self.pairs, SelfContact.of(self.settings, self.frame_time)
         first = max(block.start - contact.window, 0)
         around, inside = slice(first, block.stop + contact.window), slice(block.start - first, block.stop - first)

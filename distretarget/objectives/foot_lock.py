@@ -76,9 +76,7 @@ class Foot:
 
 
 def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports:
-    """Return the feet at rest in the source, and where they belong on the target. `undersides` are the skins of both
-    bodies; None if they are not known.
-    """
+    """Return the feet at rest in the source, and where they belong on the target, by the skins if known."""
     if not clip.legs:
         return no_supports(len(clip))
     length = clip.leg_lengths[0]
@@ -209,9 +207,7 @@ def _on_mesh(
 
 
 def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
-    """How high the lowest points of the source's soles belong, (frames, legs) [source file units]; `rests` as in
-    `_on_mesh`.
-    """
+    """(frames, legs), how high the source's soles belong [source file units]; `rests` as in `_on_mesh`."""
     heights, steady_heights, length = [], [], clip.leg_lengths[0]
     steady = partial(_steadied_offset, reach=round(STEADY / clip.frame_time))
     for pair, resting in zip(clip.legs, rests, strict=True):

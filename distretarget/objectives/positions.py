@@ -84,9 +84,7 @@ def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: Flags) -> M
 
 
 def _placed(motion: Motion, points: Array, joints: Numbers) -> Motion:
-    """The motion turned and moved as a whole in each frame, so that some joints are nearest to points, which the
-    distances between them do not show.
-    """
+    """The motion turned and moved in each frame, so that joints are nearest to points: distances do not show this."""
     x, y = motion.positions[:, joints], points[:, joints]
     middle, goal = x.mean(axis=1), y.mean(axis=1)
     turn = Rotation.from_quat(best_rotation(x - middle[:, None], y - goal[:, None]))

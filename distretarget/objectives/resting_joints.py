@@ -157,9 +157,7 @@ def _resting_places(
     environment: Environment,
     rises: Array | None,
 ) -> Array:
-    """(frames, joints, 3), the places of resting joints [target file units]; on the floor they are raised by `rises`,
-    (frames, joints).
-    """
+    """(frames, joints, 3), the places of resting joints [target file units]; on the floor raised by `rises`."""
     places = clip.scale.places(clip.source.positions[:, clip.drivers[targets]], clip.up)
     if rises is not None:
         places += rises[..., None] * clip.up

@@ -241,9 +241,7 @@ def how_touching(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
 
 
 def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
-    """(frames, pairs), 1 for the pair with the least gap of all pairs of a limb and one place, 0 for pairs whose gap is
-    larger by `MARGIN` and more.
-    """
+    """(frames, pairs), 1 for the least gap of a limb and a place, 0 for gaps that are larger by `MARGIN` and more."""
     nearest = np.empty_like(gaps)
     for limb, where in {*zip(limbs.tolist(), places.tolist(), strict=True)}:
         on = (limbs == limb) & (places == where)

@@ -63,9 +63,7 @@ def mean_radii(balls: Balls) -> Array:
 
 
 def balls_of(capsules: Capsules, posed: Array) -> Balls:
-    """Return the balls of a body; its `capsules` are ordered, and `posed`, (capsules, 2, 3), are their ends in the
-    reference pose.
-    """
+    """The balls of a body; `posed`, (capsules, 2, 3), are the ends of its ordered capsules in the reference pose."""
     carriers, places = _rows(capsules)
     radii = (1.0 - places) * capsules.radii[carriers, 0] + places * capsules.radii[carriers, 1]
     segments = np.arange(len(SEGMENTS) + 1)

@@ -1,6 +1,4 @@
-"""Tapered capsules: balls of changing radius along lines that move with the joints of a body; how near balls come to
-them, and their surface as triangles.
-"""
+"""Tapered capsules, balls of changing radius that move with joints: how near other balls come, and their surface."""
 
 from __future__ import annotations
 
@@ -35,19 +33,12 @@ PLACE = np.array([next(k for k, names in enumerate(PLACES) if name in names) for
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """The surface of a body as tapered capsules.
+    """The surface of a body as tapered capsules."""
 
-    Attributes:
-        joints: (capsules,), the joint that carries each.
-        ends: (capsules, 2, 3), the ends of its axis relative to the joint while no joint is turned [file units].
-        radii: (capsules, 2), the radius at each end [file units].
-        segments: (capsules,), the part of the body that each belongs to, a number of `SEGMENTS`.
-    """
-
-    joints: Numbers
-    ends: Array
-    radii: Array
-    segments: Numbers
+    joints: Numbers  # (capsules,), the joint that carries each
+    ends: Array  # (capsules, 2, 3), the ends of its axis relative to the joint while no joint is turned [file units]
+    radii: Array  # (capsules, 2), the radius at each end [file units]
+    segments: Numbers  # (capsules,), the part of the body that each belongs to, a number of `SEGMENTS`
 
     def __len__(self) -> int:
         return len(self.joints)

@@ -36,38 +36,21 @@ THINNEST = 0.1  # least radius [mean distances to the axis]
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a body whose capsules one joint carries.
+    """A part of a body whose capsules one joint carries."""
 
-    Attributes:
-        carrier: the joint.
-        joints: the joints whose surface is the part's.
-        segment: the number of its segment in `SEGMENTS`.
-        tip: the joint up to which its bone reaches from the carrier; None for a part that ends where its surface does.
-        parent: the carrier of the part that owns the surface beyond its own joint, seen from the tip; None if it does.
-        axis: (3,), the direction along it in the rest pose, for a part without tip; None for that to the middle of its
-            surface.
-        level: (3,), the unit vector that the axis is perpendicular to; None for any.
-        across: (3,), the direction in which it is wide; None for that in which its surface is.
-        closed: whether the surface is closed at its start and at its end.
-        most: the number of capsules side by side, at most.
-        is_leg: whether skirts and coats may hang round it.
-        round: a cross-section is round if it is not more than this times as wide as high.
-        covered: the share of its surface that its capsules cover.
-    """
-
-    carrier: int
-    joints: Sequence[int]
-    segment: int
-    tip: int | None = None
-    parent: int | None = None
-    axis: Array | None = None
-    level: Array | None = None
-    across: Array | None = None
-    closed: tuple[bool, bool] = (True, True)
-    most: int = 3
-    is_leg: bool = False
-    round: float = ROUND
-    covered: float = COVERED
+    carrier: int  # the joint
+    joints: Sequence[int]  # whose surface is the part's
+    segment: int  # the number of its segment in `SEGMENTS`
+    tip: int | None = None  # the joint up to which its bone reaches; None for a part that ends where its surface does
+    parent: int | None = None  # the carrier of the part that owns the surface beyond its own joint, seen from the tip
+    axis: Array | None = None  # (3,), along it in the rest pose, without a tip; None for the middle of its surface
+    level: Array | None = None  # (3,), the unit vector that the axis is perpendicular to; None for any
+    across: Array | None = None  # (3,), the direction in which it is wide; None for that in which its surface is
+    closed: tuple[bool, bool] = (True, True)  # whether the surface is closed at its start and at its end
+    most: int = 3  # the number of capsules side by side, at most
+    is_leg: bool = False  # whether skirts and coats may hang round it
+    round: float = ROUND  # a cross-section is round if it is not more than this times as wide as high
+    covered: float = COVERED  # the share of its surface that its capsules cover
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +69,8 @@ class _Surface:
     @classmethod
     def joined(cls, surfaces: Sequence[_Surface]) -> _Surface:
         """Return the points of several surfaces as one."""
-        return cls(
-            np.concatenate([each.points for each in surfaces]), np.concatenate([each.areas for each in surfaces])
-        )
+        columns = zip(*((each.points, each.areas) for each in surfaces), strict=True)
+        return cls(*map(np.concatenate, columns))
 
     def part(self, chosen: Flags) -> _Surface:
         """Return some of the points."""
@@ -96,9 +78,7 @@ class _Surface:
 
 
 def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -> Capsules:
-    """Return the capsules that stand for the parts of a body, carried by the joints of its skeleton; none for a part
-    that moves next to no surface.
-    """
+    """Return the capsules that stand for the parts of a body; none for a part that moves next to no surface."""
     surface, owners = _sampled(mesh, len(skeleton), parts)
     rest = skeleton.rest_positions
     owners = _owners_at_joints(surface, owners, parts, rest)
@@ -257,9 +237,8 @@ def _covering(surface: _Surface, ends: Array, covered: float) -> Array:
     for _ in range(ROUNDS):
         off = away - shares @ radii
         weights = surface.areas * np.where(off > 0.0, covered, 1.0 - covered) / np.maximum(np.abs(off), SMOOTH * scale)
-        square = shares.T @ (weights[:, None] * shares) + FLAT * slope * weights.sum() * np.array(
-            [[1.0, -1.0], [-1.0, 1.0]]
-        )
+        flat = FLAT * slope * weights.sum() * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        square = shares.T @ (weights[:, None] * shares) + flat
         radii = np.linalg.solve(square, shares.T @ (weights * away))
     return np.asarray(np.maximum(radii, THINNEST * scale))
 

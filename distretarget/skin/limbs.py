@@ -112,9 +112,7 @@ def reaching(motion: Motion, limb: Limb, by: Array) -> Array:
 
 
 def _excess(turns: Array) -> Array:
-    """(frames, 4), turns without the part of their angles that a wrist takes: nearly all of small angles, and at most
-    `WRIST`.
-    """
+    """(frames, 4), turns without what a wrist takes of their angles: nearly all if they are small, at most `WRIST`."""
     vectors = Rotation.from_quat(turns).as_rotvec()
     angles = lengths(vectors)[:, None]
     return Rotation.from_rotvec(vectors * (1.0 - np.tanh(angles / WRIST) * WRIST / np.maximum(angles, LEAST))).as_quat()

@@ -100,9 +100,7 @@ def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
 
 @inlined(fastmath=True)
 def gap_of(balls, ball, capsule, placed):  # type: ignore[no-untyped-def]
-    """The gap between a ball and a capsule, less than 0 only for overlaps beyond that of the reference pose; and the
-    rest of `capsules.gap_at`.
-    """
+    """`capsules.gap_at` of a ball and a capsule, less than 0 only beyond the overlap of the reference pose."""
     radii = balls.cap_radii[capsule]
     gap, t, x, y, z = gap_at(placed.centres[ball], balls.radii[ball], placed.axes[capsule], radii)
     return gap - balls.spare[ball, capsule], t, x, y, z

@@ -15,34 +15,23 @@ from distretarget.skeleton import HALF_TURN
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Material:
-    """How a part of a mesh looks.
+    """How a part of a mesh looks."""
 
-    Attributes:
-        colour: red, green, blue and opacity, linear [0 to 1].
-        image: the content of the picture that is laid on it; empty for none.
-        normal_map: the content of the picture of its normals; empty for none.
-        mode: how its opacity is used, "OPAQUE", "MASK" or "BLEND", as in glTF.
-        cutoff: with "MASK", what is less opaque than this is not seen.
-        two_sided: whether it is seen from behind.
-    """
-
-    colour: tuple[float, ...] = (0.8, 0.8, 0.8, 1.0)
-    image: bytes = b""
-    normal_map: bytes = b""
-    mode: str = "OPAQUE"
-    cutoff: float = 0.5
-    two_sided: bool = False
+    colour: tuple[float, ...] = (0.8, 0.8, 0.8, 1.0)  # red, green, blue and opacity, linear [0 to 1]
+    image: bytes = b""  # the content of the picture that is laid on it; empty for none
+    normal_map: bytes = b""  # the content of the picture of its normals; empty for none
+    mode: str = "OPAQUE"  # how its opacity is used, "OPAQUE", "MASK" or "BLEND", as in glTF
+    cutoff: float = 0.5  # with "MASK", what is less opaque than this is not seen
+    two_sided: bool = False  # whether it is seen from behind
 
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """How a mesh looks: its materials, that of each triangle, (triangles,), -1 for none, and the places of its vertices
-    on the images, (vertices, 2).
-    """
+    """How a mesh looks."""
 
     materials: tuple[Material, ...]
-    of_triangle: Numbers
-    uv: Array
+    of_triangle: Numbers  # (triangles,), the material of each; -1 for none
+    uv: Array  # (vertices, 2), the places of its vertices on the images
 
 
 MeshReader = Callable[[], "SkinnedMesh | None"]
@@ -51,28 +40,17 @@ MeshReader = Callable[[], "SkinnedMesh | None"]
 
 @dataclass(frozen=True, eq=False)
 class SkinnedMesh:
-    """The mesh of a character in its bind pose, in which no joint of the skeleton is turned.
+    """The mesh of a character in its bind pose, in which no joint of the skeleton is turned."""
 
-    Attributes:
-        vertices: (vertices, 3), where the joints are at the skeleton's `rest_positions` [file units].
-        joints: (vertices, influences), the joints of the skeleton that move each vertex.
-        weights: (vertices, influences), their shares, which sum to 1.
-        triangles: (triangles, 3), the vertices of each.
-        looks: how it looks, if its file says so.
-        whole: the same with all its triangles, if it has only some of them.
-    """
-
-    vertices: Array
-    joints: Numbers
-    weights: Array
-    triangles: Numbers
-    looks: Looks | None = None
-    whole: SkinnedMesh | None = None
+    vertices: Array  # (vertices, 3), where the joints are at the skeleton's `rest_positions` [file units]
+    joints: Numbers  # (vertices, influences), the joints of the skeleton that move each vertex
+    weights: Array  # (vertices, influences), their shares, which sum to 1
+    triangles: Numbers  # (triangles, 3), the vertices of each
+    looks: Looks | None = None  # if its file says so
+    whole: SkinnedMesh | None = None  # the same with all its triangles, if it has only some of them
 
     def posed(self, motion: Motion, vertices: Numbers | slice = slice(None)) -> Array:
-        """Return the vertices, or some of them, in each frame of a motion by linear blend skinning, (frames, vertices,
-        3) [file units].
-        """
+        """Return vertices in each frame by linear blend skinning, (frames, vertices, 3) [file units]."""
         joints, weights = self.joints[vertices], self.weights[vertices]
         rest, result = motion.skeleton.rest_positions, np.zeros((len(motion), len(joints), 3))
         for joint in np.unique(joints[weights > 0.0]).tolist():
