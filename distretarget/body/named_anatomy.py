@@ -59,8 +59,8 @@ def with_named_fingers(skeleton: Skeleton, anatomy: Anatomy) -> Anatomy:
     """Return an anatomy without fingers with those that names show below its hands."""
     tree = NamedTree.of(skeleton)
     rig = _Rig(tree.parents, name_meanings(tree))
-    hands = {side: anatomy.roles[f"{side}Hand"] for side in SIDES}
-    fingers = {side + role: joint for side, hand in hands.items() for role, joint in rig.fingers(hand).items()}
+    hands = {side: rig.fingers(anatomy.roles[f"{side}Hand"]) for side in SIDES}
+    fingers = {side + role: joint for side, own in hands.items() for role, joint in own.items()}
     return replace(anatomy, roles={**anatomy.roles, **fingers})
 
 
