@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions
+from distretarget.body.anatomy import SIDES, Anatomy, Regions
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths
 from distretarget.skeleton import Skeleton
@@ -161,11 +161,6 @@ def passing_regions(regions: Regions, legs: Legs | None) -> Flags:
     return passing
 
 
-def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:
-    """Return the joint where the legs branch off."""
-    return skeleton.meet(leg.hip for leg in legs)
-
-
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
     """Return the length of thigh and shin, the mean of the legs [file units]."""
     return float(np.mean([skeleton.paths_from(leg.hip)[leg.ankle] for leg in legs]))
@@ -178,12 +173,6 @@ class Arm:
     shoulder: int  # the upper end of the upper arm
     elbow: int
     wrist: int
-
-
-def find_arms(anatomy: Anatomy | None) -> tuple[Arm, ...]:
-    """Return the arms that have all three joints; none without an anatomy."""
-    arms = [anatomy.joints(*(side + part for part in ARM[1:])) for side in SIDES] if anatomy else []
-    return tuple(Arm(*arm) for arm in arms if len(arm) == len(ARM[1:]))
 
 
 def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], up: Array) -> Array:

@@ -40,7 +40,7 @@ def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shot
     speeds = joint_speeds(motion, joints, shots)
     heights = heights_of(motion.positions, below, up).min(axis=1)
     slow = speeds.min(axis=1) < FADE * REST_SPEED * length
-    low = _low(heights, above_lowest(motion, below, of_body, up).min(axis=1), slow, length, shots)
+    low = _low(heights, heights - lowest_heights(motion.positions, up, of_body), slow, length, shots)
     still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), speeds, length, shots)
     return np.asarray(np.where(still, 1.0, _within(speeds, REST_SPEED * length) * low[:, None]))
 
@@ -74,11 +74,6 @@ def joint_speeds(motion: Motion, joints: Numbers, shots: Shots) -> Array:
     paths = motion.positions[:, joints]
     steps = lengths(paths[after] - paths[before])
     return np.asarray(steps / np.maximum(after - before, 1)[:, None] / motion.frame_time)
-
-
-def above_lowest(motion: Motion, joints: Numbers | list[int], others: Numbers, up: Array) -> Array:
-    """Return the heights of some joints above the lowest of others in the frame, (frames, len(joints)) [file units]."""
-    return heights_of(motion.positions, joints, up) - lowest_heights(motion.positions, up, others)[:, None]
 
 
 def still_joints(motion: Motion, joints: Numbers, bases: Numbers, speeds: Array, length: float, shots: Shots) -> Flags:
