@@ -18,7 +18,7 @@ from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot, widened
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
-from distretarget.objectives.asked_springs import off_by, pair_of
+from distretarget.objectives.asked_springs import off_by
 from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
@@ -85,7 +85,7 @@ def _moving(
     """The limbs that can close what a wish leaves: number, sign, how free each is, (frames,), and by which share of its
     end the part moves. Legs stay where an arm can move.
     """
-    found, skeleton, pair = [], wishes.clip.skeleton, pair_of(wishes.clip, wish)
+    found, skeleton, pair = [], wishes.clip.skeleton, wish.pair
     planted = pair is None and isinstance(wish.entry, Plant) and wish.entry.keep
     joints = (int(wish.joints[0][0]),) if planted else pair or ()
     for joint, sign in zip(joints, (1.0, -1.0), strict=False):

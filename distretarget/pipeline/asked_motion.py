@@ -15,7 +15,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asked_reach import brought_out, reached, with_looks
-from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
+from distretarget.objectives.asked_springs import between, off_by, with_wishes
 from distretarget.objectives.asking import Wish, Wishes, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
 from distretarget.objectives.skin import BodySkin, limbs_of
@@ -60,8 +60,7 @@ def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) 
         held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
         held = replace(held, v=poses.v + _steady(asked, held.v - poses.v))
         motion = met(asked, asked.posed(held), made)
-        pairs = [pair_of(asked.clip, wish) for wish in made.wishes]
-        ways = [between(motion, pair, asked.clip) if pair else None for pair in pairs]
+        ways = [between(motion, wish.pair, asked.clip) if wish.pair else None for wish in made.wishes]
     log = np.where(made.share > 0.0, held.log, poses.log)
     posed = layered([made], free.with_own_skin(free.posed(poses)), motion)
     asked = replace(asked, supports=asked_supports(free.supports, asked.supports, made.share))

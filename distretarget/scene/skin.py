@@ -38,10 +38,10 @@ from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape
 from distretarget.scene.prop_surface import has_bones
 from distretarget.scene.props import PropContacts
 from distretarget.scene.sweeps import SceneContacts
+from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb
-from distretarget.skin.meetings import segment_gaps
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
