@@ -23,9 +23,8 @@ from make_thickness import LEVELS, skeleton_of
 from tables import publish, table
 
 from distretarget.body.body import Body
-from distretarget.body.build import AGES, age_of, average_build
+from distretarget.body.build import AGES, age_of, average_build, capsules_of
 from distretarget.body.segments import find_segments
-from distretarget.body.thickness import capsules_of
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh

@@ -37,7 +37,7 @@ from winding import Sinking
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
 from distretarget.body.anatomy import SIDES
-from distretarget.body.arms import raised
+from distretarget.body.limbs import raised
 from distretarget.errors import DistretargetError
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from distretarget.errors import SkeletonError, closest, quoted
-from distretarget.numerics import trees
-from distretarget.numerics.kinematics import joint_positions
+from distretarget.numerics import kinematics
 from distretarget.stick_figures import likely_up, stick_figures
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
@@ -191,7 +190,7 @@ class Skeleton:
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """The children of each joint, in file order."""
-        return trees.children_of(self.parents.tolist())
+        return kinematics.children_of(self.parents.tolist())
 
     @cached_property
     def joints(self) -> tuple[int, ...]:
@@ -201,7 +200,7 @@ class Skeleton:
     @cached_property
     def depth_first(self) -> tuple[int, ...]:
         """The joints in the order of a BVH file: depth first, children in file order."""
-        return trees.depth_first_order(self.children)
+        return kinematics.depth_first_order(self.children)
 
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
@@ -211,7 +210,7 @@ class Skeleton:
     def paths_from(self, joint: int) -> NDArray[np.float64]:
         """Return the lengths of the tree paths from a joint to all joints, (joints,) [file units]."""
         if joint not in self._paths_from:
-            self._paths_from[joint] = trees.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
+            self._paths_from[joint] = kinematics.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
         return self._paths_from[joint]
 
     @cached_property
@@ -220,14 +219,14 @@ class Skeleton:
 
     def paths_among(self, joints: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return tau, the lengths of the tree paths between some joints, (some, some) [file units]."""
-        return trees.paths_among(joints, self.parents, self.lengths)
+        return kinematics.paths_among(joints, self.parents, self.lengths)
 
     def path_sizes(self, joints: NDArray[np.intp], counted: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
         """Return |P|, (some, some), how many joints are on the paths between some joints, ends included; only those
         among `counted` if they are given.
         """
         bones = np.ones(len(self)) if counted is None else np.isin(np.arange(len(self)), counted).astype(np.float64)
-        return trees.paths_among(joints, self.parents, bones).astype(np.intp) + 1
+        return kinematics.paths_among(joints, self.parents, bones).astype(np.intp) + 1
 
     @cached_property
     def longest_path(self) -> float:
@@ -241,7 +240,7 @@ class Skeleton:
 
     @cached_property
     def _reaches(self) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        return trees.reaches(self.parents.tolist(), self.lengths.tolist())
+        return kinematics.reaches(self.parents.tolist(), self.lengths.tolist())
 
     @property
     def reach(self) -> NDArray[np.float64]:
@@ -295,7 +294,9 @@ class Skeleton:
 
     def posed(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return joint positions, (joints, 3), for world rotations (joints, 4), the root at the origin [file units]."""
-        return np.asarray(joint_positions(self.parents, np.zeros((1, 3)), self.offsets[None], world[None])[0])
+        return np.asarray(
+            kinematics.joint_positions(self.parents, np.zeros((1, 3)), self.offsets[None], world[None])[0]
+        )
 
     def line(self, joint: int) -> list[int]:
         """Return the joints from `joint` up to the root, both included."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.skeleton import Skeleton
 
 NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"

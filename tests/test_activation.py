@@ -6,7 +6,7 @@ from bodies import person
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body
-from distretarget.body.arms import Arm, raised
+from distretarget.body.limbs import Arm, raised
 from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
 
 REACH = ContactSettings().reach

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.body.body import Body
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.errors import MatchingError
 from distretarget.matching.matching import find_matching
 from distretarget.numerics.vectors import normalised

@@ -10,7 +10,7 @@ from program import run
 from distretarget import FileError, Skeleton, load_build, load_target
 from distretarget.body.body import Body
 from distretarget.body.build import AGES, BUILDS, age_of, average_build, average_for
-from distretarget.body.part_frames import proportions
+from distretarget.body.segments import proportions
 from distretarget.scene.scene_file import load_scene
 from distretarget.skin.capsules import SEGMENTS
 

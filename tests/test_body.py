@@ -349,7 +349,7 @@ def test_directions_of_a_posture_are_found_once(monkeypatch):
 
 def test_legs_are_found_once_for_each_body_of_a_retargeting(monkeypatch):
     found = counted(monkeypatch, distretarget.body.body, "find_legs")
-    by_tree = counted(monkeypatch, distretarget.body.legs, "tree_legs")
+    by_tree = counted(monkeypatch, distretarget.body.limbs, "tree_legs")
     source, target = sample("walk"), rig("mixamo", "T")
     retarget(source, target)
     assert [skeleton for skeleton, _ in found] == [source.rigid_skeleton, target]

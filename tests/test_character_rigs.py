@@ -4,7 +4,7 @@ import pytest
 from character_rigs import RIGS
 from named_bodies import tree
 
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 
 
 @pytest.mark.parametrize("name", RIGS)

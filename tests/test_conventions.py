@@ -6,7 +6,7 @@ import pytest
 from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 
 from distretarget.body.conventions import convention_of
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 
 
 def test_names_of_new_bones_of_blender_may_stand_before_some_names():

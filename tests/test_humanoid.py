@@ -10,7 +10,7 @@ from named_bodies import tree
 
 from distretarget import retarget
 from distretarget.body.body import Body
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.cli.matching_table import recognised
 from distretarget.errors import SkeletonError
 from distretarget.matching.matching import match

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from distretarget.numerics.key_frames import KeyFrames
+from distretarget.numerics.time_series import KeyFrames
 
 ONE, TWO = np.zeros(50, np.intp), np.repeat([0, 1], [21, 29])
 

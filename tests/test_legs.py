@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, per
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.body import Body
-from distretarget.body.legs import _longest_pair, are_alike, find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
+from distretarget.body.limbs import _longest_pair, are_alike, find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
 from distretarget.io.target_file import load_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))

@@ -10,7 +10,7 @@ from named_bodies import BODY, DATA, ROLES, needs_names, published, roles, skele
 
 from distretarget.body.anatomy import ARM, LEG
 from distretarget.body.conventions import convention_of
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.io.bvh import read_bvh
 
 

@@ -13,7 +13,7 @@ from sample_rigs import CONVENTIONS, rig
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.body import Body
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.matching.matching import find_matching, refusal
 
 NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"

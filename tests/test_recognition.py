@@ -7,7 +7,7 @@ from bodies import SAMPLES
 
 from distretarget.body.anatomy import FINGERS
 from distretarget.body.body import Body
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.io.target_file import load_target
 
 RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*_t.json"))}

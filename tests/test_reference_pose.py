@@ -13,12 +13,11 @@ from scipy.spatial.transform import Rotation
 from skeleton_edits import on_skeleton, with_chain, with_offset
 
 from distretarget import MatchingError, MotionError, match, read_bvh, retarget
-from distretarget.baseline.rest_pose import rest_alignment
+from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.body.anatomy import LEG, side_and_part
 from distretarget.body.axes import Directions, axis_vector
 from distretarget.body.body import Body
-from distretarget.body.neutral import bend_axes
-from distretarget.body.reference_pose import FOOT_PITCH, t_pose, usual_pitch
+from distretarget.body.reference_pose import FOOT_PITCH, bend_axes, t_pose, usual_pitch
 from distretarget.numerics.vectors import normalised
 
 UP = np.array([0.0, 1.0, 0.0])

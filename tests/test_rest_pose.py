@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import read_bvh, retarget
 from distretarget.baseline.world import axis_vector
 from distretarget.body.body import Body
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.io.target_file import load_target
 from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least_rotation

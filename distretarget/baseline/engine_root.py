@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
@@ -17,9 +16,8 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import level
+from distretarget.numerics.vectors import Array, level
 
-Array = NDArray[np.float64]
 RootFollows = Literal["pelvis", "source", "nothing"]
 
 BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]
@@ -102,9 +100,8 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
 
 
 def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
-    """The joints that move without the body: handles, the root if on the floor, and their descendants outside the body.
-
-    The root is left out unless each part of the body below it has all six channels, with which it can stay in place.
+    """The joints that move without the body: handles, the root if on the floor, and their descendants outside the body;
+    no root unless each part of the body below it has all six channels, with which it can stay in place.
     """
     skeleton, regions = body.skeleton, body.regions.of_joint
     moving = {0} if 0 in roots and skeleton.moves_freely(0) else set()
@@ -156,8 +153,8 @@ def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
 
 
 def _heading(turned: Rotation, up: Array) -> Array:
-    """(frames,), the heading of rotations, unwrapped [rad]: the twist about the unit vector `up`, by swing-twist
-    decomposition, so that lying down keeps the heading. It is interpolated while the body is upside down.
+    """(frames,), the heading of rotations, unwrapped [rad]: the twist about the unit vector `up`, so that lying down
+    keeps it. It is interpolated while the body is upside down.
     """
     quaternions = turned.as_quat()
     angles = 2 * np.arctan2(quaternions[:, :3] @ up, quaternions[:, 3])

@@ -1,4 +1,4 @@
-"""The worlds of source and target: the up axis of each, and the meaning of the root's OFFSET."""
+"""The worlds of source and target: the up axis and floor of each, and the meaning of the root's OFFSET."""
 
 from __future__ import annotations
 
@@ -6,20 +6,26 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.baseline.rotation_copy import find_root_scale
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import OFF_FLOOR, Body
+from distretarget.body.resting import feet_at_rest, feet_resting
+from distretarget.body.soles import floor_height, sole_height
 from distretarget.checks import check_choice
+from distretarget.matching.matching import Matching
+from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
+from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.rotations import least
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import AXES, POSITION_CHANNELS
 
-Array = NDArray[np.float64]
 RootOffset = Literal["replaced", "added"]
 
 ON_FLOOR = 0.1  # largest height of feet on the floor [leg lengths]
+LOW = 0.2  # the lowest joints of feet on the floor of a character's file are lower than this [leg lengths]
 
 
 @dataclass(frozen=True)
@@ -107,3 +113,48 @@ def find_root_offset(body: Body, up: Array) -> RootOffset:
 def with_root_offset(motion: Motion) -> Motion:
     """Return the motion with the root's OFFSET added to its positions."""
     return replace(motion, root_positions=motion.root_positions + motion.skeleton.offsets[0])
+
+
+def on_own_soles(matching: Matching, scale: float | None = None, undersides: Undersides | None = None) -> Matching:
+    """Return the matching with the source raised or lowered, so that the target's feet stand flat on the floor at
+    height 0: on the soles of its mesh, or as high above it as in the bind pose, by the thickness of soles that no joint
+    shows.
+
+    Without a mesh only the file of a character says where the floor is below its rest pose
+    (`Skeleton.floor_at_zero`). Where the source's feet are not near height 0 while they rest, or the target's are not
+    at rest, nothing changes. `scale` is that of the root's path; the ratio of leg lengths if not given. `undersides`
+    are the skins of both bodies; None if they are not known.
+    """
+    target, motion = matching.target, matching.source_motion
+    source_leg, leg = matching.leg_lengths
+    on_mesh = undersides is not None and undersides.feet_have_mesh
+    if undersides is not None and on_mesh:
+        own = undersides.soles[1]
+    elif matching.legs is not None and target.skeleton.floor_at_zero and target.stands_at_rest:
+        places = target.skeleton.rest_positions + target.skeleton.offsets[0]
+        own = float(np.mean([(places[sole.joints] @ target.up_vector).min() for _, sole in matching.soles]))
+    else:
+        return matching
+    found = _floor_of_source(matching, on_mesh)
+    if abs(found) > LOW * source_leg or not (-LOW * leg if on_mesh else 0.0) <= own <= LOW * leg:
+        return matching
+    rise = own / (scale or find_root_scale(matching)) - found
+    raised = replace(motion, root_positions=motion.root_positions + rise * target.up_vector)
+    return replace(matching, source=matching.source.with_motion(raised, target.up))
+
+
+def _floor_of_source(matching: Matching, on_mesh: bool) -> float:
+    """The height of the source's floor [source file units]: the median of the lowest joints of its flat feet, or, if
+    feet are to stand `on_mesh`, the floor under its soles; infinite where no foot rests.
+    """
+    motion, up, length = matching.source_motion, matching.target.up_vector, matching.leg_lengths[0]
+    legs = matching.legs[0] if matching.legs else ()
+    feet = [(leg, sole) for leg, (sole, _) in zip(legs, matching.soles, strict=True)]
+    if on_mesh:
+        shots = matching.source.shots_of(motion)
+        rests = [feet_resting(motion, leg, up, length, shots).max(axis=1) == 1.0 for leg, _ in feet]
+        heights = [sole_height(motion, sole, up) for _, sole in feet]
+        return floor_height(np.stack(heights, axis=1), np.stack(rests, axis=1))
+    flat = [motion.positions[feet_at_rest(motion, leg, up, length).all(axis=1)] for leg, _ in feet]
+    resting = np.concatenate([lowest_heights(x, up, sole.joints) for x, (_, sole) in zip(flat, feet, strict=True)])
+    return float(np.median(resting)) if len(resting) else np.inf

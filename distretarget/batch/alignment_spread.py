@@ -16,7 +16,7 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.baseline.rest_pose import rest_alignment
+from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.batch.record import ManifestRecord
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.matching.matching import Matching

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from distretarget.numerics.vectors import Flags, Numbers
 from distretarget.skeleton import Skeleton
 
 Side = Literal["left", "right"]
@@ -56,6 +56,15 @@ class Anatomy:
     convention: str
     method: Literal["names", "shape", "humanoid"]
 
+    def joints(self, *roles: str) -> list[int]:
+        """Return the joints of those of some roles that the body has."""
+        return [self.roles[role] for role in roles if role in self.roles]
+
+    def pair(self, part: str) -> list[int]:
+        """Return the left and the right joint of a part; none unless the body has both."""
+        joints = self.joints(*(side + part for side in SIDES))
+        return joints if len(joints) == len(SIDES) else []
+
     @property
     def knuckles(self) -> frozenset[int]:
         """The joints that the fingers turn about."""
@@ -76,10 +85,9 @@ def side_and_part(role: str) -> tuple[str, str]:
 
 
 def trunk_roles(hips: int, spine: Sequence[int], neck: Sequence[int], head: int | None) -> dict[str, int]:
-    """Return the joints of the roles in a trunk; the joints of spine and neck are given lowest first.
-
-    A spine of one joint is "chest", of two "spine" and "chest"; of a longer one the lowest joint is "spine", the middle
-    one (of two the lower) "chest", and the highest "upperChest".
+    """Return the joints of the roles in a trunk; spine and neck are given lowest first. A spine of one joint is
+    "chest", of two "spine" and "chest"; of a longer one the middle joint (of two the lower) is "chest", and the highest
+    "upperChest".
     """
     roles = {"hips": hips}
     if len(spine) < 3:
@@ -99,11 +107,11 @@ class Regions:
     names: tuple[str, ...]
     # (joints,), the region of each joint and End Site; -1 for what is not part of the body: joints above the hips,
     # handles, props, hair and cloth
-    of_joint: NDArray[np.intp]
+    of_joint: Numbers
     # (regions, regions), whether two regions are the same or share a bone, and so always touch
-    neighbours: NDArray[np.bool_]
+    neighbours: Flags
 
-    def inside(self, *regions: str) -> NDArray[np.bool_]:
+    def inside(self, *regions: str) -> Flags:
         """Return whether each joint lies in one of the regions, named without a side, (joints,)."""
         wanted = [name.removeprefix("left ").removeprefix("right ") in regions for name in self.names]
         return np.array([*wanted, False], bool)[self.of_joint]

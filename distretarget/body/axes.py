@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.body.anatomy import LEG, SIDES, Anatomy
-from distretarget.numerics.vectors import cross, lengths, level, normalised
+from distretarget.body.anatomy import LEG, Anatomy
+from distretarget.numerics.vectors import Array, cross, lengths, level, normalised
 from distretarget.skeleton import AXES
-
-Array = NDArray[np.float64]
 
 STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
 FOLDED = 45.0  # with a smaller angle between trunk and legs, a rest pose does not show how the body stands [degrees]
@@ -74,7 +71,7 @@ class Directions:
     @cached_property
     def legs(self) -> Array:
         """(..., 3), unit vectors from the hip joints down to the ankles, without feet to the knees."""
-        return self._between(self._base, self._pair("Foot") or self._pair("LowerLeg"))
+        return self._between(self._base, self.anatomy.pair("Foot") or self.anatomy.pair("LowerLeg"))
 
     @cached_property
     def up(self) -> Array:
@@ -102,35 +99,27 @@ class Directions:
     @property
     def is_whole(self) -> bool:
         """Whether the body has a trunk, and both thighs and shins."""
-        return bool(self._top and all(map(self._pair, LEG[:2])))
+        return bool(self._top and all(map(self.anatomy.pair, LEG[:2])))
 
     def bone(self, upper: str, lower: str) -> Array | None:
         """(..., 3), unit vectors from the joint of one role to that of another; None where the body lacks either."""
-        ends = self._joints(upper, lower)
-        return direction(self.positions, *ends) if ends else None
+        ends = self.anatomy.joints(upper, lower)
+        return direction(self.positions, *ends) if len(ends) == 2 else None
 
     def across(self, part: str) -> Array | None:
         """(..., 3), from the right joint of a part to the left one; None where the body lacks either."""
-        pair = self._pair(part)
+        pair = self.anatomy.pair(part)
         return self.positions[..., pair[0], :] - self.positions[..., pair[1], :] if pair else None
 
     @property
     def _top(self) -> list[int]:
         """The upper end of the trunk: the shoulders, else the topmost joint of spine and neck."""
-        return self._pair("UpperArm") or [*self.anatomy.spine, *self.anatomy.neck][-1:]
+        return self.anatomy.pair("UpperArm") or [*self.anatomy.spine, *self.anatomy.neck][-1:]
 
     @property
     def _base(self) -> list[int]:
         """The lower end of the trunk: the hip joints, else the hips."""
-        return self._pair("UpperLeg") or self._joints("hips")
-
-    def _pair(self, part: str) -> list[int]:
-        return self._joints(*(side + part for side in SIDES))
-
-    def _joints(self, *roles: str) -> list[int]:
-        """The joints of the roles; none unless the body has them all."""
-        joints = [self.anatomy.roles[role] for role in roles if role in self.anatomy.roles]
-        return joints if len(joints) == len(roles) else []
+        return self.anatomy.pair("UpperLeg") or self.anatomy.joints("hips")
 
     def _between(self, start: list[int], end: list[int]) -> Array:
         """(..., 3), unit vectors between the centres of two lists of joints; zero where either list is empty."""

@@ -7,12 +7,19 @@ from functools import cached_property
 from types import NoneType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
-from distretarget.body.arms import Arm, find_arms, with_hanging_arms
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
-from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
+from distretarget.body.limbs import (
+    Arm,
+    Legs,
+    find_arms,
+    find_legs,
+    foot_bone,
+    leg_length,
+    pelvis_joint,
+    with_hanging_arms,
+)
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
@@ -22,9 +29,8 @@ from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
 UP_FROM_MOTION = 0.3  # ... or than this where the rest pose does not show which axis is up [cosine]
@@ -111,11 +117,10 @@ class Body:
 
     @cached_property
     def height(self) -> float:
-        """The body's extent upwards in the pose in which it stands; without an anatomy that of its rest pose along the
-        axis of the legs, without legs the largest one [file units].
+        """The body's extent upwards as it stands; without an anatomy along the legs at rest, without legs the largest
+        one [file units].
         """
-        of_body = self.regions.of_joint >= 0
-        rest = self.skeleton.rest_positions
+        of_body, rest = self.regions.of_joint >= 0, self.skeleton.rest_positions
         if self.legs is None:
             return float(np.ptp(rest[of_body], axis=0).max())
         if self.anatomy is None or self.stands_at_rest:
@@ -203,12 +208,9 @@ class Body:
         return axis_vector(self.up)
 
     def lowest(self, up: Array) -> float:
-        """Return the height of the floor along `up`, (3,): that of the lowest joint in the lowest frames of the motion;
-        0 without a motion [file units].
-        """
-        if self.motion is None:
-            return 0.0
-        return float(np.percentile(lowest_heights(self.motion.positions, up), LOWEST_FRAMES))
+        """Return the height of the floor along `up`, (3,), under the lowest joint; 0 without a motion [file units]."""
+        heights = lowest_heights(self.motion.positions, up) if self.motion else np.zeros(1)
+        return float(np.percentile(heights, LOWEST_FRAMES))
 
     def shots_of(self, motion: Motion) -> Shots:
         """Return the shot of each frame of a motion of the body, (frames,), as `find_shots`."""
@@ -218,7 +220,7 @@ class Body:
     @cached_property
     def rest(self) -> Pose:
         """The rest pose."""
-        return self._pose(self.skeleton.unturned, self.skeleton.rest_positions, self.at_rest)
+        return self._pose(self.skeleton.unturned)
 
     @cached_property
     def reference(self) -> Pose:
@@ -226,13 +228,11 @@ class Body:
         can stand in it, else a T-pose, with Y up and facing Z.
         """
         if self.standing is not None:
-            positions = self.skeleton.posed(self.standing)
-            return self._pose(self.standing, positions, Directions(self.anatomy, positions) if self.anatomy else None)
-        if self.anatomy is None or self.at_rest is None or self.stands_at_rest:
+            return self._pose(self.standing)
+        if self.at_rest is None or self.stands_at_rest:
             return self.rest
         rotations = t_pose(self.skeleton, self.at_rest, self.motion, self.foot_pitch or FOOT_PITCH)
-        positions = self.skeleton.posed(rotations)
-        return Pose(rotations, positions, Directions(self.anatomy, positions), np.eye(3))
+        return replace(self._pose(rotations), axes=np.eye(3))
 
     @cached_property
     def foot_pitch(self) -> float | None:
@@ -248,15 +248,14 @@ class Body:
     @cached_property
     def hanging(self) -> Array | None:
         """(joints, 3), the joints in the reference pose with hanging arms [file units]; None without an anatomy."""
-        if self.anatomy is None:
-            return None
-        pose = self.reference
-        return with_hanging_arms(self.skeleton, pose.positions, self.arms, pose.axes[:, 1])
+        places, up = self.reference.positions, self.reference.axes[:, 1]
+        return with_hanging_arms(self.skeleton, places, self.arms, up) if self.anatomy else None
 
-    def _pose(self, rotations: Array, positions: Array, directions: Directions | None) -> Pose:
+    def _pose(self, rotations: Array) -> Pose:
+        positions = self.skeleton.posed(rotations)
+        directions = Directions(self.anatomy, positions) if self.anatomy else None
         snapped = squared if self.stands_at_rest else upright
-        axes = np.eye(3) if directions is None else snapped(directions.axes)
-        return Pose(rotations, positions, directions, axes)
+        return Pose(rotations, positions, directions, snapped(directions.axes) if directions else np.eye(3))
 
     # ---- what kind of body it is
 
@@ -320,5 +319,5 @@ class Body:
 
 def _axis_of_legs(legs: Legs, positions: Array) -> str:
     """Which of `AXES` is nearest to the mean direction from ankles to hips, over positions (frames, joints, 3)."""
-    hips, ankles = (positions[:, joints] for joints in zip(*((leg.hip, leg.ankle) for leg in legs), strict=True))
+    hips, ankles, _ = (positions[:, joints] for joints in zip(*(leg.joints for leg in legs), strict=True))
     return nearest_axis((hips - ankles).mean(axis=(0, 1)))[0]

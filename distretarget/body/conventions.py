@@ -36,13 +36,12 @@ SIDE_MARKERS: dict[str, Side | None] = dict.fromkeys(("left", "lft", "lt", "l", 
 SIDE_MARKERS |= dict.fromkeys(("right", "rgt", "rt", "r", "右"), "right")
 SIDE_MARKERS |= dict.fromkeys(("c", "m", "x"))
 
-# Markers (left, right) that may be part of a word, as in "lfemur"; valid only if the other side has the matching name.
-ATTACHED_MARKERS = (("left", "right"), ("l", "r"), ("左", "右"))
+# Markers that may be part of a word, as in "lfemur", with that of the other side, which must have the matching name.
+ATTACHED_MARKERS: tuple[tuple[str, str, Side], ...] = (("left", "right", "left"), ("right", "left", "right"))
+ATTACHED_MARKERS += (("l", "r", "left"), ("r", "l", "right"), ("左", "右", "left"), ("右", "左", "right"))
 
 # Words in the names of helper joints, which are not part of the body, and MakeHuman's prefix of its helper joints.
-HELPER_WORDS = frozenset(
-    ("twist", "roll", "ik", "pole", "target", "effector", "share", "helper", "dummy", "tip", "end", "nub")
-)
+HELPER_WORDS = {"twist", "roll", "ik", "pole", "target", "effector", "share", "helper", "dummy", "tip", "end", "nub"}
 HELPER_PREFIX = "__"
 
 NEW_BONE = ("bone",)  # as Blender calls one; renamed by hand, some bones keep it before their name
@@ -69,8 +68,7 @@ class NamedTree(NamedTuple):
 class JointName:
     """A joint's name, taken apart."""
 
-    # the words in lower case, joined, without prefix and side marker; empty for End Sites and MakeHuman's helper joints
-    stem: str
+    stem: str  # the words in lower case without prefix and side; empty for End Sites and helpers of MakeHuman
     side: Side | None  # the side that the name marks, else that of the nearest ancestor with a side marker
     helper: bool  # whether the joint is not part of the body: an End Site, or a twist bone, target or tip by its name
     prefix: NameWords  # which of the known prefixes the name has; empty without one
@@ -101,7 +99,7 @@ def without_digits(text: str) -> str:
 
 def _joint_names(tree: NamedTree, prefixes: Iterable[NameWords]) -> tuple[JointName, ...]:
     """The joints' names taken apart, without `prefixes`, whether digits follow them or not."""
-    joints = [joint for joint in range(len(tree.names)) if not tree.end_sites[joint]]
+    joints = [joint for joint, is_end in enumerate(tree.end_sites) if not is_end]
     longest_first = sorted(prefixes, key=len, reverse=True)
     joint_prefixes = [_prefix(words(tree.names[joint]), longest_first) for joint in joints]
     full = [words(tree.names[joint].rpartition(":")[2]) for joint in joints]
@@ -152,14 +150,10 @@ def _without_numbers(parts: Sequence[NameWords]) -> Sequence[NameWords]:
 
 def _split_marker(stem: str, unmarked: set[str]) -> tuple[str, Side | None]:
     """The stem without its attached marker, and the side of that, if `unmarked` has the other side's name."""
-    for left, right in ATTACHED_MARKERS:
-        sides: tuple[tuple[str, str, Side], ...] = ((left, right, "left"), (right, left, "right"))
-        for marker, other, side in sides:
-            rest = stem.removeprefix(marker)
-            if rest and rest != stem and other + rest in unmarked:
-                return rest, side
-            rest = stem.removesuffix(marker)
-            if rest and rest != stem and rest + other in unmarked:
+    for marker, other, side in ATTACHED_MARKERS:
+        after, before = stem.removeprefix(marker), stem.removesuffix(marker)
+        for rest, twin in ((after, other + after), (before, before + other)):
+            if rest not in ("", stem) and twin in unmarked:
                 return rest, side
     return stem, None
 
@@ -172,8 +166,8 @@ class Convention:
     prefix: NameWords  # the words with which all names begin; empty for most conventions
     parts: Mapping[Term, str]  # the part that each term means
     also: frozenset[Term]  # other terms that may occur
-    # by how much the axes of the joints of spine, neck and head lean forwards against the hips' in a body that stands,
-    # lowest first [degrees]; empty where that is not known
+    # how far the axes of the joints from spine to head lean forwards against the hips' in a body that stands, lowest
+    # first [degrees]; empty where that is not known
     leans: tuple[float, ...]
 
 

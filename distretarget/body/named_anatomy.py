@@ -18,7 +18,6 @@ from distretarget.body.conventions import (
     without_digits,
     words,
 )
-from distretarget.body.humanoid import by_humanoid
 from distretarget.skeleton import Skeleton
 
 # Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
@@ -46,19 +45,13 @@ Trunk = tuple[int, Sequence[int], Sequence[int], int | None]
 """Hips, spine, neck and head; no head where no joint has a name of the head."""
 
 
-def by_names(skeleton: Skeleton) -> Anatomy | None:
-    """Return the anatomy that names and tree show, whatever the offsets; None where they show too little.
-
-    A skeleton with a `humanoid` has the anatomy that this states. Otherwise the names must show the two long bones of
-    both arms or of both legs, hips and, unless the body is legs alone, a trunk above them. A part has a role only if a
-    joint has a known name for it; spine and neck need no known names.
-    """
-    return by_humanoid(skeleton) if skeleton.humanoid else by_tree(NamedTree.of(skeleton))
-
-
 @lru_cache(maxsize=64)
 def by_tree(tree: NamedTree) -> Anatomy | None:
-    """Return the anatomy that a tree of names shows; found once for all clips of a rig."""
+    """Return the anatomy that a tree of names shows; None where it shows too little. Found once for all clips of a rig.
+
+    The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
+    trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
+    """
     return _Rig(tree.parents, name_meanings(tree)).anatomy()
 
 
@@ -112,7 +105,9 @@ class _Rig:
                     longer = above[rank][0] + more, above[rank][1] | {part: joint}
                     best[rank + 1 :] = [max(chain, longer, key=points) for chain in best[rank + 1 :]]
             chains.append(best)
-        _, joints = max((best[-1] for best in chains), key=lambda chain: (chain[0], self._carried(chain[1])))
+        _, joints = max(
+            (best[-1] for best in chains), key=lambda chain: (chain[0], self._below[max(chain[1].values(), default=-1)])
+        )
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
     def fingers(self, hand: int) -> dict[str, int]:
@@ -140,10 +135,8 @@ class _Rig:
         }
 
     def _chain(self, joints: Sequence[int], stems: Mapping[int, str]) -> Sequence[int]:
-        """The bones of a finger: those of its joints that follow each other down the tree, as many as there are.
-
-        A joint that is named for one above it, as "index_01_half" is for "index_01", is a bone of the skin, unless all
-        but one are.
+        """The bones of a finger: its joints that follow each other down the tree, as many as there are. A joint that is
+        named for one above it, as "index_01_half" is for "index_01", is a bone of the skin, unless all but one are.
         """
         chains: list[tuple[list[int], list[int]]] = [([], [])]  # the bones, and all joints down to one of them
         lowest = dict.fromkeys((-1,), 0)
@@ -157,9 +150,8 @@ class _Rig:
         return bones if len(bones) > 1 else line
 
     def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> Trunk | None:
-        """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
-
-        The neck begins with the first joint that has a name of the neck, else where the arms branch off.
+        """The trunk between the first joints of arms and legs; None where it has no upper end or no hips. The neck
+        begins with the first joint that has a name of the neck, else where the arms branch off.
         """
         meanings, joints = self.meanings, range(len(self.parents))
         named = {joint: meanings.names[joint].stem for joint in joints if meanings.means(joint, "head")}
@@ -190,10 +182,9 @@ class _Rig:
         return None if hips is None or len(of_legs) < len(self.parents) else (hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
-        """The hips: the joint with their name at or above `center`, where legs and trunk branch off, else between
-        `center` and the legs, else `center` itself. Without legs only a joint with their name counts.
-
-        `center` is -1 where there is no such joint.
+        """The hips: the joint with their name at or above `center`, where legs and trunk branch off (-1 for no such
+        joint), else between `center` and the legs, else `center` itself. Without legs only a joint with their name
+        counts.
         """
         if center < 0:
             return None
@@ -205,10 +196,6 @@ class _Rig:
 
     def _is_hips(self, joint: int) -> bool:
         return self.meanings.means(joint, "hips")
-
-    def _carried(self, joints: Mapping[str, int]) -> int:
-        """The number of joints below the lowest of these."""
-        return self._below[max(joints.values())] if joints else 0
 
     @cached_property
     def _below(self) -> list[int]:
@@ -271,10 +258,8 @@ def _first_number(finger: str, stems: Sequence[str], thumb: int) -> int:
 
 
 def find_handles(skeleton: Skeleton, anatomy: Anatomy | None, regions: Regions) -> dict[int, int]:
-    """Return the joint that each IK handle follows, by handle: the hand, foot or toes with the same name.
-
-    "ik_foot_l" is the handle of "foot_l", and "RightHandIK" of "RightHand". Only joints that move and turn freely and
-    carry no part of the body are handles.
+    """Return the joint that each IK handle follows, by handle: the hand, foot or toes with the same name, as "foot_l"
+    of "ik_foot_l". Only joints that move and turn freely and carry no part of the body are handles.
     """
     roles = anatomy.roles if anatomy else {}
     parts = {_meaning(skeleton.names[joint]): joint for role, joint in roles.items() if role.endswith(HANDLED_PARTS)}

@@ -2,54 +2,97 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from itertools import product
 
-import numpy as np
-from numpy.typing import NDArray
-
-from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.named_anatomy import by_names, with_named_fingers
+from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, trunk_roles
+from distretarget.body.conventions import NamedTree
+from distretarget.body.named_anatomy import by_tree, with_named_fingers
 from distretarget.body.shape import by_shape
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
 
-LIMBS = tuple(tuple(side + part for part in limb) for side in SIDES for limb in (ARM, LEG))
+LIMBS = tuple(tuple(side + part for part in limb) for limb in (ARM, LEG) for side in SIDES)
 LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
+# Bones in VRM's words, from the trunk outwards; those of limbs and fingers follow a side, and a side and a finger.
+SPINE = ("spine", "chest", "upperChest")
+FINGER = ("Proximal", "Intermediate", "Distal")
+THUMB = ("Metacarpal", "Proximal", "Distal")
 
 
-def find_anatomy(skeleton: Skeleton, positions: NDArray[np.float64] | None = None) -> Anatomy | None:
+def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
     """Return the anatomy of a skeleton; None where no human body is recognised.
 
     Where names show the body but not all its arms and legs, its shape shows the others, if it agrees on the rest.
     `positions`, (frames, joints, 3), are those of a motion, as in `by_shape`.
     """
     named = by_names(skeleton)
-    if named and (named.method == "humanoid" or all(_is_known(named, limb) for limb in LIMBS)):
+    if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in LIMBS)):
         return named
     shaped = by_shape(skeleton, positions)
     if not named:
         return with_named_fingers(skeleton, shaped) if shaped else None
-    if not shaped:
-        return named
-    same = next((each for each in (shaped, shaped.mirrored) if _agree(named, each)), None)
+    same = next((each for each in (shaped, shaped.mirrored) if _agree(named, each)), None) if shaped else None
     return _completed(named, same) if same else named
 
 
-def _is_known(anatomy: Anatomy, limb: tuple[str, ...]) -> bool:
+def by_names(skeleton: Skeleton) -> Anatomy | None:
+    """Return the anatomy that the `humanoid` of the file states, else names and tree; None if they show too little."""
+    return by_humanoid(skeleton) if skeleton.humanoid else by_tree(NamedTree.of(skeleton))
+
+
+def _is_known(roles: Mapping[str, int], limb: Iterable[str]) -> bool:
     """Whether a limb has its two long bones."""
-    return all(role in anatomy.roles for role in limb if role.endswith(LONG_BONES))
+    return all(role in roles for role in limb if role.endswith(LONG_BONES))
 
 
 def _agree(named: Anatomy, shaped: Anatomy) -> bool:
-    """Whether both have the same joints in all limbs that the names show."""
-    known = [limb for limb in LIMBS if _is_known(named, limb)]
-    shared = [role for limb in known for role in limb if role in named.roles and role in shaped.roles]
-    return bool(shared) and sum(named.roles[role] == shaped.roles[role] for role in shared) > len(shared) / 2
+    """Whether both have the same joints in most roles of the limbs that the names show."""
+    known = {role for limb in LIMBS if _is_known(named.roles, limb) for role in limb}
+    shared = known & named.roles.keys() & shaped.roles.keys()
+    return 2 * sum(named.roles[role] == shaped.roles[role] for role in shared) > len(shared)
 
 
 def _completed(named: Anatomy, shaped: Anatomy) -> Anatomy:
     """The anatomy by names with the limbs of the other that it lacks."""
-    lost = [role for limb in LIMBS if not _is_known(named, limb) for role in limb]
+    lost = [role for limb in LIMBS if not _is_known(named.roles, limb) for role in limb]
     kept = {role: joint for role, joint in named.roles.items() if role not in lost}
     taken = {*kept.values(), *named.spine, *named.neck}
     new = {role: shaped.roles[role] for role in lost if role in shaped.roles and shaped.roles[role] not in taken}
     return replace(named, roles=kept | new, method="shape") if new else named
+
+
+def by_humanoid(skeleton: Skeleton) -> Anatomy | None:
+    """Return the anatomy that the skeleton's `humanoid` states; None where it states too little.
+
+    It must state the hips, and the two long bones of both arms or of both legs. Bones that do not hang from the bone
+    that they belong to have no role, nor have eyes and jaw.
+    """
+    joints = dict(skeleton.humanoid)
+    if "hips" not in joints:
+        return None
+    hips = joints["hips"]
+    spine = tuple(_chain(skeleton, joints, hips, SPINE).values())
+    upper = _chain(skeleton, joints, [hips, *spine][-1], ("neck", "head"))
+    neck = (upper["neck"],) if "neck" in upper else ()
+    roles = trunk_roles(hips, spine, neck, upper.get("head"))
+    for limb in LIMBS:
+        roles |= _chain(skeleton, joints, hips, limb)
+    for side, finger in product([side for side in SIDES if f"{side}Hand" in roles], FINGERS):
+        names = [f"{side}{finger}{bone}" for bone in (THUMB if finger == "Thumb" else FINGER)]
+        chain = _chain(skeleton, joints, roles[f"{side}Hand"], names)
+        roles |= {f"{side}{finger}{names.index(name) + 1}": joint for name, joint in chain.items()}
+    if not any(all(_is_known(roles, limb) for limb in pair) for pair in (LIMBS[:2], LIMBS[2:])):
+        return None
+    return Anatomy(roles=roles, spine=spine, neck=neck, convention="", method="humanoid")
+
+
+def _chain(skeleton: Skeleton, joints: Mapping[str, int], above: int, bones: Iterable[str]) -> dict[str, int]:
+    """The joints of those of the bones that hang below the joint `above` and below each other, by bone."""
+    found: dict[str, int] = {}
+    for bone in bones:
+        joint = joints.get(bone)
+        if joint is not None and above in skeleton.line(joint)[1:]:
+            found[bone] = above = joint
+    return found

@@ -3,29 +3,29 @@
 A rest pose in which a person can stand (T-pose, A-pose, arms down) is the reference pose. Any other, such as one with
 all bones along one axis, is replaced by a T-pose. The OFFSETs show where bones point in the axes of their joints, and
 the motion as a whole how these axes are built, so that all clips of a rig have the same T-pose.
+
+What a clip shows once (a turned wrist, a head that looks down) is not of the rig. So each joint is taken to be neutral
+where rigs are built to be so, and its motion only decides between the ways to build it: the joint is turned as its
+parent is, or its axes are at right angles to its parent's. Where neither is near, the median over the frames counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
 from distretarget.body.axes import PARALLEL, SQUARE, Directions, axes_of, direction, nearest_axis, upright
 from distretarget.body.conventions import leans_of
-from distretarget.body.legs import foot_bone
-from distretarget.body.neutral import against_trunk, bend_axes, bones_of, neutral_turns, places_from, sampled
+from distretarget.body.limbs import foot_bone
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import least_matrix
-from distretarget.numerics.vectors import cross, lengths, level, normalised
+from distretarget.numerics.rotations import least_matrix, nearest_rotations
+from distretarget.numerics.vectors import Array, Flags, cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
 RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
@@ -36,6 +36,17 @@ OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half rou
 ON_AXIS = np.cos(np.radians(20))  # a joint with a bone this near to one of its axes is built along the bone [cosine]
 USUAL = np.cos(np.radians(60))  # the usual bend axis is this near to what the motion shows [cosine]
 ACROSS = 0.7  # an axis of a joint with a larger component across the bone than this may be the bend axis [sine]
+MOST_FRAMES = 500  # a motion shows how joints are turned in up to this many frames, evenly spread
+ROUNDS = 10  # of the search for a median rotation
+ALIKE = np.radians(1.0)  # rotations nearer to the median than this count the same [rad]
+STILL = np.radians(0.05)  # a joint that turns by less than this is not animated [rad] ...
+ANIMATED = np.radians(5.0)  # ... if elbows or knees turn by more than this [rad]
+LOWER_BONES = ("LowerArm", "LowerLeg")
+HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose that is not neutral
+UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
+RIGHT_ANGLED = np.radians(40.0)  # a median within this of right angles is at right angles [rad]
+CLEAR_BEND = 0.2  # a limb whose mean bend is larger than this shows its bend axis [sine]
+RIGHT_ANGLES = np.asarray(Rotation.create_group("O").as_matrix())  # (24, 3, 3), all turns by right angles
 
 
 def stands_at_rest(rest: Directions) -> bool:
@@ -64,17 +75,14 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     which they bend in the motion lies as well. Where a bone nearly turns round, it turns about the sideways axis, as
     knees do. Without a motion, joints are neutral when they are not turned against their parents.
     """
-    anatomy, shown = rest.anatomy, motion and sampled(motion)
+    anatomy, shown = rest.anatomy, motion and motion[:: -(-len(motion) // MOST_FRAMES)]
     goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
     bones = {joint: _bone(rest, shown, joint, goal.tip) for joint, goal in goals.items()}
     built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
     built = built if 2 * len(built) > len(bones) else set()  # in another rig it is chance
     bends = bend_axes(anatomy, shown) if shown else {}
-    neutral = np.tile(np.eye(3), (len(skeleton), 1, 1))
-    if shown:
-        neutral = neutral_turns(anatomy, shown, built=bool(built))
-    known = _carriers_and_hips(skeleton, rest, shown)
-    leans = _leans(anatomy)
+    neutral = _neutral_turns(anatomy, shown, built=bool(built)) if shown else [np.eye(3)] * len(skeleton)
+    known, leans = _carriers_and_hips(skeleton, rest, shown), _leans(anatomy)
     turns: list[Array] = []
     for joint, parent in enumerate(skeleton.parents.tolist()):
         turn = known[joint] if joint in known else leans.get(joint, np.eye(3)) @ turns[parent] @ neutral[joint]
@@ -89,34 +97,30 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
 
 
 def _carriers_and_hips(skeleton: Skeleton, rest: Directions, shown: Motion | None) -> dict[int, Array]:
-    """The rotations, (3, 3), of the hips and of the joints above them in a T-pose, by joint."""
+    """The rotations, (3, 3), of the hips and of the joints above them, by joint."""
     hips, *carriers = skeleton.line(rest.anatomy.roles["hips"])
     if shown is None:
         return dict.fromkeys((*carriers[-1:], hips), _hip_axes(rest).T)
-    turns = {joint: against_trunk(rest.anatomy, shown, joint) for joint in carriers}
-    places = places_from(shown, hips, range(len(skeleton)))
+    turns = {joint: _against_trunk(rest.anatomy, shown, joint) for joint in carriers}
+    places = _places_from(shown, hips, range(len(skeleton)))
     return turns | {hips: _hip_axes(Directions(rest.anatomy, places)).T}
 
 
 def _bone(rest: Directions, shown: Motion | None, joint: int, tip: int) -> Array:
     """The direction of a bone in the axes of its joint, (3,); zero for a bone of length 0."""
-    return normalised(places_from(shown, joint, [tip])[0]) if shown else direction(rest.positions, joint, tip)
+    return normalised(_places_from(shown, joint, [tip])[0]) if shown else direction(rest.positions, joint, tip)
 
 
 def usual_pitch(pitches: Array) -> float:
-    """Return the pitch of feet that stand flat, given the pitches of feet that rest in a motion, (n,), all [rad].
-
-    It is their mean with `FOOT_PITCH`, each weighted by how likely feet are built like it, so that feet on tiptoe or
-    on their heels hardly count.
+    """Return the pitch of feet that stand flat, given those of feet that rest in a motion, (n,), all [rad]: their mean
+    with `FOOT_PITCH`, each weighted by how likely feet are built like it; so tiptoes and heels hardly count.
     """
     weights = np.exp(-0.5 * ((pitches - FOOT_PITCH) / PITCHES) ** 2)
     return float(np.average([*pitches, FOOT_PITCH], weights=[*weights, UNSURE * len(pitches)]))
 
 
 def _pointed(turn: Array, bone: Array, goal: Array) -> Array:
-    """The rotation `turn`, (3, 3), followed by the least one that brings a bone in the joint's own axes, (3,), to a
-    direction (3,).
-    """
+    """The rotation `turn`, (3, 3), followed by the least one that brings a bone, (3,) in its axes, to a direction."""
     if goal @ turn @ bone < OPPOSITE:
         turn = np.diag([1.0, -1.0, -1.0]) @ turn
     return least_matrix((turn @ bone)[None], goal[None]) @ turn
@@ -152,12 +156,11 @@ def _leans(anatomy: Anatomy) -> dict[int, Array]:
 
 def _hip_axes(places: Directions) -> Array:
     """(3, 3), the axes of the hips, from the places of all joints in the hips' own axes: left across the hip joints, or
-    across the shoulders if the hip joints lie along the spine; up along the spine's first bone or else the whole trunk,
-    whichever is near an axis of the hips, or else the bone.
+    the shoulders if the hip joints lie along the spine; up along the spine's first bone, or the whole trunk if only
+    that is near an axis of the hips.
     """
-    bones = [
-        direction(places.positions, places.anatomy.roles["hips"], joint) for joint in _spine_to_head(places.anatomy)
-    ]
+    anatomy, x = places.anatomy, places.positions
+    bones = [direction(x, anatomy.roles["hips"], joint) for joint in _spine_to_head(anatomy)]
     bone = next((bone for bone in bones if bone.any()), places.trunk)
     up = next((up for up in (bone, places.trunk) if nearest_axis(up)[1] > SQUARE), bone)
     lefts = [normalised(width) for width in map(places.across, ("UpperLeg", "UpperArm")) if width is not None]
@@ -167,7 +170,7 @@ def _hip_axes(places: Directions) -> Array:
 
 def _spine_to_head(anatomy: Anatomy) -> list[int]:
     """The joints above the hips, up to the head."""
-    return [*anatomy.spine, *anatomy.neck, *(anatomy.roles[role] for role in ("head",) if role in anatomy.roles)]
+    return [*anatomy.spine, *anatomy.neck, *anatomy.joints("head")]
 
 
 def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iterator[tuple[int, _Goal]]:
@@ -176,9 +179,9 @@ def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iter
     foot = np.cos(foot_pitch) * forward - np.sin(foot_pitch) * up
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         hip = anatomy.roles.get(f"{side}UpperLeg")
-        lower_joints = {anatomy.roles.get(side + part) for part in ("LowerArm", "LowerLeg")}
+        lower_joints = anatomy.joints(*(side + part for part in LOWER_BONES))
         for limb, bone, across in ((ARM[1:], sign * left, -sign * up), (LEG[:3], -up, left)):
-            for upper, lower in bones_of(anatomy, side, limb):
+            for upper, lower in _bones_of(anatomy, side, limb):
                 yield upper, _Goal(lower, bone, across, upper != hip, upper in lower_joints)
         if ends := foot_bone(skeleton, anatomy, side):
             yield ends[0], _Goal(ends[1], foot, left, True, True)
@@ -193,5 +196,108 @@ def _trunk_goals(anatomy: Anatomy) -> Iterator[tuple[int, _Goal]]:
     for lower, upper in pairwise(_spine_to_head(anatomy)):
         yield lower, _Goal(upper, up, left, False, False)
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        for upper, lower in bones_of(anatomy, side, ARM[:2]):
+        for upper, lower in _bones_of(anatomy, side, ARM[:2]):
             yield upper, _Goal(lower, sign * left, -sign * up, False, False)
+
+
+def _bones_of(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tuple[int, int]]:
+    """The joints at the upper and lower end of each bone of a limb; parts that the body lacks are skipped."""
+    return pairwise(anatomy.joints(*(side + part for part in limb)))
+
+
+def _places_from(motion: Motion, joint: int, others: Sequence[int]) -> Array:
+    """(len(others), 3), the places of other joints in the axes of a joint: the means over the frames."""
+    away = motion.positions[:, others] - motion.positions[:, joint, None]
+    turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
+    return np.asarray((away @ turns).mean(axis=0))
+
+
+def _against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
+    """(3, 3), how a joint that carries the body is turned while the body stands upright, Y up, and faces Z: the turn by
+    right angles that is nearest to its median against the trunk.
+    """
+    trunk = Directions(anatomy, motion.positions).axes
+    turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
+    return _right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0][0])
+
+
+def _neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> list[Array]:
+    """The rotation of each joint against its parent while it is neutral, (3, 3).
+
+    A joint that is not animated is neutral as it is, unless it is a hand or of the head, which a clip may hold still. A
+    collar bone is neutral as it is on the whole while its arm hangs. Other joints are neutral when they are not turned,
+    or at right angles in a rig that is `built` along its bones, if that is near; else as they are on the whole.
+    """
+    local = Rotation.from_quat(motion.rotations).as_matrix()
+    medians, farthest = _medians(local)
+    hinges = (side + part for side in SIDES for part in LOWER_BONES)
+    animated = any(farthest[joint] > ANIMATED for joint in anatomy.joints(*hinges))
+    held = {joint for role, joint in anatomy.roles.items() if role.endswith(HELD)} | {*anatomy.neck}
+    neutral = []
+    for joint, turn in enumerate(medians):
+        fixed = animated and farthest[joint] < STILL and joint not in held
+        unturned = not fixed and _angle(turn) < UNTURNED
+        neutral.append(np.eye(3) if unturned else _squared(turn) if built and not fixed else turn)
+    for joint, hangs in _collar_bones(anatomy, motion):
+        neutral[joint] = _medians(local[hangs if hangs.any() else ~hangs, joint, None])[0][0]
+    return neutral
+
+
+def _collar_bones(anatomy: Anatomy, motion: Motion) -> Iterator[tuple[int, Flags]]:
+    """The joints of collar bones, each with whether its upper arm points downwards along the trunk, (frames,)."""
+    directions = Directions(anatomy, motion.positions)
+    for side in SIDES:
+        arm = directions.bone(f"{side}UpperArm", f"{side}LowerArm")
+        if arm is not None and f"{side}Shoulder" in anatomy.roles:
+            yield anatomy.roles[f"{side}Shoulder"], (arm * directions.trunk).sum(axis=-1) < 0.0
+
+
+def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
+    """Return the axes, (3,), about which elbows and knees bend, by the joints of limbs, each in the joint's own axes:
+    the mean over the frames. Limbs that hardly bend have none; but where a knee is straight, the plane of shin and foot
+    shows its axis. An ankle has the axis of its knee.
+    """
+    axes: dict[int, Array] = {}
+    for side in SIDES:
+        for limb in (ARM[1:], LEG):
+            ends = list(_bones_of(anatomy, side, limb))
+            if len(ends) < 2:
+                continue
+            upper, lower, *feet = (direction(motion.positions, *bone) for bone in ends)
+            across = [cross(upper, lower), *(cross(foot, lower) for foot in feet)]
+            for joint in [joint for joint, _ in ends[:2]] + [ends[1][1]] * (limb == LEG):
+                to_joint = Rotation.from_quat(motion.world_rotations_of(joint)).inv()
+                means = [to_joint.apply(each).mean(axis=0) for each in across]
+                axis = next((mean for mean in means if lengths(mean) > CLEAR_BEND), None)
+                if axis is not None:
+                    axes[joint] = normalised(axis)
+    return axes
+
+
+def _medians(turns: Array) -> tuple[Array, Array]:
+    """The medians of rotations (frames, joints, 3, 3), (joints, 3, 3): the rotations with the least sum of angles to
+    all; and the largest angle to them of each joint, (joints,) [rad].
+    """
+    weights = np.ones(turns.shape[:2])
+    for _ in range(ROUNDS):
+        medians = nearest_rotations(np.einsum("fj,fjab->jab", weights, turns))
+        cosines = (np.einsum("fjab,jab->fj", turns, medians) - 1.0) / 2.0
+        away = np.arccos(np.clip(cosines, -1.0, 1.0))
+        weights = 1.0 / np.maximum(away, ALIKE)
+    return medians, away.max(axis=0)
+
+
+def _angle(turn: Array) -> float:
+    """The angle of a rotation (3, 3) [rad]."""
+    return float(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
+
+
+def _squared(turn: Array) -> Array:
+    """The turn by right angles that is nearest to a rotation, (3, 3), if it is near; else the rotation."""
+    nearest = _right_angled(turn)
+    return nearest if _angle(nearest.T @ turn) < RIGHT_ANGLED else turn
+
+
+def _right_angled(turn: Array) -> Array:
+    """The turn by right angles, (3, 3), that is nearest to a rotation."""
+    return np.asarray(RIGHT_ANGLES[np.argmax((RIGHT_ANGLES * turn).sum(axis=(1, 2)))])

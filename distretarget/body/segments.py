@@ -1,36 +1,47 @@
-"""The segments of a body, whose surfaces can touch: the joints of each, and those that carry its capsules."""
+"""The parts of a body that skin is on: segments, whose surfaces can touch, and frames, in which two skins compare.
+
+How far along, to the side and up a point of a part is in its frame counts along limbs in lengths of the bone, in a hand
+in lengths of the palm, and else in the size of the body, which is the length of a leg and of the trunk together: long
+arms are no thicker.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.body.anatomy import SIDES, Anatomy, side_and_part
+from distretarget.body.anatomy import FINGERS, SIDES, Anatomy, side_and_part
+from distretarget.body.axes import axes_of
 from distretarget.body.body import Body
+from distretarget.body.limbs import Legs
+from distretarget.numerics.vectors import Array, Numbers, level, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS
 
-SEGMENT_OF_PART = {
-    "hips": "pelvis",
-    "neck": "neck",
-    "head": "head",
-    "Shoulder": "chest",
-    "UpperArm": "upper arm",
-    "LowerArm": "forearm",
-    "Hand": "hand",
-    "UpperLeg": "thigh",
-    "LowerLeg": "shin",
-    "Foot": "foot",
-    "Toes": "foot",
-}
+SEGMENT_OF_PART = {"hips": "pelvis", "neck": "neck", "head": "head"}
+SEGMENT_OF_PART |= {"UpperArm": "upper arm", "LowerArm": "forearm", "Hand": "hand"}
+SEGMENT_OF_PART |= {"UpperLeg": "thigh", "LowerLeg": "shin", "Foot": "foot", "Toes": "foot"}
 # Fingers move together: those of each group hang on the first of its knuckles that the hand has.
 FINGER_GROUPS = (("Index", "Middle"), ("Ring", "Little"), ("Thumb",))
 HELPER = 0.1  # joints that reach no farther from where they branch off are muscles or twists, no hair [body units]
 FACE = 0.14  # jaw, eyes and other joints of the face are nearer to the head's joint than this [body units] ...
 BELOW_HEAD = 0.03  # ... and not so far below it [body units]
+
+# The joints at the ends of the bone of each part of arm and leg.
+LIMBS = {"upper arm": ("UpperArm", "LowerArm"), "forearm": ("LowerArm", "Hand")}
+LIMBS |= {"thigh": ("UpperLeg", "LowerLeg"), "shin": ("LowerLeg", "Foot")}
+HAND = dict(zip(("fingers", "little fingers", "thumb"), FINGER_GROUPS, strict=True))  # parts of a hand, and fingers
+LEG = 0.638  # the leg of an average adult [sizes]
+PALM = 0.078  # that adult's palm, from the wrist to the knuckles [sizes]
+HEAD = 0.155  # how far the top of that adult's head is above its joint [sizes]
+PELVIS = 0.3  # the lowest joint of the spine takes over from the hips no lower than this [lengths of the trunk]
+KNUCKLES = 3  # with fewer fingers, the hand's joints do not show how large it is
+PALMS = 0.6, 1.7  # the least and the longest palm [of the average one]
+HEADS = 1.0, 2.5  # the least and the largest head [of the average one]
+ALONG = 0.9  # a bone that points forward more than this is turned about by what is up [cosine]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +54,8 @@ class Segments:
         carriers: (joints,), the joint that carries the capsules of what each joint moves; -1 as there.
     """
 
-    of_joint: NDArray[np.intp]
-    carriers: NDArray[np.intp]
+    of_joint: Numbers
+    carriers: Numbers
 
     def joints(self, carrier: int) -> list[int]:
         """Return the joints whose capsules a joint carries."""
@@ -72,16 +83,14 @@ def _main(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
     labels: dict[int, tuple[str, int]] = {}
     for role, joint in anatomy.roles.items():
         side, part = side_and_part(role)
-        if part in SEGMENT_OF_PART:
-            labels[joint] = f"{side} {SEGMENT_OF_PART[part]}".strip() if part != "Shoulder" else "chest", joint
+        if part == "Shoulder":
+            labels[joint] = "chest", anatomy.spine[-1] if anatomy.spine else joint
+        elif part in SEGMENT_OF_PART:
+            labels[joint] = f"{side} {SEGMENT_OF_PART[part]}".strip(), joint
     labels |= dict.fromkeys(anatomy.neck, ("neck", next(iter(anatomy.neck), -1)))
     labels |= _spine(skeleton, anatomy)
-    for side in SIDES:
-        for group in FINGER_GROUPS:
-            _add_fingers(labels, anatomy, side, group)
-    if anatomy.spine:
-        collars = [anatomy.roles[f"{side}Shoulder"] for side in SIDES if f"{side}Shoulder" in anatomy.roles]
-        labels |= dict.fromkeys(collars, ("chest", anatomy.spine[-1]))
+    for side, group in product(SIDES, FINGER_GROUPS):
+        labels |= _fingers(anatomy, side, group)
     return labels
 
 
@@ -97,14 +106,13 @@ def _spine(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
     return {joint: ("belly" if low else "chest", joint) for joint, low in zip(anatomy.spine, is_belly, strict=True)}
 
 
-def _add_fingers(labels: dict[int, tuple[str, int]], anatomy: Anatomy, side: str, group: Iterable[str]) -> None:
-    """Add the fingers of a group to their hand; bones in the palm move with the wrist."""
+def _fingers(anatomy: Anatomy, side: str, group: Iterable[str]) -> dict[int, tuple[str, int]]:
+    """The fingers of a group; bones in the palm move with the wrist."""
     numbers = {f"{side}{finger}{number}": number for finger in group for number in range(4)}
     joints = {anatomy.roles[role]: number for role, number in numbers.items() if role in anatomy.roles}
     carrier = next((joint for joint, number in joints.items() if number > 0), -1)
     hand = anatomy.roles.get(f"{side}Hand", -1)
-    for joint, number in joints.items():
-        labels[joint] = f"{side} hand", carrier if number else hand
+    return {joint: (f"{side} hand", carrier if number else hand) for joint, number in joints.items()}
 
 
 def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
@@ -121,3 +129,181 @@ def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
     if segment.endswith(("hand", "foot")):
         return bool(body.regions.of_joint[joint] >= 0)
     return bool(skeleton.reach[joint] < HELPER * body.unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Where a part of a body is in the body's reference pose.
+
+    Attributes:
+        origin: (3,) [file units].
+        axes: (3, 3), unit vectors along it, to its side and up as columns.
+        length: what counts as 1 along it [file units].
+        breadth: what counts as 1 across it, and for radii [file units].
+        carriers: the joints that carry it, and how far along it each takes over; the first from the start.
+    """
+
+    origin: Array
+    axes: Array
+    length: float
+    breadth: float
+    carriers: Sequence[tuple[int, float]]
+
+    @property
+    def scales(self) -> Array:
+        """(3,), what counts as 1 along its axes [file units]."""
+        return np.array([self.length, self.breadth, self.breadth])
+
+    def carrier(self, along: float) -> int:
+        """Return the joint that carries what is so far along it."""
+        return next(joint for joint, start in reversed(self.carriers) if along >= start or start == -np.inf)
+
+
+def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
+    """Yield the frame of each part that a body with an anatomy has, such as "trunk" and "left palm". A head of which
+    bones do not show that it is larger than the average one is `head` times as large.
+    """
+    size = _Size.of(body)
+    if size is None:
+        return
+    yield "trunk", size.trunk
+    yield from _head(size, head)
+    carriers = find_segments(body).carriers
+    for side in SIDES:
+        yield from _limbs(size, side)
+        yield from _hand(size, side, carriers)
+        yield from _foot(size, side)
+
+
+def proportions(body: Body) -> tuple[float, float] | None:
+    """Return the lengths of legs, and from shoulders to the top of the head [sizes]; None if bones do not show both."""
+    size = _Size.of(body) if body.anatomy else None
+    shoulders = size.anatomy.pair("UpperArm") if size else []
+    if size is None or not shoulders or not body.legs or not (reach := _head_reach(size)):
+        return None
+    x, up = size.positions, size.axes[:, 1]
+    neck = x[size.anatomy.roles["head"]] - x[shoulders].mean(axis=0)
+    return body.leg_length / size.size, reach + float(neck @ up) / size.size
+
+
+@dataclass(frozen=True, eq=False)
+class _Size:
+    """A body in its reference pose, and its size, that of leg and trunk [file units]."""
+
+    skeleton: Skeleton
+    anatomy: Anatomy
+    legs: Legs | None
+    positions: Array
+    axes: Array
+    size: float
+    trunk: Frame
+
+    @classmethod
+    def of(cls, body: Body) -> _Size | None:
+        """Return those of a body; None for one without extent."""
+        anatomy, x, axes = body.anatomy, body.reference.positions, body.reference.axes
+        assert anatomy is not None
+        spine = (anatomy.roles["hips"], *anatomy.spine)
+        tops = anatomy.pair("UpperArm") or [*anatomy.neck, *anatomy.joints("head")][:1] or [spine[-1]]
+        low = x[anatomy.pair("UpperLeg") or [spine[0]]].mean(axis=0)
+        along = x[tops].mean(axis=0) - low
+        leg, trunk = body.leg_length, _norm(along)
+        size = leg + trunk if leg and trunk else leg / LEG + trunk / (1.0 - LEG)
+        if not size:
+            return None
+        trunk = trunk or (1.0 - LEG) * size
+        left, up, forward = axes_of(axes[:, 0], normalised(along) if along.any() else axes[:, 1]).T
+        shares = np.maximum.accumulate([PELVIS, *((x[list(spine[1:])] - low) @ up / trunk)])
+        shares[0] = -np.inf
+        frame = Frame(low, np.stack([up, left, forward], axis=1), trunk, size, list(zip(spine, shares, strict=True)))
+        return cls(body.skeleton, anatomy, body.legs, x, axes, size, frame)
+
+    def across(self, along: Array, side: str, wide: Array | None = None) -> Array:
+        """The axes of a part: along it, to its side, and forwards; or along it, along `wide`, and up from these."""
+        along = normalised(along)
+        sign = 1.0 if side == "left" else -1.0
+        if wide is not None:
+            wide = normalised(level(wide, along))
+            return np.stack([along, wide, sign * np.cross(along, wide)], axis=1)
+        forward = self.axes[:, 2] if abs(along @ self.axes[:, 2]) < ALONG else self.axes[:, 1]
+        high = normalised(level(forward, along))
+        return np.stack([along, sign * np.cross(high, along), high], axis=1)
+
+
+def _head_reach(size: _Size) -> float:
+    """How far the top of the head, by End Sites or a "HeadTop_End", is over its joint [sizes]; 0 if not shown."""
+    skeleton, head = size.skeleton, size.anatomy.roles.get("head")
+    if head is None:
+        return 0.0
+    names, below = skeleton.names, skeleton.children[head]
+    ends = [joint for joint in below if skeleton.end_sites[joint] or names[joint].startswith(names[head])]
+    up = (size.positions[ends] - size.positions[head]) @ size.axes[:, 1]
+    return float(up.max(initial=0.0)) / size.size
+
+
+def _head(size: _Size, usual: float) -> Iterator[tuple[str, Frame]]:
+    """Neck and head. A head that reaches farther than the average one is as large as that; else `usual` times."""
+    x, (left, up, forward) = size.positions, size.axes.T
+    for head in size.anatomy.joints("head"):
+        own = float(np.clip(_head_reach(size) / HEAD, *HEADS))
+        scale = size.size * (own if own > HEADS[0] else usual)
+        yield "head", Frame(x[head], np.stack([up, left, forward], axis=1), scale, scale, [(head, -np.inf)])
+        for neck in size.anatomy.joints("neck"):
+            along = x[head] - x[neck]
+            if along.any():
+                axes = axes_of(left, normalised(along))[:, [1, 0, 2]]
+                yield "neck", Frame(x[neck], axes, _norm(along), size.size, [(neck, -np.inf)])
+
+
+def _limbs(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
+    """The bones of arm and leg."""
+    x, roles = size.positions, size.anatomy.roles
+    for part, (upper, lower) in LIMBS.items():
+        for start in size.anatomy.joints(side + upper):
+            along = x[roles.get(side + lower, size.skeleton.farthest.item(start))] - x[start]
+            if along.any():
+                axes = size.across(along, side)
+                yield f"{side} {part}", Frame(x[start], axes, _norm(along), size.size, [(start, -np.inf)])
+
+
+def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Frame]]:
+    """The parts of a hand; its fingers hang on the wrist where it has no joints for them."""
+    x, anatomy = size.positions, size.anatomy
+    hand = anatomy.roles.get(f"{side}Hand")
+    if hand is None:
+        return
+    known = anatomy.joints(*(f"{side}{finger}1" for finger in FINGERS[1:]))
+    average = PALM * size.size
+    is_known = len(known) >= KNUCKLES
+    tip = x[known].mean(axis=0) if is_known else x[size.skeleton.farthest[hand]]
+    along = tip - x[hand]
+    if not along.any():
+        along = x[hand] - x[anatomy.roles[f"{side}LowerArm"]]
+    palm = float(np.clip(_norm(along), PALMS[0] * average, PALMS[1] * average)) if is_known else average
+    wide = x[known[0]] - x[known[-1]] if is_known else size.axes[:, 2]
+    if not level(wide, normalised(along)).any():
+        wide = size.across(along, side)[:, 2]
+    axes = size.across(along, side, wide)
+    yield f"{side} palm", Frame(x[hand], axes, palm, palm, [(hand, -np.inf)])
+    for part, fingers in HAND.items():
+        joints = anatomy.joints(*(f"{side}{finger}{number}" for finger in fingers for number in (1, 2)))
+        carrier = carriers.item(joints[0]) if joints else hand
+        yield f"{side} {part}", Frame(x[hand], axes, palm, palm, [(carrier, -np.inf)])
+
+
+def _foot(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
+    """Foot and toes."""
+    x, (_, up, forward) = size.positions, size.axes.T
+    for foot in size.anatomy.joints(f"{side}Foot"):
+        toes = size.anatomy.roles.get(f"{side}Toes", foot)
+        toe = size.legs[SIDES.index(side)].toe if size.legs else toes
+        along = level(x[toe] - x[foot], up)
+        along = along if along @ forward > 0.0 else forward
+        axes = np.stack([normalised(along), normalised(np.cross(up, along)), up], axis=1)
+        axes[:, 1] *= 1.0 if side == "left" else -1.0
+        for part, joint in (("foot", foot), ("toes", toes)):
+            yield f"{side} {part}", Frame(x[foot], axes, size.size, size.size, [(joint, -np.inf)])
+
+
+def _norm(vector: Array) -> float:
+    return float(np.linalg.norm(vector))

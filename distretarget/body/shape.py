@@ -9,15 +9,12 @@ from itertools import combinations, pairwise, takewhile
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
-from distretarget.body.legs import SHORTEST_LIMB, Leg, are_alike, bends, limb_length, longest_limbs, tree_legs
-from distretarget.numerics.vectors import cross, lengths, normalised
+from distretarget.body.limbs import SHORTEST_LIMB, Leg, are_alike, bends, limb_length, longest_limbs, tree_legs
+from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 FORK = 0.5  # a chain ends where a branch of this length leaves it: fingers, toes, face [lengths of the longest branch]
 STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]
@@ -72,16 +69,15 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
     if standing is None or trunk is None:
         return None
     hips, spine, neck, head = trunk
-    collars = [_collar(skeleton, arms, arm, standing.positions) for arm in arms]
-    across, apart = (standing.positions[:, a.upper] - standing.positions[:, b.upper] for a, b in (legs, arms))
-    if (across * apart).sum() < 0:
-        arms, collars = arms[::-1], collars[::-1]
+    x = standing.positions
+    across, apart = (x[:, a.upper] - x[:, b.upper] for a, b in (legs, arms))
+    arms = arms[::-1] if (across * apart).sum() < 0 else arms
     if not _left_is_first(skeleton, legs, standing, moving):
-        legs, arms, collars = legs[::-1], arms[::-1], collars[::-1]
+        legs, arms = legs[::-1], arms[::-1]
     roles = trunk_roles(hips, spine, neck, head) | _roles(legs, arms)
-    for side, leg, collar in zip(SIDES, legs, collars, strict=True):
+    for side, leg, arm in zip(SIDES, legs, arms, strict=True):
         roles |= {f"{side}Toes": joint for joint in _toes(skeleton, leg)}
-        roles |= {f"{side}Shoulder": joint for joint in collar}
+        roles |= {f"{side}Shoulder": joint for joint in _collar(skeleton, arms, arm, x)}
     if any(skeleton.end_sites[joint] for joint in roles.values()):
         return None
     return replace(limbs, roles=roles, spine=spine, neck=neck)
@@ -101,17 +97,15 @@ def _roles(legs: LimbPair, arms: LimbPair) -> dict[str, int]:
 
 def _find_legs(skeleton: Skeleton) -> LimbPair | None:
     """The legs that the tree shows, from the hip joints to the ankles."""
-    legs = tree_legs(skeleton)
-    if legs is None:
+    if not (legs := tree_legs(skeleton)):
         return None
     a, b = (_limb_of_leg(skeleton, leg, other) for leg, other in (legs, legs[::-1]))
     return (a, b) if a and b else None
 
 
 def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
-    """A leg with its knee, which is the joint nearest to the middle of the leg; None for a leg of one bone.
-
-    Its hip joint is the first joint, from `leg.hip` up past twist joints, at which the rest pose bends.
+    """A leg, from the first joint, up from `leg.hip` past twist joints, at which the rest pose bends; its knee is the
+    joint nearest to its middle. None for a leg of one bone.
     """
     thigh, trunk = skeleton.line(leg.hip), skeleton.line(other.hip)
     above = [*takewhile(lambda joint: joint not in trunk and skeleton.lengths[joint] > 0, thigh)]
@@ -190,9 +184,7 @@ def _like_chains(skeleton: Skeleton, tops: Sequence[int], least: int = 1) -> lis
 
 
 def _chain(skeleton: Skeleton, top: int) -> list[int]:
-    """The joints from `top` down the longest branch to where it forks or ends, `MOST_JOINTS` at most, without End
-    Sites.
-    """
+    """The joints down the longest branch to where it forks or ends, `MOST_JOINTS` at most, without End Sites."""
     chain = [top]
     while len(chain) < MOST_JOINTS and not _forks(skeleton, chain[-1]):
         below = max(skeleton.children[chain[-1]], key=partial(limb_length, skeleton), default=None)
@@ -216,9 +208,7 @@ def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
 
 
 def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> list[int]:
-    """The joint at the inner end of an arm's collar bone: the only candidate, or the last one less than halfway out
-    to the shoulder.
-    """
+    """The inner end of an arm's collar bone: the only candidate, or the last less than halfway out to the shoulder."""
     if len(arm.collar) < 2:
         return list(arm.collar)
     x = posture if len(posture) else skeleton.rest_positions[None]
@@ -233,9 +223,8 @@ def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> li
 def _trunk(
     skeleton: Skeleton, legs: LimbPair, arms: LimbPair, heights: Array
 ) -> tuple[int, tuple[int, ...], tuple[int, ...], int] | None:
-    """Hips, spine, neck and head, from the joint where legs and spine part; None without spine or head.
-
-    The head's branch leaves the spine at or below the joint where the arms do, and is not one of a pair of like chains.
+    """Hips, spine, neck and head; None without spine or head. The head's branch leaves the spine at or below the joint
+    where the arms do, and is not one of a pair of like chains.
     """
     taken = {(*arm.collar, arm.upper)[0] for arm in arms}
     up = skeleton.line(int(skeleton.parents[min(taken)]))
@@ -257,10 +246,8 @@ def _trunk(
 
 
 def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[int]:
-    """The joints from the first of the neck up to the head.
-
-    The head is where the branch ends or forks into a face, or where the next bone does not rise, or is longer than a
-    neck bone and than its own End Sites.
+    """The joints from the first of the neck up to the head, where the branch ends or forks into a face, or the next
+    bone does not rise, or is longer than a neck bone and than its own End Sites.
     """
     neck = [first]
     while len(above := [child for child in skeleton.children[neck[-1]] if not skeleton.end_sites[child]]) == 1:
@@ -322,9 +309,7 @@ def _travel(legs: LimbPair, x: Array) -> Array:
 
 
 def _agreement(forward: Array, legs: LimbPair, way: Directions) -> float:
-    """The mean cosine, -1 to 1, between directions (frames, 3) and the front of a body whose first leg is the left one;
-    0 where the directions are too short to show anything.
-    """
+    """The mean cosine of directions (frames, 3) with the front if the first leg is the left one; 0 if too short."""
     x, up = way.positions, -way.legs
     front = normalised(cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
     level = lengths(perpendicular(forward, up)).sum()

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.deform_bones import deform_tree
+from distretarget.character.joint_nodes import deform_tree
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.motion import Motion

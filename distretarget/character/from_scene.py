@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.recognition import by_names
 from distretarget.character.bind_pose import are_regular, bind_poses
 from distretarget.character.character import Character, with_deform_bones
 from distretarget.character.joint_nodes import joint_nodes

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.trees import children_of, depth_first_order
+from distretarget.numerics.kinematics import children_of, depth_first_order
 from distretarget.numerics.vectors import Array
 
 

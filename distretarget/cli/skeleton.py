@@ -11,8 +11,7 @@ import click
 import numpy as np
 
 from distretarget.body.body import Body
-from distretarget.body.build import age_of
-from distretarget.body.thickness import capsules_of, radii_of
+from distretarget.body.build import age_of, capsules_of, radii_of
 from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.options import (
     OVERWRITE_OPTION,

@@ -13,8 +13,7 @@ import numpy as np
 
 from distretarget.ik.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.ik.springs import Below, Springs, couples, write_nodes, write_stiffness_below
-from distretarget.numerics.compiled import inlined, merged
-from distretarget.numerics.loops import indices
+from distretarget.numerics.compiled import indices, inlined, merged
 from distretarget.numerics.vectors import Array, Numbers
 
 

@@ -17,8 +17,7 @@ from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_
 from distretarget.ik.curvature import Curvature, are_first, factorise, solve_factored, write_curvature
 from distretarget.ik.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
 from distretarget.ik.springs import write_way
-from distretarget.numerics.compiled import inlined, merged
-from distretarget.numerics.loops import clear, copy_to
+from distretarget.numerics.compiled import clear, copy_to, inlined, merged
 from distretarget.numerics.vectors import Array, Numbers
 
 ROUND_ITERATIONS = 30  # iterations before the curvature is recomputed

@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import inlined, merged
-from distretarget.numerics.loops import copy_to
+from distretarget.numerics.compiled import copy_to, inlined, merged
 from distretarget.numerics.vectors import Array, Numbers
 
 ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone

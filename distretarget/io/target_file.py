@@ -8,8 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from distretarget.body.body import Body
-from distretarget.body.build import BUILDS, Build, Builds, average_build
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import BUILDS, Build, Builds, average_build, capsules_of
 from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of
 from distretarget.character.mesh import skinned_mesh

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, FINGERS, SIDES
 from distretarget.body.body import Body
-from distretarget.body.humanoid import FINGER, THUMB
+from distretarget.body.recognition import FINGER, THUMB
 from distretarget.character.nodes import Animation
 from distretarget.errors import MotionError, quoted
 from distretarget.io.gltf import parse_gltf

@@ -8,20 +8,17 @@ from functools import cached_property
 from types import NoneType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import Regions
-from distretarget.body.body import Body
-from distretarget.body.legs import Leg, Legs, leg_length
+from distretarget.body.body import Body, Pose
+from distretarget.body.limbs import Leg, Legs, leg_length
 from distretarget.body.soles import Sole, find_soles, resting_normals
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.skeleton import JointMap
-
-Array = NDArray[np.float64]
 
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
@@ -50,9 +47,9 @@ class Matching:
 
     source: Body
     target: Body
-    drivers: NDArray[np.intp]
-    rotation_sources: NDArray[np.intp]
-    blend: NDArray[np.float64]
+    drivers: Numbers
+    rotation_sources: Numbers
+    blend: Array
     method: tuple[str, ...]
     source_normals: tuple[Array, Array] | None = None
 
@@ -122,23 +119,15 @@ class Matching:
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
     @cached_property
-    def body_joints(self) -> NDArray[np.intp]:
+    def body_joints(self) -> Numbers:
         """The joints of the target's body that have drivers."""
         return np.flatnonzero((self.drivers >= 0) & (self.regions.of_joint >= 0))
 
-    @cached_property
-    def joints_but_feet(self) -> NDArray[np.intp]:
-        """The `body_joints` except those of the feet; none without legs."""
-        return self._but_feet(self.drivers >= 0)
-
-    @cached_property
-    def followers_but_feet(self) -> NDArray[np.intp]:
-        """The joints of the target's body without driver, except those of the feet; none without legs."""
-        return self._but_feet(self.drivers < 0)
-
-    def _but_feet(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
+    def joints_but_feet(self, *, driven: bool = True) -> Numbers:
+        """Return the joints of the target's body, with or without driver, but those of the feet; none without legs."""
         of_joint = self.regions.of_joint
         feet = [of_joint[leg.ankle] for leg in self.legs[1]] if self.legs else []
+        wanted = (self.drivers >= 0) == driven
         return np.flatnonzero(wanted & (of_joint >= 0) & ~np.isin(of_joint, feet) & bool(feet))
 
     @cached_property
@@ -156,7 +145,13 @@ class Matching:
         both_stand = self.source.stands and self.target.stands
         return recognised and (both_stand or self.source.standing is not None or not self.rest_poses_alike)
 
-    def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    @property
+    def poses(self) -> tuple[Pose, Pose]:
+        """The poses in which source and target are aligned."""
+        source, target = self.source, self.target
+        return (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
+
+    def shared_bones(self, x: Array, y: Array) -> tuple[Numbers, Array, Array]:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
         the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
         A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
@@ -180,16 +175,12 @@ class Matching:
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The soles of source and target for each of these legs; empty without legs.
-
-        If only one of two bodies with the same rest pose shows how its soles lie, the other's lie the same way. If one
-        body has no foot, the legs of both end at the ankle.
+        """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
+        same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle.
         """
         if self.legs is None:
             return ()
-        bodies = (self.source, self.target)
-        poses = (body.reference if self.in_reference else body.rest for body in bodies)
-        feet = [*zip(bodies, self.legs, poses, strict=True)]
+        feet = [*zip((self.source, self.target), self.legs, self.poses, strict=True)]
         source, target = (find_soles(*each) for each in feet)
         if self.rest_poses_alike and not target[0].known:
             target = find_soles(*feet[1], (source[0].normal, source[1].normal))

@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import FINGERS, SIDES, Anatomy
 from distretarget.body.body import Body
 from distretarget.errors import MapError, closest
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import JointMap, Skeleton
 
 SHARED_FINGERS = 3  # fingers that two hands must share if the source lacks one of the target's
@@ -152,10 +152,8 @@ def _chains(anatomy: Anatomy) -> tuple[tuple[tuple[int, ...], int], tuple[tuple[
     return (anatomy.spine, next(iter(anatomy.neck), head)), (anatomy.neck, head)
 
 
-def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> NDArray[np.float64]:
-    """(joints,), the midpoints of a chain's bones, from 0 at its lowest joint to 1 at `top`, the joint that follows it;
-    evenly spaced in a chain without length.
-    """
+def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> Array:
+    """(joints,), the middles of a chain's bones, from 0 at its lowest joint to 1 at `top`, the joint beyond it."""
     ends = [*chain, top if top >= 0 else chain[-1]]
     along = skeleton.paths_from(chain[0])[ends]
     if not along[-1] > 0:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
@@ -18,13 +17,10 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import lengths, normalised
+from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Numbers = NDArray[np.intp]
 LowestOf = Callable[[Array, Numbers, Array, Array], Array]
 
 AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there], ...
@@ -39,17 +35,16 @@ class Underside:
 
     body: Body
     capsules: Capsules
-    mesh: SkinnedMesh | None
-    segments: Numbers  # (joints,), the segment of each joint; -1 for none
+    mesh: SkinnedMesh | None = None
 
-    @classmethod
-    def of(cls, body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Underside:
-        """Return the underside of a body with these capsules and, if it has one, this mesh."""
-        return cls(body, capsules, mesh, find_segments(body).of_joint)
+    @cached_property
+    def segments(self) -> Numbers:
+        """(joints,), the segment of each joint; -1 for none."""
+        return find_segments(self.body).of_joint
 
     def below(self, motion: Motion, joints: Numbers, up: Array) -> Array:
-        """Return how far the lowest skin about each of some joints is below it, (frames, joints) [file units]; 0 where
-        there is none.
+        """Return how far the lowest skin about joints is below each, (frames, joints) [file units]; 0 where there is
+        none.
         """
         heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
         lowest_of = _lowest_in(motion, self.body.skeleton.rest_positions, up)
@@ -67,22 +62,16 @@ class Underside:
 
     def foot(self, ankle: int) -> Numbers:
         """Return the vertices of a foot that can be its lowest; none without a mesh."""
-        if self.mesh is None:
-            return np.zeros(0, np.intp)
-        return _outermost(self.mesh, tuple(self.body.skeleton.subtree(ankle)))
+        joints = tuple(self.body.skeleton.subtree(ankle))
+        return _outermost(self.mesh, joints) if self.mesh else np.zeros(0, np.intp)
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
         """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite where it has none."""
-        mesh, on = self.mesh, self.foot(ankle)
-        if mesh is None or not len(on):
-            return np.full(len(motion), np.inf)
-        lowest_of = _lowest_in(motion, self.body.skeleton.rest_positions, up)
-        return lowest_of(mesh.vertices[on], mesh.joints[on], mesh.weights[on], np.zeros(len(on)))
+        lowest = _lowest_vertex(self.mesh, self.foot(ankle), _lowest_in(motion, self.body.skeleton.rest_positions, up))
+        return np.full(len(motion), np.inf) if lowest is None else lowest
 
     def thickness(self, ankle: int, sole: Sole) -> float:
-        """Return how far the skin of a foot that stands flat is below the lowest of its joints [file units]; 0 where
-        there is none.
-        """
+        """Return how far the skin of a foot that stands flat is below its lowest joint [file units]; 0 without skin."""
         if self.mesh is not None:
             points = self.mesh.vertices[self.foot(ankle)] @ sole.normal
         else:
@@ -102,11 +91,9 @@ class Underside:
         if not len(near):
             return None
         if self.mesh is not None:
-            vertices = self._vertices_about(self.mesh, joint, (BEYOND if self._is_tip(joint) else AROUND) * radii.max())
-            if len(vertices):
-                mesh = self.mesh
-                none = np.zeros(len(vertices))
-                return lowest_of(mesh.vertices[vertices], mesh.joints[vertices], mesh.weights[vertices], none)
+            on = self._vertices_about(self.mesh, joint, (BEYOND if self._is_tip(joint) else AROUND) * radii.max())
+            if (lowest := _lowest_vertex(self.mesh, on, lowest_of)) is not None:
+                return lowest
         whole = self._whole_about(joint)
         on, t = np.concatenate([near, whole, whole]), np.concatenate([t, np.zeros(len(whole)), np.ones(len(whole))])
         ends, radii, shares = self._rest_ends[on], self.capsules.radii[on], np.stack([1.0 - t, t], axis=1)
@@ -166,16 +153,21 @@ class Undersides:
 
     @classmethod
     def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:
-        """Return the undersides of a source and its target, with these capsules, and with the target's mesh if it has
-        one.
-        """
-        source = Underside.of(matching.source, capsules[0])
-        target = Underside.of(matching.target, capsules[1], mesh)
+        """Return the undersides of source and target with these capsules and, if it has one, the target's mesh."""
+        source = Underside(matching.source, capsules[0])
+        target = Underside(matching.target, capsules[1], mesh)
         feet = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
         thick = [[source.thickness(a.ankle, x), target.thickness(b.ankle, y)] for a, b, (x, y) in feet]
         mean, mean_of_target = np.mean(thick or np.zeros((1, 2)), axis=0).tolist()
         have_mesh = bool(feet) and all(len(target.foot(b.ankle)) for _, b, _ in feet)
         return cls(source, target, (mean, mean_of_target), have_mesh)
+
+
+def _lowest_vertex(mesh: SkinnedMesh | None, on: Numbers, lowest_of: LowestOf) -> Array | None:
+    """(frames,), the height of the lowest of some vertices; None without any."""
+    if mesh is None or not len(on):
+        return None
+    return lowest_of(mesh.vertices[on], mesh.joints[on], mesh.weights[on], np.zeros(len(on)))
 
 
 def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
@@ -214,9 +206,7 @@ def _carriers(mesh: SkinnedMesh) -> Numbers:
 
 @lru_cache(maxsize=8)
 def _outermost(mesh: SkinnedMesh, joints: tuple[int, ...]) -> Numbers:
-    """The vertices that some joints move most, without those inside the convex hull of all of one joint in the rest
-    pose.
-    """
+    """The vertices that some joints move most, on the convex hull of all of one joint in the rest pose."""
     groups = [np.flatnonzero(_carriers(mesh) == joint) for joint in joints]
     return np.concatenate([group[_hull(mesh.vertices[group])] for group in groups])
 

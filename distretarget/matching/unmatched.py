@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
-from distretarget.body.anatomy import ARM, FINGERS, LEG, Anatomy, side_and_part
+from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, side_and_part
 from distretarget.errors import counted, quoted
 from distretarget.matching.matching import Matching
 
@@ -17,18 +17,18 @@ PART_OF_ROLE = {
     **dict(zip(LEG, ("leg", "leg", "foot", "toe"), strict=True)),
     **{f"{finger}{number}": "finger" for finger in FINGERS for number in (1, 2, 3)},
 }
-LONG_BONES = 2  # of an arm or a leg
+LONG_BONES = {"arm": ARM[1:3], "leg": LEG[:2]}  # of limbs
 NAMED = 3  # so many other joints are named
 
 
 def parts_without_source(matching: Matching) -> Iterator[str]:
-    """A line with the parts of the target's body that follow nothing, if there are any, and one with the limbs that
-    are not recognised in it, if the source has them and the target has joints enough.
+    """Lines with the limbs not recognised in the target, if the source has them and the target joints enough, and with
+    the parts of its body that follow nothing, if there are any.
     """
     still = _still(matching)
     anatomy = matching.target.anatomy
     lost = _unrecognised(matching)
-    if anatomy and lost and len(set(still) - _of_body(anatomy)) >= LONG_BONES * len(lost):
+    if anatomy and lost and len(set(still) - _of_body(anatomy)) >= 2 * len(lost):
         yield f"{_listed(lost)} of the target not recognised, so still: a map says which joints they are"
     if anatomy and (parts := [*_parts(anatomy, still)]):
         verb = "follow" if len(parts) > 1 or parts[0].endswith("s") else "follows"
@@ -36,9 +36,7 @@ def parts_without_source(matching: Matching) -> Iterator[str]:
 
 
 def others_without_source(matching: Matching) -> Iterator[str]:
-    """A line with the other joints of the target that follow nothing but their parents, such as those of hair and
-    cloth, if there are any.
-    """
+    """A line with the other joints that follow only their parents, such as those of hair, if there are any."""
     anatomy, keys = matching.target.anatomy, matching.target.skeleton.keys
     of_body = _of_body(anatomy) if anatomy else ()
     if others := [keys[joint] for joint in _still(matching) if joint not in of_body]:
@@ -49,14 +47,9 @@ def others_without_source(matching: Matching) -> Iterator[str]:
 
 def _unrecognised(matching: Matching) -> list[str]:
     """The arms and legs that the source has and the target has not, such as "left arm"."""
-    roles = [body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target)]
-    limbs = {"left arm": ARM, "right arm": ARM, "left leg": LEG, "right leg": LEG}
-    return [name for name, limb in limbs.items() if _has(roles[0], name, limb) and not _has(roles[1], name, limb)]
-
-
-def _has(roles: Mapping[str, int], name: str, limb: Sequence[str]) -> bool:
-    """Whether a limb of this name has long bones."""
-    return any(f"{name.split()[0]}{part}" in roles for part in limb if part.startswith(("Upper", "Lower")))
+    source, target = (body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target))
+    limbs = {f"{side} {name}": {side + bone for bone in bones} for name, bones in LONG_BONES.items() for side in SIDES}
+    return [name for name, bones in limbs.items() if bones & source.keys() and not bones & target.keys()]
 
 
 def _still(matching: Matching) -> list[int]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg
+from distretarget.body.limbs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, steps_along

@@ -14,8 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.arms import hanging_distances
-from distretarget.body.legs import passing_regions
+from distretarget.body.limbs import hanging_distances, passing_regions
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import find_root_scale, followed_scale, longest_strides
-from distretarget.baseline.standing import on_own_soles
-from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
+from distretarget.baseline.world import World, find_root_offset, find_world, on_own_soles, with_root_offset
 from distretarget.body.body import Body
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import capsules_of
 from distretarget.checks import check_kind, check_number
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError, SettingsError, counted

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.baseline.rest_pose import rest_alignment
+from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion

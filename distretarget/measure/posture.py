@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.axes import axis_vector, direction
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg
+from distretarget.body.limbs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion

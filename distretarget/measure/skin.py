@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES
-from distretarget.body.arms import raised
 from distretarget.body.body import Body
+from distretarget.body.limbs import raised
 from distretarget.body.segments import find_segments
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.skin_depths import find_depths

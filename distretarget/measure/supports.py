@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg
+from distretarget.body.limbs import Leg
 from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Underside, Undersides
@@ -261,7 +261,8 @@ def find_supports(
 
     `up`, (3,), is the unit vector up in source and results; `undersides` are the skins of both bodies, if known.
     """
-    joints, drivers = matching.joints_but_feet, matching.drivers[matching.joints_but_feet]
+    joints = matching.joints_but_feet()
+    drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
     height = heights_of(source.positions, drivers, up) / source_leg
     low = height - lowest_heights(source.positions, up)[:, None] / source_leg < LOW

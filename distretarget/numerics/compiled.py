@@ -25,6 +25,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.numerics.vectors import Array
+
 PACKAGE = Path(__file__).parent.parent
 MARK = b"distretarget.numerics.compiled import"  # in all files with functions to compile
 
@@ -181,28 +183,20 @@ def contiguous(array: NDArray[Value]) -> NDArray[Value]:
 def code_folder() -> Path | None:
     """Return the folder for the compiled code of this version of the sources; None if no folder can be written to.
 
-    It is in the first of `_places` that can be written to, and by nobody but this user: code that is found there is
-    run. numba would take code for up to date when only a function that becomes a part of it has changed, in another
-    file.
+    It is the first that can be written to, and by nobody but this user, since code that is found there is run: in the
+    environment variable NUMBA_CACHE_DIR, in the package, or in the cache of the user. numba would take code for up to
+    date when only a function that becomes a part of it has changed, in another file.
     """
-    for place in _places():
-        with suppress(OSError):
-            folder = place.resolve() / f"compiled-{_version()}"
+    places = (os.environ.get("NUMBA_CACHE_DIR"), str(PACKAGE / "__pycache__"), "~/.cache/distretarget")
+    for place in filter(None, places):
+        with suppress(OSError, RuntimeError):  # the user has no home
+            folder = Path(place).expanduser().resolve() / f"compiled-{_version()}"
             folder.mkdir(0o700, parents=True, exist_ok=True)
             folder = folder.resolve()
             if is_private(folder):
                 tempfile.TemporaryFile(dir=folder).close()
                 return folder
     return None
-
-
-def _places() -> Iterator[Path]:
-    """The folder in the environment variable NUMBA_CACHE_DIR, that of the package, and the cache of the user."""
-    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        yield Path(chosen).expanduser()
-    yield PACKAGE / "__pycache__"
-    with suppress(RuntimeError):  # the user has no home
-        yield Path("~/.cache/distretarget").expanduser()
 
 
 def is_private(folder: Path) -> bool:
@@ -277,3 +271,25 @@ def _announcement() -> str:
         "compiling, which takes 10 to 30 s in every run, as there is no folder to keep the code in; "
         "set NUMBA_CACHE_DIR to a folder that only you can write to"
     )
+
+
+@inlined()
+def copy_to(target: Array, source: Array) -> None:
+    """target[:] = source, for contiguous arrays of one shape."""
+    flat_source, flat_target = source.flat, target.flat
+    for i in range(source.size):
+        flat_target[i] = flat_source[i]
+
+
+@inlined()
+def clear(array: NDArray[Any]) -> None:
+    """array[:] = 0, for a contiguous array."""
+    flat = array.flat
+    for i in range(array.size):
+        flat[i] = 0
+
+
+@inlined()
+def indices(first: int, end: int) -> range:
+    """range(first, end), not negative, as unsigned integers: numba vectorises loops over these."""
+    return range(np.uintp(first), np.uintp(end))

@@ -5,17 +5,13 @@ Half angles alpha, beta, gamma about the axes i, j, k of an order: q = q_i(alpha
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, contiguous, inlined
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.vectors import Array, Numbers
 
-Array = NDArray[np.float64]
-
-DEGREE = np.pi / 180.0  # [rad]
+DEGREE, RADIAN = np.pi / 180.0, 180.0 / np.pi  # [rad], [degrees]
 TURN = 2.0 * np.pi
 
 LOCKED = 1e-13  # below this the sine that separates the first angle from the last is rounding noise
@@ -38,62 +34,50 @@ def euler_angles(rotations: Array, axes: str) -> Array:
     """
     if not axes:
         return np.empty((len(rotations), 0))
-    order, parity = _order(axes)
-    i, j, k = (rotations[:, column] for column in order)
     if len(axes) == 1:
-        return _continued(2 * np.arctan2(i, rotations[:, 3])[:, None])
+        return _continued(2 * np.arctan2(rotations[:, "XYZ".index(axes)], rotations[:, 3])[:, None])
     if len(axes) == 2:
-        return _continued(_two_angles(_half_sums(rotations[:, 3], i, j, parity * k)))
-    angles = np.empty((len(rotations), 3))
-    _write_blocks(rotations[:, None], np.zeros(1, np.intp), axes, np.arange(3)[None], 1.0, angle_state(1), angles)
+        return _continued(_two_angles(*_half_sums(rotations, axes)))
+    angles, joint, columns = np.empty((len(rotations), 3)), np.zeros(1, np.intp), np.arange(3)[None]
+    write_channel_angles(rotations[:, None], joint, axes, columns, angle_state(1), angles, unit=1.0)
     return angles
 
 
 def angle_state(joints: int) -> Array:
-    """(joints, 11), the state of `write_channel_angles` before the first frame."""
+    """Return the state of `write_channel_angles` before the first frame, (joints, 11)."""
     return np.zeros((joints, 11))
 
 
 def write_channel_angles(
-    rotations: Array, joints: NDArray[np.intp], axes: str, columns: NDArray[np.intp], state: Array, values: Array
+    rotations: Array, joints: Numbers, axes: str, columns: Numbers, state: Array, values: Array, unit: float = RADIAN
 ) -> None:
-    """Write the angles of joints with three channels of the same order to `values`, (frames, channels) [degrees]; the
-    inverse of `write_channel_rotations`, see `euler_angles`.
+    """Write the angles of joints with three channels of the same order to `values`, (frames, channels) [degrees, or any
+    `unit` per radian]; the inverse of `write_channel_rotations`, see `euler_angles`.
 
     The `rotations` are (frames, all joints, 4); the angles of the `joints`, (joints,), go to the `columns`, (joints,
     3). The `state` (`angle_state`) becomes that of the last frame, from which the next frames continue.
     """
-    _write_blocks(rotations, joints, axes, columns, 180.0 / np.pi, state, values)
-
-
-def _write_blocks(
-    rotations: Array,
-    joints: NDArray[np.intp],
-    axes: str,
-    columns: NDArray[np.intp],
-    unit: float,
-    state: Array,
-    values: Array,
-) -> None:
-    """Write angles as in `write_channel_angles`, times a `unit`."""
-    order, parity = _order(axes)
+    _, parity = _order(axes)
     for block in blocks_of(len(rotations)):
         halves = np.empty((6, block.stop - block.start, len(joints)))
-        _write_half_sums(contiguous(rotations[block]), joints, order, parity, halves)
+        halves[:4] = _half_sums(rotations[block][:, joints], axes)
         halves[4:] = np.hypot(halves[:4:2], halves[1:4:2])
         halves[:3] = np.arctan2(halves[::2], halves[1::2])
         _write_angles(halves, parity, state, unit, columns, values[block])
 
 
-@compiled()
-def _write_half_sums(rotations, joints, order, parity, halves):  # type: ignore[no-untyped-def]
-    """Write i + k, w + j, i - k and w - j (`_HalfSums`)."""
-    for frame in range(len(rotations)):
-        for n in range(len(joints)):
-            q = rotations[frame, joints[n]]
-            i, j, k, w = q[order[0]], q[order[1]], parity * q[order[2]], q[3]
-            half = halves[:, frame, n]
-            half[0], half[1], half[2], half[3] = i + k, w + j, i - k, w - j
+def _half_sums(rotations: Array, axes: str) -> tuple[Array, Array, Array, Array]:
+    """(...), i + k, w + j, i - k and w - j of quaternions (..., 4), with i, j, k in the order of the axes, and k and
+    gamma times its parity.
+
+    (w + j, i + k) = sqrt(2) sin(beta + pi/4) (cos, sin)(alpha + gamma) and
+    (w - j, i - k) = sqrt(2) cos(beta + pi/4) (cos, sin)(alpha - gamma), after E. Bernardes and S. Viollet,
+    PLoS ONE 17 (2022) e0276302. Where the sine vanishes, the total alpha + gamma is undefined, and where the cosine
+    does, the difference.
+    """
+    order, parity = _order(axes)
+    i, j, k, w = (rotations[..., column] for column in (*order, 3))
+    return i + parity * k, w + j, i - parity * k, w - j
 
 
 @compiled()
@@ -101,8 +85,9 @@ def _write_angles(halves, parity, state, unit, columns, values):  # type: ignore
     """Write the angles of a block of frames, continued from frame to frame.
 
     `halves`, (6, frames, joints), are the total and the difference of the half angles, half of the middle angle, and
-    from row 4 on the sine and the cosine of `_HalfSums`. `state`, (joints, 11), is that of the last frame: its angles,
-    those of the chosen twin before and after whole turns are added, the first angle, and whether the twin is chosen.
+    from row 4 on the sine and the cosine of `_half_sums`. `state`, (joints, 11), is that of the last frame: its
+    angles, those of the chosen twin before and after whole turns are added, the first angle, and whether the twin is
+    chosen.
 
     At gimbal lock the first angle is held. Of each triple and its twin (a + pi, pi - b, c + pi), whichever is nearer to
     the previous choice is taken. Two neighbours either change sides or not, so the choice is a running parity.
@@ -142,26 +127,24 @@ def _turn(step: float) -> float:
 
 
 def from_euler_angles(angles: Array, axes: str) -> Array:
-    """Return the rotations R_axes[0] R_axes[1] R_axes[2], (..., 4), of angles (..., len(axes)) [rad].
-
-    Like scipy's `Rotation.from_euler`, for any number of dimensions and several times as fast.
-    """
+    """Return the rotations, (..., 4), of angles (..., len(axes)) [rad]: `Rotation.from_euler`, but far faster."""
     rotations = np.empty((*angles.shape[:-1], 4))
-    rows = rotations.reshape(-1, 1, 4)
-    values, first = np.ascontiguousarray(angles).reshape(len(rows), len(axes)), np.zeros(1, np.intp)
-    _write_rotations(values, np.arange(len(axes))[None], 1.0, *_order(axes), first, rows, *_no_turns())
+    rows, columns = rotations.reshape(-1, 1, 4), np.arange(len(axes))[None]
+    values = np.ascontiguousarray(angles).reshape(len(rows), len(axes))
+    write_channel_rotations(values, columns, axes, np.zeros(1, np.intp), rows, unit=1.0)
     return rotations
 
 
 def write_channel_rotations(
-    values: Array, columns: NDArray[np.intp], axes: str, joints: NDArray[np.intp], rotations: Array
+    values: Array, columns: Numbers, axes: str, joints: Numbers, rotations: Array, unit: float = DEGREE
 ) -> None:
     """Write the rotations of joints with channels of the same order to `rotations`, (frames, all joints, 4).
 
     The angles of the `joints`, (joints,), are in the `columns`, (joints, len(axes)), of `values`, (frames, channels)
-    [degrees].
+    [degrees, or any `unit` in radians]. Axes that a joint lacks keep the angle 0.
     """
-    _write_rotations(values, columns, DEGREE, *_order(axes), joints, rotations, *_no_turns())
+    cosines, sines = np.ones(3), np.zeros(3)
+    _write_rotations(values, columns, unit, *_order(axes), joints, rotations, cosines, sines)
 
 
 @compiled()
@@ -181,12 +164,7 @@ def _write_rotations(values, columns, unit, order, parity, joints, rotations, co
             rotation[3] = ci * cj * ck - si * sj * sk
 
 
-def _no_turns() -> tuple[Array, Array]:
-    """Scratch for cosines and sines of three angles; axes that a joint lacks keep the angle 0."""
-    return np.ones(3), np.zeros(3)
-
-
-def _order(axes: str) -> tuple[NDArray[np.intp], float]:
+def _order(axes: str) -> tuple[Numbers, float]:
     """The three axes, as numbers, in an order that begins with `axes`, and the order's parity, 1 or -1."""
     order = axes + "".join(axis for axis in "XYZ" if axis not in axes)
     return np.array(["XYZ".index(axis) for axis in order], np.intp), 1.0 if order in "XYZXY" else -1.0
@@ -199,49 +177,18 @@ def restrict(rotations: Array, axes: str) -> Array:
     return from_euler_angles(euler_angles(rotations, axes), axes)
 
 
-class _HalfSums(NamedTuple):
-    """Per frame alpha + gamma and alpha - gamma, with gamma times the parity, and sqrt(2) times the sine and the cosine
-    of beta + pi/4: where the sine vanishes, the total is undefined, and where the cosine does, the difference.
+def _two_angles(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """(frames, 2), the first two angles of three, or of their twins, whichever have the last below a right angle. Near
+    the lock the last counts as 0, or as half a turn where the twins are taken. a to d are those of
+    `_half_sums`, (frames,) each.
     """
-
-    total: Array
-    difference: Array
-    sine: Array
-    cosine: Array
-
-
-def _half_sums(w: Array, i: Array, j: Array, k: Array) -> _HalfSums:
-    """The sums from the components of quaternions, with k times the parity of the order.
-
-    (w + j, i + k) = sqrt(2) sin(beta + pi/4) (cos, sin)(alpha + gamma) and
-    (w - j, i - k) = sqrt(2) cos(beta + pi/4) (cos, sin)(alpha - gamma), after E. Bernardes and S. Viollet,
-    PLoS ONE 17 (2022) e0276302.
-    """
-    total, difference = np.arctan2(i + k, w + j), np.arctan2(i - k, w - j)
-    return _HalfSums(total, difference, np.hypot(w + j, i + k), np.hypot(w - j, i - k))
-
-
-def _angles(halves: _HalfSums) -> Array:
-    """(frames, 3), the angles with the middle one within a right angle; the last one is times the parity."""
-    total, difference, sine, cosine = halves
-    return np.stack([total + difference, 2 * np.arctan2(sine, cosine) - np.pi / 2, total - difference], axis=1)
-
-
-def _two_angles(halves: _HalfSums) -> Array:
-    """(frames, 2), the first two of `_angles` or of their twins, whichever have the last below a right angle. Near the
-    lock the last counts as 0, or as half a turn where the twins are taken.
-    """
-    turned_over = np.cos(halves.total - halves.difference) < 0
+    total, difference, sine, cosine = np.arctan2(a, b), np.arctan2(c, d), np.hypot(b, a), np.hypot(d, c)
+    turned_over = np.cos(total - difference) < 0
     last = np.where(turned_over, np.pi, 0.0)
-    total = np.where(halves.sine < NEARLY_LOCKED, halves.difference + last, halves.total)
-    difference = np.where(halves.cosine < NEARLY_LOCKED, halves.total - last, halves.difference)
-    angles = _angles(halves._replace(total=total, difference=difference))
-    return np.where(turned_over[:, None], _twins(angles), angles)[:, :2]
-
-
-def _twins(angles: Array) -> Array:
-    """(frames, 3), the other triples of the same rotations."""
-    return angles * [1, -1, 1] + np.pi
+    sure_total = np.where(sine < NEARLY_LOCKED, difference + last, total)
+    sure_difference = np.where(cosine < NEARLY_LOCKED, total - last, difference)
+    first, middle = sure_total + sure_difference, 2 * np.arctan2(sine, cosine) - np.pi / 2
+    return np.where(turned_over, [first + np.pi, np.pi - middle], [first, middle]).T
 
 
 def _continued(angles: Array) -> Array:

@@ -1,59 +1,40 @@
 """Heights, steps and turns of joints over the frames of a motion.
 
-Frames are the first axis of arrays; quaternions are x y z w, as in scipy.
+Positions and paths are (frames, all joints, 3), in any unit; quaternions are x y z w, as in scipy.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, contiguous, read_only
-from distretarget.numerics.kinematics import Parents, multiply
+from distretarget.numerics.kinematics import multiply
+from distretarget.numerics.vectors import Array, Numbers
 
-Array = NDArray[np.float64]
 
-
-def heights_of(positions: Array, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
-    """(frames, joints), heights of joints along the unit vector up; `positions` are (frames, all joints, 3)."""
+def heights_of(positions: Array, joints: Numbers | list[int], up: Array) -> Array:
+    """(frames, joints), heights of joints along the unit vector up."""
     heights = np.empty((len(positions), len(joints)))
     _write_heights(read_only(positions), np.array(joints, np.intp), read_only(up), heights)
     return heights
 
 
 @compiled()
-def _write_heights(positions: Array, joints: NDArray[np.intp], up: Array, heights: Array) -> None:
+def _write_heights(positions: Array, joints: Numbers, up: Array, heights: Array) -> None:
     for frame in range(len(positions)):
         for n in range(len(joints)):
             x = positions[frame, joints[n]]
             heights[frame, n] = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
 
 
-def lowest_heights(positions: Array, up: Array, joints: NDArray[np.intp] | None = None) -> Array:
-    """(frames,), the height of the lowest joint along the unit vector up, of all joints if none are given; `positions`
-    are (frames, all joints, 3).
-    """
+def lowest_heights(positions: Array, up: Array, joints: Numbers | None = None) -> Array:
+    """(frames,), the height of the lowest joint, of all if none are given, along the unit vector up."""
     joints = np.arange(positions.shape[1]) if joints is None else joints
-    lowest = np.empty(len(positions))
-    _write_lowest(read_only(positions), joints, read_only(up), lowest)
-    return lowest
+    return np.asarray(heights_of(positions, joints, up).min(axis=1, initial=np.inf))
 
 
-@compiled()
-def _write_lowest(positions: Array, joints: NDArray[np.intp], up: Array, lowest: Array) -> None:
-    for frame in range(len(positions)):
-        lowest[frame] = np.inf
-        for joint in joints:
-            x = positions[frame, joint]
-            height = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
-            if height < lowest[frame]:
-                lowest[frame] = height
-
-
-def steps_along(paths: Array, joints: NDArray[np.intp] | None = None, lag: int = 1) -> Array:
-    """(frames - lag, joints), distance of each joint from its place `lag` frames earlier, in the units of `paths`,
-    (frames, all joints, 3); of all joints if none are given.
-    """
+def steps_along(paths: Array, joints: Numbers | None = None, lag: int = 1) -> Array:
+    """(frames - lag, joints), the distance of joints, all if none are given, from their places `lag` frames earlier."""
     joints = np.arange(paths.shape[1]) if joints is None else joints
     steps = np.empty((max(len(paths) - lag, 0), len(joints)))
     _write_steps(contiguous(paths), joints, lag, steps)
@@ -61,7 +42,7 @@ def steps_along(paths: Array, joints: NDArray[np.intp] | None = None, lag: int =
 
 
 @compiled()
-def _write_steps(paths: Array, joints: NDArray[np.intp], lag: int, steps: Array) -> None:
+def _write_steps(paths: Array, joints: Numbers, lag: int, steps: Array) -> None:
     for frame in range(len(steps)):
         for n in range(len(joints)):
             start, end = paths[frame, joints[n]], paths[frame + lag, joints[n]]
@@ -69,9 +50,9 @@ def _write_steps(paths: Array, joints: NDArray[np.intp], lag: int, steps: Array)
             steps[frame, n] = np.sqrt(x * x + y * y + z * z)
 
 
-def stretch_of(positions: Array, upper: NDArray[np.intp], lower: NDArray[np.intp], lengths: Array) -> Array:
-    """(frames,), the largest relative difference of bones from their `lengths`, (bones,), and 0 without bones; a bone
-    is from the joint `upper` to the joint `lower`, (bones,) each, of `positions`, (frames, joints, 3).
+def stretch_of(positions: Array, upper: Numbers, lower: Numbers, lengths: Array) -> Array:
+    """(frames,), the largest relative difference from their `lengths`, (bones,), of the bones from joints `upper` to
+    `lower`, (bones,) each; 0 without bones.
     """
     largest = np.empty(len(positions))
     _write_stretch(contiguous(positions), upper, lower, lengths, largest)
@@ -88,10 +69,8 @@ def _write_stretch(positions, upper, lower, lengths, largest):  # type: ignore[n
             largest[frame] = max(largest[frame], abs(bone / lengths[n] - 1.0))
 
 
-def angles_to_bones(vectors: Array, positions: Array, upper: NDArray[np.intp], lower: NDArray[np.intp]) -> Array:
-    """(frames, bones), the angles between `vectors`, (frames, bones, 3), and bones as in `stretch_of` [rad]; as
-    `vectors.angles_between`.
-    """
+def angles_to_bones(vectors: Array, positions: Array, upper: Numbers, lower: Numbers) -> Array:
+    """(frames, bones), the angles of `vectors`, (frames, bones, 3), to bones [rad], as `vectors.angles_between`."""
     angles = np.empty(vectors.shape[:2])
     _write_half_tangents(contiguous(vectors), contiguous(positions), upper, lower, angles)
     np.arctan(angles, out=angles)
@@ -114,17 +93,15 @@ def _write_half_tangents(vectors, positions, upper, lower, tangents):  # type: i
             tangents[frame, n] = across / along if across > 0.0 else 0.0
 
 
-def thirds_along(paths: Array, joints: NDArray[np.intp]) -> Array:
-    """(frames - 3,), the mean over joints of the length of the third difference of their positions, in the units of
-    `paths`, (frames, all joints, 3); 0 without joints.
-    """
+def thirds_along(paths: Array, joints: Numbers) -> Array:
+    """(frames - 3,), the mean over joints of the length of their third differences; 0 without joints."""
     means = np.empty(max(len(paths) - 3, 0))
     _write_thirds(contiguous(paths), joints, means)
     return means
 
 
 @compiled()
-def _write_thirds(paths: Array, joints: NDArray[np.intp], means: Array) -> None:
+def _write_thirds(paths: Array, joints: Numbers, means: Array) -> None:
     for frame in range(len(means)):
         total = 0.0
         for joint in joints:
@@ -142,11 +119,9 @@ def _write_thirds(paths: Array, joints: NDArray[np.intp], means: Array) -> None:
         means[frame] = total / max(len(joints), 1)
 
 
-def turns_along(parents: Parents, rotations: Array, joints: NDArray[np.intp]) -> Array:
-    """(frames - 1, joints), the angle by which joints turn in the world to the next frame [rad]; `rotations`, (frames,
-    all joints, 4), are relative to the parents.
-
-    The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
+def turns_along(parents: Numbers, rotations: Array, joints: Numbers) -> Array:
+    """(frames - 1, joints), the angles by which joints turn in the world to the next frame [rad]; `rotations`, (frames,
+    all joints, 4), are local. The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
     """
     apart = np.empty((max(len(rotations) - 1, 0), len(joints)))
     _write_apart(read_only(parents), contiguous(rotations), joints, np.empty((2, len(parents), 4)), apart)
@@ -175,10 +150,8 @@ def _write_apart(parents, rotations, joints, world, apart):  # type: ignore[no-u
                 apart[frame - 1, n] = np.sqrt(min(less, more))
 
 
-def speeds_along(paths: Array, frame_time: float, joints: NDArray[np.intp] | None = None) -> Array:
-    """(frames, joints), speeds of joints by central differences, in units of `paths`, (frames, all joints, 3), per unit
-    of `frame_time`; of all joints if none are given. A single frame has speed 0.
-    """
+def speeds_along(paths: Array, frame_time: float, joints: Numbers | None = None) -> Array:
+    """(frames, joints), speeds by central differences [paths / frame_time] of joints, all if none are given."""
     if len(paths) < 2:
         return np.zeros((len(paths), paths.shape[1] if joints is None else len(joints)))
     first, last = (2.0 * steps_along(paths[ends], joints) for ends in (slice(2), slice(-2, None)))

@@ -13,9 +13,7 @@ from numba.core.serialize import dumps
 
 
 class KeptCode(FunctionCache):
-    """The files with the code of a function. Damaged ones are made again, and a run does without those that cannot be
-    written, as on a full disk.
-    """
+    """The code of a function in files: made again if damaged, done without if not writable, as on a full disk."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)

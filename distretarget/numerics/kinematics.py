@@ -6,21 +6,19 @@ arrays; quaternions are x y z w, as in scipy.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import compiled, contiguous, inlined, read_only
 from distretarget.numerics.parallel import over_blocks
-
-Array = NDArray[np.float64]
-Parents = NDArray[np.intp]
-Parts = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Numbers
 
 ALL = slice(None)
 
 
-def forward_kinematics(parents: Parents, translations: Array, world: Array) -> Array:
+def forward_kinematics(parents: Numbers, translations: Array, world: Array) -> Array:
     """Return the positions of joints in the world, (frames, joints, 3), in the units of `translations`.
 
     `translations`, (frames, joints, 3), lead from each joint's parent to it, and to the root from the origin; `world`,
@@ -37,7 +35,7 @@ def forward_kinematics(parents: Parents, translations: Array, world: Array) -> A
     return joint_positions(np.asarray(parents, np.intp), bones[:, 0], bones, np.asarray(world, np.float64))
 
 
-def joint_positions(parents: Parents, root_positions: Array, bones: Array, world: Array) -> Array:
+def joint_positions(parents: Numbers, root_positions: Array, bones: Array, world: Array) -> Array:
     """The same with `root_positions`, (frames, 3), and `bones`, (frames or 1, joints, 3), in place of translations."""
     positions = np.empty((len(world), len(parents), 3))
     tree, path = read_only(parents), contiguous(root_positions)
@@ -50,24 +48,22 @@ def joint_positions(parents: Parents, root_positions: Array, bones: Array, world
     return positions
 
 
-def world_rotations(parents: Parents, local: Array) -> Array:
+def world_rotations(parents: Numbers, local: Array) -> Array:
     """World rotations from local ones, both (frames, joints, 4): the parent's world rotation times the joint's own."""
     world, parents = np.array(local), read_only(parents)
     over_blocks(lambda part: _world_rotations(parents, world[part]), *world.shape[:2])
     return world
 
 
-def line_rotations(line: NDArray[np.intp], local: Array) -> Array:
-    """(frames, 4), the world rotations of the last joint of a line that begins at the root, (joints,), from local ones,
-    (frames, all joints, 4).
-    """
+def line_rotations(line: Numbers, local: Array) -> Array:
+    """(frames, 4), world rotations of the end of a line of joints from the root, from local (frames, all joints, 4)."""
     world = np.empty((len(local), 4))
     _write_line(line, contiguous(local), world)
     return world
 
 
 @compiled()
-def _write_line(line: Parts, local: Array, world: Array) -> None:
+def _write_line(line: Numbers, local: Array, world: Array) -> None:
     for frame in range(len(world)):
         now = world[frame]
         for i in range(4):
@@ -79,25 +75,16 @@ def _write_line(line: Parts, local: Array, world: Array) -> None:
 
 def turned_by(rotations: Array, vector: Array) -> Array:
     """(frames, 3), a vector, (3,), turned by rotations, (frames, 4)."""
-    vectors = np.empty((len(rotations), 3))
-    _write_turned(contiguous(rotations), contiguous(vector), vectors)
-    return vectors
+    return np.stack(turned(*rotations.T, *vector), axis=-1)
 
 
-@compiled()
-def _write_turned(rotations: Array, vector: Array, vectors: Array) -> None:
-    for frame in range(len(rotations)):
-        q, v = rotations[frame], vectors[frame]
-        v[0], v[1], v[2] = turned(q[0], q[1], q[2], q[3], vector[0], vector[1], vector[2])
-
-
-def make_local(parents: Parents, rotations: Array) -> None:
+def make_local(parents: Numbers, rotations: Array) -> None:
     """Turn world rotations, (frames, joints, 4), into local ones in place; the inverse of `world_rotations`."""
     parents = read_only(parents)
     over_blocks(lambda part: _make_local(parents, rotations[part]), *rotations.shape[:2])
 
 
-def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -> Array:
+def rotation_products(first: Array, of_first: Numbers, second: Array) -> Array:
     """(frames, joints, 4), for each joint the product of rotation number `of_first`, (joints,), of `first`, (frames, n,
     4), and its rotation in `second`, (joints, 4); the identity where `of_first` is negative.
     """
@@ -106,7 +93,7 @@ def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -
     return product
 
 
-def turn_parts(vectors: Array, parts: Parts, rotations: Array) -> None:
+def turn_parts(vectors: Array, parts: Numbers, rotations: Array) -> None:
     """Rotate world rotations, (frames, joints, 4), in place by the rotation vectors of their parts.
 
     `vectors`, (frames, parts, 3), are in [rad]; `parts`, (joints,), is the part of each joint, or -1 for none.
@@ -119,7 +106,7 @@ def turn_parts(vectors: Array, parts: Parts, rotations: Array) -> None:
 
 
 @compiled()
-def _world_rotations(parents: Parents, world: Array) -> None:
+def _world_rotations(parents: Numbers, world: Array) -> None:
     """Turn local rotations into world rotations in place."""
     for frame in range(len(world)):
         for joint in range(1, len(parents)):
@@ -128,7 +115,7 @@ def _world_rotations(parents: Parents, world: Array) -> None:
 
 
 @compiled()
-def _make_local(parents: Parents, rotations: Array) -> None:
+def _make_local(parents: Numbers, rotations: Array) -> None:
     """Multiply the inverse of the parent's world rotation with the joint's own, from the leaves to the root."""
     for frame in range(len(rotations)):
         for joint in range(len(parents) - 1, 0, -1):
@@ -137,7 +124,7 @@ def _make_local(parents: Parents, rotations: Array) -> None:
 
 
 @compiled()
-def _products(first: Array, of_first: NDArray[np.intp], second: Array, product: Array) -> None:
+def _products(first: Array, of_first: Numbers, second: Array, product: Array) -> None:
     for frame in range(len(first)):
         for joint in range(len(of_first)):
             if of_first[joint] >= 0:
@@ -149,7 +136,7 @@ def _products(first: Array, of_first: NDArray[np.intp], second: Array, product: 
 
 
 @compiled()
-def _turn(vectors: Array, parts: Parts, turns: Array, rotations: Array) -> None:
+def _turn(vectors: Array, parts: Numbers, turns: Array, rotations: Array) -> None:
     """Turn world rotations in place by the rotation vectors of their parts; `turns`, (parts, 4), is scratch."""
     for frame in range(len(rotations)):
         for part in range(len(turns)):
@@ -186,7 +173,7 @@ def turned(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _positions(parents: Parents, root_positions: Array, bones: Array, world: Array, positions: Array) -> None:
+def _positions(parents: Numbers, root_positions: Array, bones: Array, world: Array, positions: Array) -> None:
     """Write positions: the parent's, plus the joint's translation rotated by the parent."""
     for frame in range(len(world)):
         for i in range(3):
@@ -201,3 +188,63 @@ def _positions(parents: Parents, root_positions: Array, bones: Array, world: Arr
             positions[frame, joint, 0] = positions[frame, parent, 0] + a + 2.0 * (w * i + y * k - z * j)
             positions[frame, joint, 1] = positions[frame, parent, 1] + b + 2.0 * (w * j + z * i - x * k)
             positions[frame, joint, 2] = positions[frame, parent, 2] + c + 2.0 * (w * k + x * j - y * i)
+
+
+def children_of(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """Return the children of each joint, in ascending order."""
+    children: list[list[int]] = [[] for _ in parents]
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            children[parent].append(joint)
+    return tuple(map(tuple, children))
+
+
+def depth_first_order(children: Sequence[Sequence[int]]) -> tuple[int, ...]:
+    """Return the joints depth first, children in their order."""
+    order, waiting = [], [0]
+    while waiting:
+        order.append(joint := waiting.pop())
+        waiting += reversed(children[joint])
+    return tuple(order)
+
+
+def paths_from(joint: int, parents: Sequence[int], lengths: Sequence[float]) -> Array:
+    """Return the lengths of the paths from a joint to all joints, (joints,)."""
+    paths = [-1.0] * len(parents)
+    paths[joint] = 0.0
+    while (parent := parents[joint]) >= 0:
+        paths[parent] = paths[joint] + lengths[joint]
+        joint = parent
+    for below, above in enumerate(parents):
+        if paths[below] < 0.0:
+            paths[below] = paths[above] + lengths[below]
+    return np.array(paths)
+
+
+def paths_among(joints: Numbers, parents: Numbers, lengths: Array) -> Array:
+    """Return the lengths of the paths between some joints, (some, some): a row is that of `paths_from` its joint."""
+    paths = np.full((len(parents), len(joints)), -1.0)  # from the n-th of them, in column n, to those on their lines
+    n, at = np.arange(len(joints)), np.asarray(joints)
+    paths[at, n] = 0.0
+    on_lines = np.zeros(len(parents), np.bool_)
+    while len(at):
+        on_lines[at] = True
+        n, at = n[at > 0], at[at > 0]
+        paths[parents[at], n] = paths[at, n] + lengths[at]
+        at = parents[at]
+    for joint in np.flatnonzero(on_lines)[1:]:
+        paths[joint] = np.where(paths[joint] < 0.0, paths[parents[joint]] + lengths[joint], paths[joint])
+    return np.ascontiguousarray(paths[joints].T)
+
+
+def reaches(parents: Sequence[int], lengths: Sequence[float]) -> tuple[Array, Numbers]:
+    """Return the length of the path from each joint to the joint below it, or itself, that is farthest along the bones,
+    and that joint, (joints,) each: of those equally far the one with the fewest joints between, then the first.
+    """
+    reach, away, farthest = [0.0] * len(parents), [0] * len(parents), list(range(len(parents)))
+    for joint in range(len(parents) - 1, 0, -1):
+        parent = parents[joint]
+        whole, steps = lengths[joint] + reach[joint], away[joint] + 1
+        if whole > reach[parent] or (whole == reach[parent] and 0 < away[parent] >= steps):
+            reach[parent], away[parent], farthest[parent] = whole, steps, farthest[joint]
+    return np.array(reach), np.array(farthest, np.intp)

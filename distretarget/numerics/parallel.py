@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Value = TypeVar("Value", bound=np.generic)
+Result = TypeVar("Result")
 
 LIMIT = "OMP_NUM_THREADS"  # the environment variable that limits threads
 BLOCK_FRAMES = 384  # most frames of a block
+FEWEST_JOINTS = 150_000  # joints of all frames that are worth a thread
 
 
 def blocks_of(frames: int) -> Iterator[slice]:
@@ -34,11 +36,6 @@ def in_blocks(compute: Callable[[slice], NDArray[Value]], frames: int) -> NDArra
     for block in others:
         joined[block] = compute(block)
     return joined
-
-
-FEWEST_JOINTS = 150_000  # joints of all frames that are worth a thread
-
-Result = TypeVar("Result")
 
 
 def cores() -> int:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.compiled import compiled, read_only
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
 
 PULL = 1e-6  # weight of the identity in the fit of several vectors, relative to the vectors
 
@@ -105,19 +103,11 @@ def represented(quaternions: Array, kind: RotationKind) -> Array:
     """Unit quaternions (..., 4), x y z w, in another representation: "quaternion" as they are, "matrix" (..., 3, 3), or
     "6d" (..., 6), the first column of the matrix and then the second, which is continuous and so suits learning
     (Zhou, Barnes, Lu, Yang, Li, "On the Continuity of Rotation Representations in Neural Networks", CVPR 2019).
-
-    Raises:
-        ValueError: no such kind.
     """
     if kind == "quaternion":
         return quaternions
-    matrices = Rotation.from_quat(quaternions).as_matrix()
-    match kind:
-        case "matrix":
-            return np.asarray(matrices)
-        case "6d":
-            return np.concatenate([matrices[..., 0], matrices[..., 1]], axis=-1)
-    raise ValueError(f"no representation {kind!r}; there are {', '.join(get_args(RotationKind))}")
+    matrices = np.asarray(Rotation.from_quat(quaternions).as_matrix())
+    return matrices if kind == "matrix" else np.concatenate([matrices[..., 0], matrices[..., 1]], axis=-1)
 
 
 def from_represented(values: Array) -> Array:

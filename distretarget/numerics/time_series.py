@@ -1,8 +1,9 @@
-"""Time series over the frames of a clip: shots between cuts, runs, medians, moving maxima and moving averages."""
+"""Time series over the frames of a clip: moving maxima and averages, medians, runs, shots between cuts, key frames."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -10,92 +11,49 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.joint_paths import steps_along
-from distretarget.numerics.loops import clear
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array, Flags, Numbers
 
 UNKNOWN = 1e-3  # weight of the nearest known values, in a smoothed series, where nothing is known
 SECOND_DIFFERENCE = (1.0, -2.0, 1.0)
 MOST_FRAMES = 300.0  # a smoothed series bends over no more than these, since rounding errors grow with the 4th power
+STEP = 8.0  # at a cut joints move at least this many times as far as in the frames before and after it ...
+FAR = 0.02  # ... and at least this far on average [of the given length]
+FASTEST = 15.0  # no person is faster, on average over all joints [lengths / s]
+SLOWS = 0.75  # a body that was faster slows down while each step is at most this share of the one before
+
+Value = TypeVar("Value", bound=np.generic)
+Shots = Numbers  # (frames,), the number of the shot that each frame belongs to
 
 
 def widened(values: Array, frames: float) -> Array:
-    """The moving maximum of values, (frames, n), over `frames` before and after, then averaged over as many frames.
-
-    The result is smooth, and nowhere less than the values. `frames` below 0.5 changes nothing.
+    """The moving maximum of values, (frames, n), over `frames` before and after, then averaged over as many: smooth,
+    and nowhere less than the values. `frames` below 0.5 changes nothing.
     """
     reach = round(frames)
-    return values if reach < 1 else _largest_averaged(values, reach, reach)
+    return values if reach < 1 else averaged(largest(values, reach), reach)
 
 
 def largest(values: Array, reach: int) -> Array:
     """The moving maximum of values, (frames, n), over `reach` frames before and after."""
-    return _largest_averaged(values, reach, 0)
+    row, size, span = _extended(values, reach), 2 * reach + 1, 1
+    while 2 * span <= size:  # each element is the maximum of the `span` values that begin with it
+        row, span = np.maximum(row[:-span], row[span:]), 2 * span
+    return np.maximum(row[: len(values)], row[size - span :])
 
 
 def averaged(values: Array, reach: int) -> Array:
-    """The moving average of values, (frames, ...), over `reach` frames before and after, weighted by a raised cosine;
-    the first and the last value are repeated at the ends.
-    """
-    return _largest_averaged(values.reshape(len(values), -1), 0, reach).reshape(values.shape)
-
-
-def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
-    """The moving maximum of values, (frames, n), over `reach` frames on each side, averaged over `blur` frames."""
-    window = np.hanning(2 * blur + 3)[1:-1]
-    weights = np.zeros(len(window) + -len(window) % 4)
-    weights[: len(window)] = window / window.sum()
-    result, lanes = np.empty(values.shape), np.zeros((3, len(values) + 2 * max(reach, blur) + 3))
-    _write_largest_averaged(read_only(values), reach, blur, weights, lanes, result)
+    """Values, (frames, ...), averaged over `reach` frames before and after by a raised cosine; the ends repeat."""
+    row, window = _extended(values, reach), np.hanning(2 * reach + 3)[1:-1]
+    result, weighted = np.zeros(values.shape), np.empty(values.shape)
+    for first, weight in enumerate(window / window.sum()):
+        result += np.multiply(row[first : first + len(values)], weight, out=weighted)
     return result
 
 
-@compiled()
-def _write_largest_averaged(values, reach, blur, weights, lanes, result):  # type: ignore[no-untyped-def]
-    """Write the moving maximum, averaged with `weights`, whose number is a multiple of 4; `lanes` is scratch."""
-    frames = len(values)
-    for n in range(values.shape[1]):
-        row, other, sums = lanes[0], lanes[1], lanes[2]
-        for frame in range(frames):
-            other[frame] = values[frame, n]
-        _extend(other, frames, reach, row)
-        size, span, count = 2 * reach + 1, 1, frames + 2 * reach
-        while 2 * span <= size:  # each element is the maximum of the `span` values that begin with it
-            count -= span
-            _larger(row, row[span:], count, other)
-            row, other = other, row
-            span *= 2
-        _larger(row, row[size - span :], frames, other)
-        _extend(other, frames, blur, row)
-        clear(sums)
-        for k in range(0, len(weights), 4):
-            _add_four(row[k:], row[k + 1 :], row[k + 2 :], row[k + 3 :], weights[k:], frames, sums)
-        for frame in range(frames):
-            result[frame, n] = sums[frame]
-
-
-@inlined()
-def _extend(row: Array, frames: int, reach: int, longer: Array) -> None:
-    """Write a row with its first and its last value repeated before and after it."""
-    for i in range(frames + 2 * reach):
-        longer[i] = row[min(max(i - reach, 0), frames - 1)]
-
-
-@inlined()
-def _larger(a: Array, b: Array, count: int, out: Array) -> None:
-    """Write the larger of each two values."""
-    for i in range(count):
-        out[i] = max(a[i], b[i])
-
-
-@inlined()
-def _add_four(a: Array, b: Array, c: Array, d: Array, weights: Array, count: int, sums: Array) -> None:
-    """Add four weighted values, so that sums are read and written once for four."""
-    w, x, y, z = weights[0], weights[1], weights[2], weights[3]
-    for i in range(count):
-        sums[i] = (((sums[i] + w * a[i]) + x * b[i]) + y * c[i]) + z * d[i]
+def _extended(values: Array, reach: int) -> Array:
+    """The values, with the first and the last repeated before and after them."""
+    return np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="edge") if len(values) else values
 
 
 def smoothstep(values: Array) -> Array:
@@ -113,13 +71,13 @@ def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
     return median
 
 
-def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+def runs_of(flags: Flags) -> Numbers:
     """(frames,), the number of the run of true frames that each frame belongs to, from 1; 0 for false frames."""
     starts = flags & ~np.concatenate([[False], flags[:-1]])
     return np.asarray(np.where(flags, np.cumsum(starts), 0))
 
 
-def spans_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+def spans_of(flags: Flags) -> Numbers:
     """(runs, 2), the first frame of each run of true frames, and the frame after its last."""
     return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]))).reshape(-1, 2)
 
@@ -175,16 +133,7 @@ def steadied(values: Array, weights: Array, stiffness: Array) -> Array:
     return np.asarray(solveh_banded(bands[: len(values)], weights[:, None] * values, lower=True))
 
 
-Value = TypeVar("Value", bound=np.generic)
-Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame belongs to
-
-STEP = 8.0  # at a cut joints move at least this many times as far as in the frames before and after it ...
-FAR = 0.02  # ... and at least this far on average [of the given length]
-FASTEST = 15.0  # no person is faster, on average over all joints [lengths / s]
-SLOWS = 0.75  # a body that was faster slows down while each step is at most this share of the one before
-
-
-def find_shots(positions: Array, joints: NDArray[np.intp], length: float, frame_time: float) -> Shots:
+def find_shots(positions: Array, joints: Numbers, length: float, frame_time: float) -> Shots:
     """Return the number of each frame's shot, (frames,), counted from 0.
 
     `positions` are (frames, all joints, 3), `joints` the body's, `length` is a length of the body, such as its legs',
@@ -219,3 +168,53 @@ def by_shot(function: Callable[..., NDArray[Value]], shots: Shots, *values: NDAr
     if not len(shots) or shots[0] == shots[-1]:
         return function(*values)
     return np.concatenate([function(*(each[shot] for each in values)) for shot in slices_of(shots)])
+
+
+@dataclass(frozen=True, eq=False)
+class KeyFrames:
+    """The key frames of a clip. Slicing selects frames, whose first is then a key frame as well.
+
+    Attributes:
+        shots: (frames,), the number of each frame's shot.
+        are_keys: (frames,), whether each frame is one; the first of each shot is.
+        frame_time: the time between frames [s].
+        time: that between key frames [s].
+    """
+
+    shots: Shots
+    are_keys: Flags
+    frame_time: float
+    time: float
+
+    @classmethod
+    def of(cls, shots: Shots, frame_time: float, rate: float) -> KeyFrames:
+        """Return key frames at about this rate [1/s]; all frames of a clip with fewer."""
+        step = max(round(1.0 / (rate * frame_time)), 1)
+        since = np.arange(len(shots)) - np.searchsorted(shots, shots)  # the first frame of the shot
+        return cls(shots, since % step == 0, frame_time, step * frame_time)
+
+    def __getitem__(self, frames: slice) -> KeyFrames:
+        shots, are_keys = self.shots[frames], self.are_keys[frames].copy()
+        are_keys[np.searchsorted(shots, shots)] = True
+        return KeyFrames(shots, are_keys, self.frame_time, self.time)
+
+    @property
+    def numbers(self) -> Numbers:
+        """(keys,), the frames that they are."""
+        return np.flatnonzero(self.are_keys)
+
+    @property
+    def around(self) -> tuple[Numbers, Numbers]:
+        """(frames,) twice, which key frame each frame is at or after, and the next one, if its shot has one."""
+        before = np.cumsum(self.are_keys) - 1
+        after = np.minimum(before + 1, before[-1])
+        shots = self.shots[self.numbers]
+        return before, np.where(shots[after] == shots[before], after, before)
+
+    def between(self, values: Array) -> Array:
+        """(frames, ...), values at the key frames, (keys, ...), interpolated; the last of a shot stays."""
+        (before, after), numbers = self.around, self.numbers
+        way = numbers[after] - numbers[before]
+        share = (np.arange(len(before)) - numbers[before]) / np.maximum(way, 1)
+        share = np.where(way > 0, share, 0.0).reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((1.0 - share) * values[before] + share * values[after])

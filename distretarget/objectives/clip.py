@@ -9,9 +9,8 @@ import numpy as np
 
 from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
 from distretarget.body.anatomy import Regions
-from distretarget.body.arms import raised
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg, Legs
+from distretarget.body.limbs import Leg, Legs, raised
 from distretarget.body.soles import Sole
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.ik.poses import part_of_joint
@@ -97,8 +96,8 @@ class Clip:
             pelvis=matching.pelvis,
             drivers=matching.drivers,
             regions=matching.regions,
-            limb_joints=matching.joints_but_feet,
-            undriven_joints=matching.followers_but_feet,
+            limb_joints=matching.joints_but_feet(),
+            undriven_joints=matching.joints_but_feet(driven=False),
             distances=distance_problem(source.skeleton, body.skeleton, matching.drivers),
             roots=roots,
             parts=part_of_joint(body.skeleton, roots),

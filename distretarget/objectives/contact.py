@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.body.axes import perpendicular
-from distretarget.body.legs import pelvis_joint
+from distretarget.body.limbs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks, subtree_lengths

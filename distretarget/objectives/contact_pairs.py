@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.body.anatomy import Regions
-from distretarget.body.arms import hanging_distances
-from distretarget.body.legs import Legs, passing_regions
+from distretarget.body.limbs import Legs, hanging_distances, passing_regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.time_series import Shots

@@ -28,7 +28,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.legs import Leg
+from distretarget.body.limbs import Leg
 from distretarget.body.resting import REST_SPEED, feet_resting
 from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_height
 from distretarget.matching.undersides import Undersides

@@ -21,8 +21,7 @@ from distretarget.ik.poses import Poses, Progress, fit_rotations, ignore_progres
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
 from distretarget.ik.springs import Springs
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.loops import copy_to
+from distretarget.numerics.compiled import compiled, copy_to, inlined
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.vectors import Array, Numbers

@@ -8,7 +8,6 @@ import numpy as np
 
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
-from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
@@ -16,7 +15,7 @@ from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import code_folder
 from distretarget.numerics.interrupts import interrupts_kept
-from distretarget.numerics.kinematics import turned_by
+from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import median_of_three
 from distretarget.objectives.skin import BodySkin
 from distretarget.pipeline.options import Objective, Options
@@ -89,7 +88,5 @@ def _keep_apart(body: BodySkin, motion: Motion) -> None:
 
 def _run_for_legs(source: Motion) -> None:
     """Run what only bodies with legs need."""
-    joints, shots = np.arange(JOINTS), np.zeros(len(source), np.intp)
-    above_lowest(source, joints, joints, axis_vector("Y"))
-    still_joints(source, joints, joints, joint_speeds(source, joints, shots), 1.0, shots)
-    turned_by(source.world_rotations_of(0), axis_vector("Y"))
+    heights_of(source.positions, [0], axis_vector("Y"))
+    source.world_rotations_of(0)

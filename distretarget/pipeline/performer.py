@@ -11,8 +11,7 @@ from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Build, Builds, average_for
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import OWN_BUILDS, Build, Builds, average_for, capsules_of
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match

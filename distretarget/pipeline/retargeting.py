@@ -9,7 +9,7 @@ from pathlib import Path
 from types import NoneType
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
-from distretarget.baseline.standing import on_own_soles
+from distretarget.baseline.world import on_own_soles
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList

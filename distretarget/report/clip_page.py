@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import capsules_of
 from distretarget.checks import check_kind
 from distretarget.errors import DistretargetError
 from distretarget.io.files import write_whole

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.thickness import capsules_of
+from distretarget.body.build import capsules_of
 from distretarget.errors import DistretargetError
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion

@@ -19,8 +19,7 @@ from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.key_frames import KeyFrames
-from distretarget.numerics.time_series import averaged, by_shot, smoothstep, widened
+from distretarget.numerics.time_series import KeyFrames, averaged, by_shot, smoothstep, widened
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.skin import (
     APART,

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.loops import clear, copy_to
+from distretarget.numerics.compiled import clear, compiled, copy_to, inlined
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.vectors import Array
 from distretarget.skin.balls import Balls, room_for

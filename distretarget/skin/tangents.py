@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from distretarget.numerics.compiled import inlined
-from distretarget.numerics.loops import clear
+from distretarget.numerics.compiled import clear, inlined
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, place
 from distretarget.skin.capsules import LEAST

@@ -1,4 +1,4 @@
-"""The two legs of a body, found by its anatomy or, without one, by the tree of its joints."""
+"""The arms and legs of a body: which they are, and in which frames arms are raised or bent."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.body.anatomy import SIDES, Anatomy, Regions
+from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions
+from distretarget.numerics.time_series import smoothstep
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths
 from distretarget.skeleton import Skeleton
 
 LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than this [sum of the lengths of both]
@@ -17,8 +18,10 @@ MOST_LIMBS = 32  # of all limbs below a joint, only so many, the longest, may be
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
 SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [length from the ankle to the end of the toes]
 LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
-SHINS = tuple(f"{side} shin" for side in SIDES)
 HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]
+# An arm hangs while the angles of shoulder and elbow add up to less than the first angle; it is raised or bent from
+# the second one on [rad].
+RELAXED, RAISED = np.radians(60), np.radians(100)
 
 
 @dataclass(frozen=True)
@@ -39,26 +42,20 @@ Legs = tuple[Leg, Leg]
 
 
 def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
-    """Return the two legs of a body, left before right where sides are known; None where it has none.
-
-    They are those of its anatomy; without an anatomy, those of `tree_legs`.
-    """
+    """Return the legs of the anatomy, else of the tree (`tree_legs`), left first if sides are known; None without."""
     if anatomy is None:
         return tree_legs(skeleton)
-    if not {side + part for side in SIDES for part in ("UpperLeg", "Foot")} <= anatomy.roles.keys():
+    hips, ankles = anatomy.pair("UpperLeg"), anatomy.pair("Foot")
+    if not hips or not ankles:
         return None
-    hips, ankles = ([anatomy.roles[side + part] for side in SIDES] for part in ("UpperLeg", "Foot"))
     feet = [foot_bone(skeleton, anatomy, side) for side in SIDES]
-    left, right = (
-        Leg(hip, ankle, foot[1] if foot else ankle) for hip, ankle, foot in zip(hips, ankles, feet, strict=True)
-    )
+    left, right = (Leg(hip, *(foot or (ankle, ankle))) for hip, ankle, foot in zip(hips, ankles, feet, strict=True))
     return left, right
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
-    """Return the ankle, and the joint to which the foot points from there; None where there is no foot.
-
-    That joint is the toes, else the joint farthest from the ankle; toes right below the ankle are passed over.
+    """Return the ankle, and the joint to which the foot points from there: the toes, else the joint farthest from it;
+    toes right below the ankle are passed over. None where there is no foot.
     """
     foot = anatomy.roles.get(f"{side}Foot")
     if foot is None:
@@ -89,9 +86,7 @@ def tree_legs(skeleton: Skeleton) -> Legs | None:
 
 
 def _longest_pair(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[float, list[int], list[int]]]:
-    """The pair of limbs below the joints `tops`, of about equal bone lengths, whose first is longest, after the length
-    of that; none if no two are alike.
-    """
+    """The longest pair of like limbs below the joints `tops`, after the length of the first; none if none are alike."""
     long = longest_limbs(skeleton, tops)
     for a in sorted(long, key=lambda top: -limb_length(skeleton, top)):
         for b in long[long.index(a) + 1 :]:
@@ -128,7 +123,7 @@ def are_alike(skeleton: Skeleton, a: Sequence[int], b: Sequence[int]) -> bool:
     return len(a) == len(b) and bool(2 * np.abs(one - other).sum() <= LIKENESS * (one + other).sum())
 
 
-def bends(bone: NDArray[np.float64], onward: NDArray[np.float64], angle: float) -> bool:
+def bends(bone: Array, onward: Array, angle: float) -> bool:
     """Return whether the directions of two vectors, (3,) each, differ by more than an angle [rad]."""
     return bool(bone @ onward < np.cos(angle) * np.linalg.norm(bone) * np.linalg.norm(onward))
 
@@ -140,9 +135,8 @@ def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain of joints: from the bend at the hip to the bend at the ankle.
-
-    Where the rest pose has no such bend, it begins with the first long bone or ends with the last one.
+    """The leg in a chain of joints: from the bend at the hip to the bend at the ankle; without such bends in the rest
+    pose from its first long bone, or to its last.
     """
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
@@ -156,11 +150,11 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     return Leg(chain[first], chain[last], chain[min(last + 1, len(chain) - 1)])
 
 
-def passing_regions(regions: Regions, legs: Legs | None) -> NDArray[np.bool_]:
+def passing_regions(regions: Regions, legs: Legs | None) -> Flags:
     """Return which pairs of regions pass each other in a stride, (regions, regions): both feet, and both shins."""
     passing = np.zeros((len(regions.names),) * 2, bool)
     if legs:
-        shins = [regions.names.index(name) for name in SHINS if name in regions.names]
+        shins = [regions.names.index(name) for side in SIDES if (name := f"{side} shin") in regions.names]
         for pair in (regions.of_joint[[leg.ankle for leg in legs]].tolist(), shins):
             if len(set(pair)) == len(SIDES) and min(pair) >= 0:
                 passing[pair, pair[::-1]] = True
@@ -175,3 +169,49 @@ def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
     """Return the length of thigh and shin, the mean of the legs [file units]."""
     return float(np.mean([skeleton.paths_from(leg.hip)[leg.ankle] for leg in legs]))
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The joints of an arm."""
+
+    shoulder: int  # the upper end of the upper arm
+    elbow: int
+    wrist: int
+
+
+def find_arms(anatomy: Anatomy | None) -> tuple[Arm, ...]:
+    """Return the arms that have all three joints; none without an anatomy."""
+    arms = [anatomy.joints(*(side + part for part in ARM[1:])) for side in SIDES] if anatomy else []
+    return tuple(Arm(*arm) for arm in arms if len(arm) == len(ARM[1:]))
+
+
+def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], up: Array) -> Array:
+    """Return all joints, (joints, 3) [file units], with arms straight down from the shoulders, against `up`, (3,)."""
+    places = np.array(places)
+    for arm in arms:
+        below = skeleton.subtree(arm.shoulder)
+        places[below] = places[arm.shoulder] - np.outer(skeleton.paths_from(arm.shoulder)[below], up)
+    return places
+
+
+def hanging_distances(hanging: Array | None, u: Numbers, v: Numbers, tau: Array) -> Array:
+    """Return D of joints u and v, (pairs,) each, over the path lengths `tau`, (pairs,), in a body with hanging arms,
+    whose joints are at `hanging`, (joints, 3); infinite where that is not known.
+    """
+    return np.full(len(u), np.inf) if hanging is None else lengths(hanging[u] - hanging[v]) / tau
+
+
+def raised(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:
+    """Return how far an arm is raised or bent in each frame, (frames,): 0 while it hangs, 1 from the angle `RAISED` on.
+
+    The angle is that of the upper arm from straight down, by gravity or along the trunk, whichever is less, plus that
+    of the elbow. `positions`, (frames, joints, 3), are the body's; `hips` its hip joints; `up` the unit vector up.
+    """
+    upper = positions[:, arm.elbow] - positions[:, arm.shoulder]
+    lower = positions[:, arm.wrist] - positions[:, arm.elbow]
+    angle = angles_between(upper, np.broadcast_to(-up, upper.shape))
+    if hips:
+        trunk = positions[:, hips].mean(axis=1) - positions[:, arm.shoulder]
+        angle = np.minimum(angle, angles_between(upper, trunk))
+    return smoothstep((angle + angles_between(upper, lower) - RELAXED) / (RAISED - RELAXED))
