@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,7 +19,6 @@ from distretarget.contact_entries import Contact, Distance, Entry, Plant
 from distretarget.ik.springs import Springs, joined
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
@@ -48,8 +46,7 @@ def with_wishes(
             if way is None:
                 now = between(clip.copy, pair, clip)
                 way = now + off_by(wishes, wish, clip.copy, supports, skins)
-            average = partial(averaged, reach=round(STEADY / clip.frame_time))
-            springs.append(_spring(clip, pair, by_shot(average, clip.shots, way), firmness))
+            springs.append(_spring(clip, pair, clip.averaged(way, STEADY), firmness))
         elif isinstance(wish.entry, Plant) and not wish.entry.keep:
             let_go = firmness[:, None] * np.isin(supports.joints, wish.joints[0])
             supports = replace(supports, weights=supports.weights * (1.0 - let_go))
@@ -116,7 +113,7 @@ def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers,
     """(frames, 3), how far the first part of a contact has to go for this gap at the pairs `on` [body units]."""
     first = np.isin(body.of_joint[wish.joints[0]], body.balls.pairs[on, 0]).any()
     own, away = nearest_skin(body.balls, body.posed(motion), on)
-    away = normalised(by_shot(partial(averaged, reach=round(FACING / clip.frame_time)), clip.shots, away))
+    away = normalised(clip.averaged(away, FACING))
     return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
 
 

@@ -35,7 +35,7 @@ from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied, widened
+from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied
 from distretarget.numerics.vectors import Array, Flags, lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
@@ -80,12 +80,11 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
     if not clip.legs:
         return no_supports(len(clip))
     length = clip.leg_lengths[0]
-    blend = partial(widened, frames=BLEND / clip.frame_time)
 
     def foot(pair: LegPair) -> tuple[Array, Array, Foot, Foot]:
         """How much ankle and toe rest and their weights, (frames, 2), and the foot of source and rotation copy."""
         rests = feet_resting(clip.source, pair.source, clip.up, length, clip.shots)
-        weights = by_shot(blend, clip.shots, rests)
+        weights = clip.widened(rests, BLEND)
         source = Foot.of(clip.source, pair.source, pair.source_sole, clip.up, length)
         copy = Foot.of(clip.copy, pair.target, pair.target_sole, clip.up, clip.scale.height * length)
         return rests, weights, source, copy
@@ -198,11 +197,10 @@ def _on_mesh(
     `rests`, (frames, 2) each, is how much ankle and toe of the source rest; `sources` and `copies` are feet by joints.
     """
     scale, up, feet = clip.scale.height, clip.up, []
-    smooth = partial(averaged, reach=round(STEADY / clip.frame_time))
     for height, pair, source, copy in zip(_sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
         own = undersides.target.lowest_of_foot(clip.copy, pair.target.ankle, up) + undersides.soles[1]
         rise = scale * (height - source.toe @ up) + copy.toe @ up - own
-        feet.append(replace(copy, below=scale * source.below + by_shot(smooth, clip.shots, rise)))
+        feet.append(replace(copy, below=scale * source.below + clip.averaged(rise, STEADY)))
     return feet
 
 

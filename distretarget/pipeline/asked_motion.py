@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asked_reach import brought_out, reached, with_looks
 from distretarget.objectives.asked_springs import between, off_by, with_wishes
@@ -69,10 +67,9 @@ def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) 
 
 def _steady(performer: Performer, change: Array) -> Array:
     """What is asked changes poses by, (frames, parts + 1, 3), averaged over time where nothing rests below a part."""
-    average = partial(averaged, reach=round(SMOOTHING / performer.clip.frame_time))
     held = held_parts(performer.clip, performer.supports, performer.settings)
     held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
-    return held * change + (1.0 - held) * by_shot(average, performer.clip.shots, change)
+    return held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
 
 
 def asked_supports(free: Supports, asked: Supports, share: Array) -> Supports:
