@@ -23,7 +23,7 @@ from distretarget.pipeline.found_contacts import contact_lines, find_contacts
 @click.option("-o", "--output", type=FileOrStandard(), help="Write the list to this file, which --contacts takes.")
 @OVERWRITE_OPTION
 @reading
-@map_option('A JSON file with {"target joint": "source joint"}, as in retarget.')
+@map_option(help='A JSON file with {"target joint": "source joint"}, as in retarget.')
 @quiet
 def contacts_command(
     source: Path,
@@ -59,7 +59,6 @@ def contacts_command(
     except DistretargetError as error:
         raise error.in_file(error.path or source) from None
     write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
-    for line in contact_lines(found):
-        say(line)
+    say(*contact_lines(found))
     if not len(found):
         say("no contacts found: no parts of the body touch, and none is planted")

@@ -99,14 +99,9 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
         for source, copy, of_foot, aside in zip(sources, copies, weights, (wider, -wider), strict=True)
     ]
     joints = np.array([joint for pair in clip.legs for joint in (pair.target.ankle, pair.target.toe)])
-    return replace(
-        no_supports(len(clip)),
-        joints=joints,
-        regions=clip.regions.of_joint[joints],
-        feet=len(joints),
-        weights=np.concatenate(weights, axis=1),
-        places=np.stack([*places[0], *places[1]], axis=1),
-    )
+    regions, of_feet = clip.regions.of_joint[joints], np.hstack(places)
+    feet = no_supports(len(clip)).with_joints(joints, regions, np.hstack(weights), of_feet)
+    return replace(feet, feet=len(joints))
 
 
 def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Array:
@@ -162,8 +157,8 @@ def _heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
     return np.asarray(heights[:, 0] - heights.min(axis=1) - sole.ankle)
 
 
-def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) -> list[Array]:
-    """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest, and
+def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) -> Array:
+    """The places of ankle and toe, (frames, 2, 3) [target file units]; `weights`, (frames,), are 1 at rest, and
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
     scale, up, reach = clip.scale, clip.up, round(STEADY / clip.frame_time)
@@ -176,7 +171,7 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
     longer = level(scale.height * source.bone - copy.bone, up)
     toe = scale.places(source.toe, up) + by_shot(offset, clip.shots, longer, wider, weights, paths)
     toe += (copy.below - scale.height * source.below)[:, None] * up
-    return [toe + copy.bone, toe]
+    return np.stack([toe + copy.bone, toe], axis=1)
 
 
 def _about_ankle(paths: Array, frame_time: float, reach: int) -> Array:
