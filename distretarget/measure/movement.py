@@ -12,11 +12,11 @@ from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, contiguous, inlined
-from distretarget.numerics.joint_paths import angles_to_bones, stretch_of, thirds_along, turns_along
+from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along
 from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import blocks_of, in_blocks
 from distretarget.numerics.time_series import Shots
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.vectors import Array, Numbers, lengths
 
 Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
 
@@ -103,7 +103,13 @@ def bone_error(result: Motion, body: Body) -> Array:
     """(frames,), the largest relative error of the length of a bone of the body."""
     skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
     lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
-    return stretch_of(result.positions, skeleton.parents[lower], lower, skeleton.lengths[lower])
+    upper, known = skeleton.parents[lower], skeleton.lengths[lower]
+
+    def errors(block: slice) -> Array:
+        x = result.positions[block]
+        return np.asarray(np.abs(lengths(x[:, lower] - x[:, upper]) / known - 1.0).max(axis=1, initial=0.0))
+
+    return in_blocks(errors, len(result))
 
 
 def jerk(motion: Motion, body: Body) -> Array:
