@@ -109,9 +109,7 @@ class Body:
 
     @cached_property
     def height(self) -> float:
-        """The body's extent upwards as it stands; without an anatomy along the legs at rest, without legs the largest
-        one [file units].
-        """
+        """The extent upwards of the standing body; without an anatomy along its legs, else the largest [file units]."""
         of_body, rest = self.regions.of_joint >= 0, self.skeleton.rest_positions
         if self.legs is None:
             return float(np.ptp(rest[of_body], axis=0).max())

@@ -135,9 +135,7 @@ def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain of joints: from the bend at the hip to the bend at the ankle; without such bends in the rest
-    pose from its first long bone, or to its last.
-    """
+    """The leg in a chain of joints: from the bend at the hip, or its first long bone, to the ankle's, or its last."""
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
     long = np.flatnonzero(2 * lengths[1:] >= lengths[1:].max(initial=0.0)) + 1

@@ -213,9 +213,7 @@ def _places_from(motion: Motion, joint: int, others: Sequence[int]) -> Array:
 
 
 def _against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
-    """(3, 3), how a joint that carries the body is turned while the body stands upright, Y up, and faces Z: the turn by
-    right angles that is nearest to its median against the trunk.
-    """
+    """(3, 3), how a joint that carries the body is turned in a T-pose: its median against the trunk, right-angled."""
     trunk = Directions(anatomy, motion.positions).axes
     turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
     return _right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0][0])
@@ -275,9 +273,7 @@ def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
 
 
 def _medians(turns: Array) -> tuple[Array, Array]:
-    """The medians of rotations (frames, joints, 3, 3), (joints, 3, 3): the rotations with the least sum of angles to
-    all; and the largest angle to them of each joint, (joints,) [rad].
-    """
+    """The medians of rotations, (joints, 3, 3), of least sum of angles to all, and the largest angles to them [rad]."""
     weights = np.ones(turns.shape[:2])
     for _ in range(ROUNDS):
         medians = nearest_rotations(np.einsum("fj,fjab->jab", weights, turns))

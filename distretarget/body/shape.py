@@ -104,9 +104,7 @@ def _find_legs(skeleton: Skeleton) -> LimbPair | None:
 
 
 def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
-    """A leg, from the first joint, up from `leg.hip` past twist joints, at which the rest pose bends; its knee is the
-    joint nearest to its middle. None for a leg of one bone.
-    """
+    """A leg from its topmost bend, past twist joints, with the knee nearest to its middle; None for one bone."""
     thigh, trunk = skeleton.line(leg.hip), skeleton.line(other.hip)
     above = [*takewhile(lambda joint: joint not in trunk and skeleton.lengths[joint] > 0, thigh)]
     hip = next((joint for joint in above if _is_bent(skeleton, joint, leg.ankle)), leg.hip)

@@ -124,9 +124,7 @@ def _sole(body: Body, leg: Leg, pose: Pose, normal: Array, known: bool) -> Sole:
 
 
 def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array, Array] | None:
-    """The medians of up and of the way to the toe, (3,) each in the ankle's axes, as a foot rests; None if it never
-    does.
-    """
+    """The medians of up and of the way to the toe, (3,) each in the ankle's axes, as a foot rests; None if never."""
     resting = np.flatnonzero(feet_at_rest(motion, leg, up, length).all(axis=1))
     if not len(resting):
         return None
@@ -173,9 +171,7 @@ def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
 
 
 def floor_height(heights: Array, rests: Flags) -> float:
-    """Return the height of the floor from those of soles, which rest or not, (frames, legs) each; infinite if none
-    does.
-    """
+    """Return the floor's height from soles', which rest or not, (frames, legs) each; infinite if none does."""
     medians = [np.median(sole[on]) for sole, on in zip(heights.T, rests.T, strict=True) if on.any()]
     return float(np.mean(medians)) if medians else np.inf
 

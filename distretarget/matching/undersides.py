@@ -43,9 +43,7 @@ class Underside:
         return find_segments(self.body).of_joint
 
     def below(self, motion: Motion, joints: Numbers, up: Array) -> Array:
-        """Return how far the lowest skin about joints is below each, (frames, joints) [file units]; 0 where there is
-        none.
-        """
+        """Return how far the lowest skin about joints is below each, (frames, joints) [file units]; 0 without skin."""
         heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
         lowest_of = _lowest_in(motion, self.body.skeleton.rest_positions, up)
         for column, joint in enumerate(joints.tolist()):

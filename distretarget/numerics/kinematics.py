@@ -94,9 +94,8 @@ def rotation_products(first: Array, of_first: Numbers, second: Array) -> Array:
 
 
 def turn_parts(vectors: Array, parts: Numbers, rotations: Array) -> None:
-    """Rotate world rotations, (frames, joints, 4), in place by the rotation vectors of their parts.
-
-    `vectors`, (frames, parts, 3), are in [rad]; `parts`, (joints,), is the part of each joint, or -1 for none.
+    """Rotate world rotations, (frames, joints, 4), in place by the rotation vectors, (frames, parts, 3) [rad], of the
+    `parts` that joints belong to, (joints,), -1 for none.
     """
 
     def turn(part: slice) -> None:
