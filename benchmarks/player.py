@@ -22,7 +22,7 @@ from distretarget.body.body import Body
 from distretarget.measure.diff import diff
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import About, document
-from distretarget.report.view_page import shown_actor, view_page
+from distretarget.report.stage import shown_actor, view_page
 from distretarget.skin.mesh import SkinnedMesh
 
 SAMPLES = Path(__file__).parents[1] / "sample_bvh"

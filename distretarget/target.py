@@ -59,22 +59,19 @@ class Target:
         """Return the target as a body that looks to +Z: turned round where it looks to -Z (`Skeleton.looks_back`)."""
         if not self.skeleton.looks_back:
             return self
-        return Target(
-            self.skeleton.turned_round(),
-            self.map,
-            self.name,
+        return replace(
+            self,
+            skeleton=self.skeleton.turned_round(),
             motion=self.motion and self.motion.looking_ahead(),
             mesh=cache(lambda: (mesh := self.mesh()) and mesh.turned_round()),
-            radii=self.radii,
             capsules=self.capsules and self.capsules.turned_round(),
         )
 
     def scaled(self, factor: float) -> Target:
         """Return the target with a body that is larger by a factor."""
-        return Target(
-            self.skeleton.with_offsets(factor * self.skeleton.offsets),
-            self.map,
-            self.name,
+        return replace(
+            self,
+            skeleton=self.skeleton.with_offsets(factor * self.skeleton.offsets),
             motion=self.motion and self.motion.scaled(factor),
             mesh=cache(lambda: (mesh := self.mesh()) and mesh.scaled(factor)),
             radii={joint: factor * radius for joint, radius in self.radii.items()},

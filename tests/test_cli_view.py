@@ -17,7 +17,7 @@ from distretarget.cli import cli
 from distretarget.cli import view as view_module
 from distretarget.io.input_file import load_file
 from distretarget.report.actors import _materials
-from distretarget.report.view_page import small_stage
+from distretarget.report.stage import small_stage
 from distretarget.skin.mesh import Looks, Material
 
 WALK, HERO = SAMPLES / "walk.bvh", CHARACTERS / "hero.glb"

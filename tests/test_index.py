@@ -9,7 +9,7 @@ import pytest
 
 import distretarget.report
 from distretarget.measure.metrics import COLUMNS
-from distretarget.report.index_page import FIELDS, METRIC_COLUMNS, index_page
+from distretarget.report.page import FIELDS, METRIC_COLUMNS, index_page
 
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{batch}}"
 

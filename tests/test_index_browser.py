@@ -10,8 +10,8 @@ from conftest import PLAYER_BUILT
 from pages import CONTRASTS, settle
 from test_index import failed, metrics, record
 
-from distretarget.report.index_page import index_page
-from distretarget.report.view_page import shown_actor, stage_of
+from distretarget.report.page import index_page
+from distretarget.report.stage import shown_actor, stage_of
 from distretarget.target import Target
 
 NASTY = "</script><b>&amp; \"q' ü"

@@ -13,7 +13,7 @@ from distretarget import Options, Skeleton, retarget
 from distretarget.ik.spg import Reason
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, clip_metrics, metrics_at
-from distretarget.report.run_summary import metrics_json, metrics_line, summary_line
+from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
 
 FRAMES = 40
 SOLVER = {"iterations", "evaluations", "reason"}

@@ -9,7 +9,7 @@ from distretarget.baseline.rotation_copy import RootScale
 from distretarget.errors import MotionError
 from distretarget.motion import Motion
 from distretarget.objectives.clip import Clip
-from distretarget.pipeline.soundness import check_finite, check_places
+from distretarget.pipeline.performer import check_finite, check_places
 
 MOTION = swaying(person(), frames=4)
 CLIP = Clip.of(matched(MOTION, MOTION.skeleton), RootScale.even(1.0))

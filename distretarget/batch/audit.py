@@ -20,8 +20,7 @@ from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
 from distretarget.measure.clip_faults import KINDS, Finding, Findings, find_faults
 from distretarget.motion import Motion
-from distretarget.report.index_page import folder_of
-from distretarget.report.page import html_page
+from distretarget.report.page import folder_of, html_page
 from distretarget.stick_figures import stick_figures
 
 LEAST = 3  # clips of a rig that show what is usual

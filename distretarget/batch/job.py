@@ -28,9 +28,8 @@ from distretarget.io.target_file import TargetFile, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit
-from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.result import RetargetResult, labels_of
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About

@@ -20,8 +20,8 @@ from distretarget.io.files import check_inside, check_writable, is_folder, make_
 from distretarget.io.input_file import load_file
 from distretarget.measure.metrics import COLUMNS, METRICS
 from distretarget.report.diff_document import About, csv_text
-from distretarget.report.index_page import index_page
-from distretarget.report.view_page import small_stage
+from distretarget.report.page import index_page
+from distretarget.report.stage import small_stage
 
 MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on

@@ -18,7 +18,7 @@ from typing import Any, TypedDict, cast
 
 from distretarget.batch.plan import Clip
 from distretarget.measure.metrics import COLUMNS as METRICS
-from distretarget.report.index_page import ClipRecord
+from distretarget.report.page import ClipRecord
 
 VERSION = version("distretarget")
 MOST = sys.float_info.max  # of a number in a line; JSON may have larger ones

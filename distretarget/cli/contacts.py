@@ -7,14 +7,14 @@ from pathlib import Path
 import click
 
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading
-from distretarget.cli.outputs import check_outputs, read_input, read_source, say, write_outputs
+from distretarget.cli.outputs import aligned, check_outputs, read_input, read_source, say, write_outputs
 from distretarget.errors import DistretargetError
 from distretarget.io.contacts_file import contacts_to_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import TargetFile
 from distretarget.pipeline.compile_ahead import warm
-from distretarget.pipeline.found_contacts import contact_lines, find_contacts
+from distretarget.pipeline.found_contacts import find_contacts
 
 
 @click.command("contacts")
@@ -59,6 +59,9 @@ def contacts_command(
     except DistretargetError as error:
         raise error.in_file(error.path or source) from None
     write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
-    say(*contact_lines(found))
+    spans = ["frames {:.0f}-{:.0f}".format(*(entry.frames or (0, 0))) for entry in found]
+    names = [" - ".join(getattr(entry, "between", entry.parts)) for entry in found]
+    for line in aligned([*zip(names, spans, [entry.found for entry in found], strict=True)], "<<<"):
+        say(line)
     if not len(found):
         say("no contacts found: no parts of the body touch, and none is planted")

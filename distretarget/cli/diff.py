@@ -27,8 +27,8 @@ from distretarget.io.target_file import animations_in
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page
-from distretarget.report.diff_document import DiffContact, DiffDocument, MetricValues, csv_text, document, json_text
-from distretarget.report.scene_diff_document import GAP_ERROR
+from distretarget.report.diff_document import DiffDocument, MetricValues, Values, csv_text, document, json_text
+from distretarget.report.scene_page import GAP_ERROR
 
 MOST = 5  # frames and contacts that are printed
 RATIOS = " and ".join(metric.key for metric in METRICS if metric.judged == "ratio")
@@ -189,7 +189,7 @@ def _worst_frames(metric: Metric, frames: Sequence[MetricValues]) -> str:
     return ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
 
 
-def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:
+def _contacts(contacts: Sequence[Values]) -> Iterator[str]:
     """A line for each of the first pairs of regions that touch in A."""
     yield "contacts (distance over path length in A, in B):" if contacts else "contacts: none"
     for contact in contacts[:MOST]:

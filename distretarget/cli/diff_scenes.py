@@ -17,17 +17,15 @@ from distretarget.measure.diff import Diff, diff, diff_scenes
 from distretarget.measure.verdict import limit_warnings
 from distretarget.motion import Motion
 from distretarget.pipeline.retargeting import needs_map
-from distretarget.report.diff_document import DiffLimit, document
-from distretarget.report.scene_diff_document import (
+from distretarget.report.diff_document import Table, Values, document
+from distretarget.report.scene_page import (
     GAP_ERROR,
-    SceneDiffDocument,
-    Table,
     gap_table,
     metric_table,
     scene_csv,
+    scene_diff_page,
     scene_document,
 )
-from distretarget.report.scene_page import scene_diff_page
 from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 
@@ -56,7 +54,7 @@ class Account:
     faults: Sequence[str]  # metrics over their limits
 
 
-def over(limits: Iterable[DiffLimit]) -> Iterator[str]:
+def over(limits: Iterable[Values]) -> Iterator[str]:
     """Yield a clause for each metric that is over its limit."""
     for limit in limits:
         if limit["over"]:
@@ -179,7 +177,7 @@ def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_pa
         raise error.in_file(b_file) from None
 
 
-def _lines(metrics: SceneDiffDocument, verdicts: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _lines(metrics: Values, verdicts: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """The lines that are printed, with the verdict on each performer, or all metrics if there are none."""
     performers = metrics["performers"]
     first = next(iter(performers.values()))

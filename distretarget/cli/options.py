@@ -16,8 +16,7 @@ from click.core import ParameterSource
 from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.io.gltf_writer import Mode
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings
-from distretarget.io.npz import Precision
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, Precision
 from distretarget.io.target_file import load_build
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
 from distretarget.numerics.rotations import RotationKind

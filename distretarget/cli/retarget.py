@@ -51,13 +51,12 @@ from distretarget.io.target_file import CharacterTarget, TargetFile, animations_
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
 from distretarget.pipeline.compile_ahead import warm
-from distretarget.pipeline.labels import labels_of
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.performer import has_skin, target_for
-from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.result import RetargetResult, labels_of
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
-from distretarget.report.run_summary import metrics_json, metrics_line, summary_line
+from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
 
 
 @click.command("retarget")

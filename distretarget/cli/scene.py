@@ -43,7 +43,7 @@ from distretarget.io.input_file import MOTION_SUFFIXES, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.pipeline.compile_ahead import warm
-from distretarget.report.run_summary import summary_line
+from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.retargeting import SceneResult
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene

@@ -15,7 +15,7 @@ from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.files import is_folder
 from distretarget.io.input_file import KINDS
 from distretarget.report.actors import Actor
-from distretarget.report.view_page import MOST, actors_of, view_page
+from distretarget.report.stage import MOST, actors_of, view_page
 
 SUFFIXES = (".bvh", *KINDS)  # of files that are looked for in a folder
 

@@ -1,18 +1,26 @@
-"""A performer as the user asks: with contacts dropped and made, parts planted and directions kept."""
+"""A performer as the user asks: with contacts dropped and made, parts planted and directions kept.
+
+Where what is asked sets in and lets go, motions are blended: what differs, a rotation of each joint and a way of the
+root, is added to the one motion. Beyond the frames in which the other holds it goes on as in the nearest of them, and
+fades. So nothing is solved where nothing is asked, and what eases in is as smooth as the motion below it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import averaged, by_shot
+from distretarget.numerics.time_series import Shots, averaged, by_shot, slices_of, spans_of
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asked_reach import brought_out, reached, with_looks
 from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
@@ -20,11 +28,11 @@ from distretarget.objectives.asking import Wish, Wishes, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
 from distretarget.objectives.skin import BodySkin, limbs_of
 from distretarget.objectives.supports import Supports
-from distretarget.pipeline.blending import blended
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
 Ways = Sequence[Array | None]
 
 NOTICED = 0.003  # what is farther off than this is told [heights]
@@ -34,6 +42,9 @@ ROUNDS = 2  # in which what is between parts is found
 # [heights], or until what is left does not become less.
 STEADY = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
 MET = 0.002
+GOES_ON = 0.1  # beyond its frames a difference goes on changing as at their end for about this time [s]
+SLOPE = 0.05  # how fast it changes there is measured over this time [s]
+LEAST = 1e-12  # angles are no smaller [rad]
 
 
 def dropping(performer: Performer, wishes: Wishes) -> Performer:
@@ -128,4 +139,72 @@ def layered(asked: Sequence[Wishes], without: Motion, held: Motion) -> Motion:
     lead = np.max([wish.lead * wish.frames for wish in wishes], axis=0)
     share = np.max([each.share * each.on for each in asked], axis=0)
     shots = np.sum([each.clip.shots for each in asked], axis=0)  # a new shot at the cuts of any performer
-    return blended(without, held, share, lead, shots)
+    return _blended(without, held, share, lead, shots)
+
+
+def _blended(without: Motion, held: Motion, share: Array, lead: Numbers, shots: Shots) -> Motion:
+    """Return the motion `held` where the share, (frames,), is 1, between the two where it is less, and elsewhere the
+    motion `without` it, into which the other fades over `lead` frames, (frames,): those of the frame nearest to it.
+
+    What is farther away does not change at all, nor what is across a cut between `shots`, (frames,).
+    """
+    roots, rotations = np.array(without.root_positions), np.array(without.rotations)
+    for shot in slices_of(shots):
+        if share[shot].any():
+            added = _added(without[shot], held[shot], share[shot], lead[shot])
+            moved = shot.start + np.flatnonzero(added.any(axis=(1, 2)))
+            added = added[moved - shot.start]
+            turned = _quaternions(rotations[moved]) * Rotation.from_rotvec(added[:, :-1].reshape(-1, 3))
+            rotations[moved] = turned.as_quat().reshape(rotations[moved].shape)
+            roots[moved] += added[:, -1]
+    whole = share == 1.0
+    roots[whole], rotations[whole] = held.root_positions[whole], held.rotations[whole]
+    return replace(without, root_positions=roots, rotations=rotations)
+
+
+def _added(without: Motion, held: Motion, share: Array, lead: Numbers) -> Array:
+    """(frames, joints + 1, 3), the rotation vectors of joints [rad], and last the way of the root, that are added to
+    the frames of one shot.
+    """
+    turns = (_quaternions(without.rotations).inv() * _quaternions(held.rotations)).as_rotvec()
+    ways = held.root_positions - without.root_positions
+    differ = np.concatenate([turns.reshape(len(ways), -1, 3), ways[:, None]], axis=1)
+    added, spans = share[:, None, None] * differ, spans_of(share > 0.0).tolist()
+    slope, goes_on = round(SLOPE / without.frame_time), GOES_ON / without.frame_time
+
+    def beyond(edge: int, inner: int, frames: Numbers) -> Array:
+        """What an edge of a span adds in frames beyond it, with the slope between it and a frame inside."""
+        t = np.abs(frames - edge)
+        far = goes_on * (1.0 - np.exp(-t / goes_on)) / max(abs(edge - inner), 1)
+        change = differ[edge] - _nearest(differ[inner], differ[edge])
+        ease = share[edge] * _ease(t / (lead[edge] + 1.0))
+        return np.asarray(ease[:, None, None] * (differ[edge] + far[:, None, None] * change))
+
+    for before, after in pairwise([None, *spans, None]):
+        frames = np.arange(before[1] if before else 0, after[0] if after else len(added))
+        of_first = _ease((np.arange(len(frames)) + 1.0) / (len(frames) + 1.0))[:, None, None]
+        if before:
+            last = before[1] - 1
+            kept = of_first if after else 1.0
+            added[frames] += kept * beyond(last, max(last - slope, before[0]), frames)
+        if after:
+            kept = 1.0 - of_first if before else 1.0
+            added[frames] += kept * beyond(after[0], min(after[0] + slope, after[1] - 1), frames)
+    return np.asarray(added)
+
+
+def _quaternions(rotations: Array) -> Rotation:
+    return Rotation.from_quat(rotations.reshape(-1, 4))
+
+
+def _nearest(vectors: Array, to: Array) -> Array:
+    """(joints + 1, 3), rotation vectors, the other way round where that is nearer; the last is none."""
+    others = vectors * (1.0 - 2.0 * np.pi / np.maximum(lengths(vectors), LEAST)[:, None])
+    others[-1] = vectors[-1]
+    return np.where((lengths(others - to) < lengths(vectors - to))[:, None], others, vectors)
+
+
+def _ease(t: NDArray[np.floating[Any]]) -> Array:
+    """1 at 0, and 0 from 1 on, with the least jerk in between."""
+    t = np.clip(t, 0.0, 1.0)
+    return np.asarray(1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t))

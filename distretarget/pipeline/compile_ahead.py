@@ -20,13 +20,12 @@ from distretarget.numerics.time_series import median_of_three
 from distretarget.objectives.skin import BodySkin
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget
-from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb, bent
 from distretarget.skin.meetings import segment_gaps
 
-ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact
 
 
@@ -37,7 +36,8 @@ def warm(objective: Objective, *, skin: bool = True) -> None:
     """
     with without_collection():  # it takes a tenth of the time of compiling
         source, target = _clip()
-        _run_for_legs(source)
+        heights_of(source.positions, [0], axis_vector("Y"))  # for bodies with legs, like the next line
+        source.world_rotations_of(0)
         retarget(source, target, Options(objective=objective)).metrics  # noqa: B018 - what it needs is compiled
         if skin:
             _measure_skin(source)
@@ -58,7 +58,7 @@ def _clip() -> tuple[Motion, Skeleton]:
     """A clip that was written and read, and a target for it."""
     names = tuple(f"joint{number}" for number in range(JOINTS))
     offsets = np.array([[0.0, 0.0, 0.0], *([[0.0, 1.0, 0.0]] * (JOINTS - 1))])
-    channels = (POSITION_CHANNELS + ROTATIONS, *((ROTATIONS,) * (JOINTS - 1)))
+    channels = (USUAL_ROOT, *((USUAL_ROTATIONS,) * (JOINTS - 1)))
     body = Skeleton(
         names=names, parents=np.arange(JOINTS) - 1, offsets=offsets, channels=channels, end_sites=np.zeros(JOINTS, bool)
     )
@@ -68,25 +68,15 @@ def _clip() -> tuple[Motion, Skeleton]:
 
 
 def _measure_skin(source: Motion) -> None:
-    """Run what only bodies with a skin need."""
+    """Run what measures the skin of a body, and what keeps it apart."""
     body, segments = Body.of_motion(source), [SEGMENTS.index(name) for name in ("pelvis", "left hand")]
     ends, radii = np.zeros((2, 2, 3)), np.ones((2, 2))
     capsules = Capsules(np.array([0, JOINTS - 1]), ends, radii, np.array(segments))
     skin = find_skin(body, capsules)
     find_source_skin(source, body, axis_vector("Y"), skin, skin).in_result(source)
-    _keep_apart(BodySkin.of(body, capsules), source)
-
-
-def _keep_apart(body: BodySkin, motion: Motion) -> None:
-    """Run what keeps the skin of a body apart."""
-    ends, frames = median_of_three(body.posed(motion)), len(motion)
-    gaps, some = segment_gaps(body.balls, ends, 1.0), np.zeros((frames, 1, 2, 3))
+    solid = BodySkin.of(body, capsules)
+    posed, frames = median_of_three(solid.posed(source)), len(source)
+    gaps, some = segment_gaps(solid.balls, posed, 1.0), np.zeros((frames, 1, 2, 3))
     limbs, free = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2))
-    displacements(body.balls, body.displaced, ends, limbs, free, gaps, gaps, gaps, some)
-    bent(motion, (Limb(1, 2, 3, True),), some + 0.1)
-
-
-def _run_for_legs(source: Motion) -> None:
-    """Run what only bodies with legs need."""
-    heights_of(source.positions, [0], axis_vector("Y"))
-    source.world_rotations_of(0)
+    displacements(solid.balls, solid.displaced, posed, limbs, free, gaps, gaps, gaps, some)
+    bent(source, (Limb(1, 2, 3, True),), some + 0.1)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
-from distretarget.body.build import OWN_BUILDS, average_for
+from distretarget.body.build import average_for
 from distretarget.checks import check_kind
 from distretarget.contact_entries import Contact, ContactList, Entry, Plant
 from distretarget.matching.matching import Matching
@@ -25,7 +25,7 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts
 from distretarget.objectives.skin import BodySkin
 from distretarget.objectives.supports import RESTS, Supports
-from distretarget.pipeline.options import Options
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
@@ -63,18 +63,15 @@ def find_contacts(
     check_kind("motion", motion, Motion)
     check_kind("target", target, Motion, Skeleton, Target, SkeletonEdit, NoneType)
     check_kind("settings", settings, ContactSettings)
-    options = Options(skin="none")
-    match = match_performer(motion, motion if target is None else target, options, joint_map, None, OWN_BUILDS)
-    return _found(match, settings)
+    goal, options = motion if target is None else target, Options(skin="none")
+    return _found(match_performer(motion, goal, options, joint_map), settings)
 
 
 def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> ContactList:
-    options = Options(skin="none")
-    performer = match.performer(RootScale.even(find_root_scale(match.matching)), options)
-    performer = performer.with_supports(options, settings)
-    clip = performer.clip
-    touching = _touching(match.matching, clip, performer.supports, settings)
-    entries = [*touching, *_resting(clip, performer.supports)]
+    performer = match.performer(RootScale.even(find_root_scale(match.matching)))
+    performer = performer.with_supports(DEFAULT_OPTIONS, settings)
+    touching = _touching(match.matching, performer.clip, performer.supports, settings)
+    entries = [*touching, *_resting(performer.clip, performer.supports)]
     return ContactList(tuple(sorted(entries, key=lambda entry: entry.frames or (0, 0))))
 
 
@@ -130,7 +127,7 @@ def _touching(matching: Matching, clip: Clip, supports: Supports, settings: Cont
         for first, end in spans_of(np.asarray(each > 0.0)).tolist():
             if each[first:end].max() >= LISTED and (end - first) * clip.frame_time >= STEADY:
                 on = first + np.flatnonzero(each[first:end] >= LISTED)
-                found = gaps.of(names[a], names[b], on)
+                found = gaps.of(a, b, on)
                 yield Contact(between=(names[a], names[b]), frames=(first, end - 1), found=found)
 
 
@@ -138,28 +135,23 @@ class _SkinGaps:
     """The gaps between the skins of an average body with the source's bones."""
 
     def __init__(self, matching: Matching, clip: Clip) -> None:
-        body, self.clip = matching.source, clip
+        body, self.source = matching.source, clip.source
         capsules = average_for(body).on(body)
         self.skin = BodySkin.of(body, capsules) if len(capsules) else None
-        self.of_segment = {
-            int(segment): clip.regions.of_joint[joint]
+        self.regions = {
+            int(self.skin.of_joint[driver]): clip.regions.of_joint[joint]
             for joint, driver in enumerate(matching.drivers)
-            if self.skin and driver >= 0 and (segment := self.skin.of_joint[driver]) >= 0
-        }
+            if self.skin and driver >= 0 and self.skin.of_joint[driver] >= 0
+        }  # by the numbers of capsules
         self.cm = centimetres(body.unit) * body.unit
 
-    def of(self, a: str, b: str, frames: NDArray[np.intp]) -> str:
+    def of(self, a: int, b: int, frames: NDArray[np.intp]) -> str:
         """How far apart two regions are in some frames, in words; empty where that is not known."""
-        if self.skin is None:
+        pairs = self.skin.balls.pairs.tolist() if self.skin else []
+        on = [column for column, pair in enumerate(pairs) if {self.regions.get(one) for one in pair} == {a, b}]
+        if not self.skin or not on:
             return ""
-        names, pairs = self.clip.regions.names, self.skin.balls.pairs.tolist()
-        own = {segment: names[region] for segment, region in self.of_segment.items()}
-        of = [{own[segment] for segment in pair if segment in own} for pair in pairs]
-        on = [column for column, regions in enumerate(of) if regions == {a, b}]
-        if not on:
-            return ""
-        some = frames[:: max(len(frames) // 30, 1)]
-        posed = np.concatenate([self.skin.posed(self.clip.source[int(n) : int(n) + 1]) for n in some])
+        posed = self.skin.posed(self.source[frames[:: max(len(frames) // 30, 1)]])
         gap = float(np.median(segment_gaps(self.skin.balls, posed, FARTHEST)[:, on].min(axis=1)))
         return "" if gap >= FARTHEST else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
 
@@ -171,13 +163,3 @@ def _resting(clip: Clip, supports: Supports) -> Iterator[Entry]:
         for first, end in spans_of(np.asarray(rests[:, supports.regions == region].any(axis=1))).tolist():
             if (end - first) * clip.frame_time >= STEADY:
                 yield Plant(plant=clip.regions.names[region], frames=(first, end - 1), found="planted")
-
-
-def contact_lines(contacts: ContactList) -> Iterator[str]:
-    """Yield a line for each found contact, as people name it."""
-    named = [(" - ".join(entry.between if isinstance(entry, Contact) else entry.parts), entry) for entry in contacts]
-    width = max((len(name) for name, _ in named), default=0)
-    spans = ["{:.0f}-{:.0f}".format(*(entry.frames or (0, 0))) for _, entry in named]
-    longest = max(map(len, spans), default=0)
-    for (name, entry), span in zip(named, spans, strict=True):
-        yield f"{name:{width}}  frames {span:{longest}}  {entry.found}".rstrip()

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
@@ -17,6 +18,7 @@ from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
+from distretarget.numerics.vectors import extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_flesh, find_floor, rise_of_flesh
@@ -26,12 +28,16 @@ from distretarget.objectives.resting_joints import find_resting_joints, root_shi
 from distretarget.objectives.skin import Skins, with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.soundness import check_finite, check_places
-from distretarget.skeleton import SMALLEST, JointMap, Skeleton
+from distretarget.pipeline.result import RetargetResult, undersides_of
+from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import AnyTarget, SkeletonEdit, Target
+
+HIPS_RANGE = 2.0  # most distance of the hips from the root's path [body units]
+FEET_RANGE = 3.0  # most distance of an ankle from the rotation copy's on that path [body units]
+DIGITS = 1e-9  # rounding error far from the origin [of the distance from it]
+REPORT = "please report this with the clip and the target"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +52,7 @@ class Match:
     @cached_property
     def undersides(self) -> Undersides | None:
         """What source and target rest on; None for stick figures."""
-        capsules = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
-        return Undersides.of(self.matching, capsules, self.mesh) if capsules else None
+        return undersides_of(self.matching, self.skins, self.mesh)
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -220,3 +225,44 @@ def _lacks_channels(motion: Motion, joint: int) -> bool:
     if axes or not motion.skeleton.children[joint]:
         return 0 < len(axes) < 3
     return bool(np.abs(motion.rotations[:, joint, :3]).max(initial=0.0) > LEAST_TURN)
+
+
+def check_places(posed: Motion, clip: Clip) -> None:
+    """Check that a result has the frames of its source, with hips and ankles near those of the rotation copy.
+
+    Raises:
+        MotionError: it does not; the message names joint and frame.
+    """
+    if len(posed) != len(clip):
+        raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
+    joints = np.array([clip.pelvis, *(pair.target.ankle for pair in clip.legs)])
+    copied = clip.copy_on_path(joints)
+    away = lengths(posed.positions_of(joints) - copied) / (clip.unit + DIGITS * extent(copied[:, 0]))
+    for some, most in ((slice(1), HIPS_RANGE), (slice(1, None), FEET_RANGE)):
+        far = f"is more than {most:g} heights away from where copied rotations put it"
+        _refuse_first(~(away[:, some] <= most), posed, joints[some], far)
+
+
+def check_finite(motion: Motion) -> None:
+    """Check that all positions are finite, and within the bound for positions.
+
+    Raises:
+        MotionError: one is not; the message names joint and frame.
+    """
+    if extent(motion.positions) <= LARGEST:
+        return
+    joints, farthest = np.arange(len(motion.skeleton)), np.abs(motion.positions).max(axis=2)
+    _refuse_first(~np.isfinite(farthest), motion, joints, "is nowhere, at no finite position")
+    _refuse_first(
+        farthest > LARGEST, motion, joints, f"is beyond {LARGEST:g}", "use other units, or a smaller root scale"
+    )
+
+
+def _refuse_first(
+    wrong: NDArray[np.bool_], motion: Motion, joints: NDArray[np.intp], fault: str, advice: str = REPORT
+) -> None:
+    """Raise an error for the first frame in which a joint is wrong, (frames, joints), if there is one."""
+    if wrong.any():
+        frame, column = np.argwhere(wrong)[0]
+        key = motion.skeleton.keys[joints[column]]
+        raise MotionError(f"frame {frame} of the result is wrong: {key!r} {fault}; {advice}")

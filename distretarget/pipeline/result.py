@@ -1,4 +1,4 @@
-"""The result of retargeting: the motion, its metrics, and warnings."""
+"""The result of retargeting: the motion, its metrics, warnings, and the labels of its frames for a data set."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.measure.comparison import Comparison, Reference
-from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics, metrics_at
+from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
 from distretarget.measure.movement import find_pops
 from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import limit_warnings, verdict
@@ -31,9 +32,11 @@ from distretarget.objectives.supports import RESTS, Supports
 from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
+Labels = dict[str, NDArray[Any]]
 
 STRAIGHT = 0.99  # a leg whose ankle is farther than this from its hip joint is straight [leg lengths]
 REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
+JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -123,11 +126,9 @@ class RetargetResult:
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
         source, target = self.matching.source, self.matching.target
-        skins = undersides = None
+        undersides = undersides_of(self.matching, self.skins, self.mesh)
+        skins = None
         if self.skins:
-            undersides = Undersides.of(
-                self.matching, (self.skins.source.capsules, self.skins.target.capsules), self.mesh
-            )
             of_target = find_skin(target, self.skins.target.capsules, self.mesh)
             skins = find_skin(source, self.skins.source.capsules), of_target
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
@@ -205,3 +206,51 @@ class RetargetResult:
         x = motion[frame].positions[0]
         reach = x[leg.ankle] - x[leg.hip]
         return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])
+
+
+def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
+    """Return what source and target rest on; None for stick figures."""
+    return Undersides.of(matching, (skins.source.capsules, skins.target.capsules), mesh) if skins else None
+
+
+def labels_of(result: RetargetResult) -> Labels:
+    """Return the labels of the frames of a result.
+
+    - `support_names`, (supports,), and `support_weights`, (frames, supports): joints that rest on the world, and how
+      firmly, 1 while the source's joint rests, blended to 0. Foot joints come first.
+    - `contact_names`, (pairs,), and `contact_gaps`, (frames, pairs): the regions of the body that can touch, and while
+      they touch in the source how far their nearest joints are apart in the result [file units]; nan while they do not.
+    - `shots`, (frames,): the number of the shot of each frame, from 0; it goes up at a cut.
+    - `not_converged`, (frames,): whether the solver did not converge.
+    - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
+      above it, of the metrics that are over their limits in the clip as a whole.
+    """
+    keys, supports = result.motion.skeleton.keys, result.supports
+    return {
+        "support_names": np.array([keys[joint] for joint in supports.joints], np.str_),
+        "support_weights": supports.weights,
+        "contact_names": np.array(result.comparison.contacts.candidates.names, np.str_),
+        "contact_gaps": _contact_gaps(result),
+        "shots": result.matching.source.shots_of(result.source),
+        "not_converged": result.run_tracks["not_converged"].values > 0.0,
+        "flag_names": np.array([metric.key for metric in JUDGED], np.str_),
+        "flags": _flags(result),
+    }
+
+
+def _contact_gaps(result: RetargetResult) -> NDArray[np.float64]:
+    contacts, positions = result.comparison.contacts, result.motion.positions
+    gaps = np.full((len(positions), len(contacts.candidates.names)), np.nan)
+    apart = positions[contacts.frame, contacts.u] - positions[contacts.frame, contacts.v]
+    gaps[contacts.frame, contacts.regions] = lengths(apart)
+    return gaps
+
+
+def _flags(result: RetargetResult) -> NDArray[np.bool_]:
+    frames, tracks, limits = len(result.motion), result.tracks["result"], clip_limits(result.metrics)
+    flags = np.zeros((frames, len(JUDGED)), bool)
+    for column, metric in enumerate(JUDGED):
+        limit = limits[metric.key]
+        if limit is not None and metric.over_limit(result.metrics):
+            flags[:, column] = metric.over_time(tracks, frames) > (0.0 if metric.reduction == "frames" else limit)
+    return flags

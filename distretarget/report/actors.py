@@ -39,30 +39,18 @@ ENDS = ("leftHand", "rightHand", "leftFoot", "rightFoot")  # whose paths can be 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Actor:
-    """A body, or a prop, in motion.
+    """A body, or a prop, in motion."""
 
-    Attributes:
-        name: of the file or the performer.
-        side: the number of the view that it is in.
-        role: what it is, which chooses its colour.
-        motion: how it moves.
-        body: whose motion it is; None for a prop.
-        capsules, mesh: its surface; without either its bones are drawn.
-        turn: from the axes of the file to those of the page.
-        unit: the length that the page counts in [file units].
-        floor: the height of the floor, along the axis that points up [file units].
-    """
-
-    name: str
-    side: int
-    role: Role
+    name: str  # of the file or the performer
+    side: int  # the number of the view that it is in
+    role: Role  # what it is, which chooses its colour
     motion: Motion
-    body: Body | None
-    capsules: Capsules | None
+    body: Body | None  # whose motion it is; None for a prop
+    capsules: Capsules | None  # its surface, as this or the mesh; without either its bones are drawn
     mesh: SkinnedMesh | None
-    turn: Rotation
-    unit: float
-    floor: float = 0.0
+    turn: Rotation  # from the axes of the file to those of the page
+    unit: float  # the length that the page counts in [file units]
+    floor: float  # the height of the floor, along the axis that points up [file units]
 
 
 def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | None, up: Array) -> float:
@@ -154,13 +142,9 @@ def _body_data(actor: Actor) -> dict[str, Any]:
     bind = packed(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
     if actor.mesh is not None:
         return {"bind": bind, "mesh": _mesh_data(actor.mesh.whole or actor.mesh, turn, unit)}
-    carried = actor.capsules.joints if actor.capsules is not None else np.zeros(0, np.intp)
-    joints, ends, radii = _bones(actor, carried)
-    if actor.capsules is not None and len(actor.capsules):
-        own = actor.capsules
-        joints = np.concatenate([own.joints, joints])
-        ends = np.concatenate([own.ends, ends])
-        radii = np.concatenate([own.radii, radii])
+    solid = [] if actor.capsules is None else [(actor.capsules.joints, actor.capsules.ends, actor.capsules.radii)]
+    bones = _bones(actor, solid[0][0] if solid else np.zeros(0, np.intp))
+    joints, ends, radii = (np.concatenate(parts) for parts in zip(*solid, bones, strict=True))
     places = _turned(turn, rest[joints][:, None] + ends) / unit
     return {
         "bind": bind,

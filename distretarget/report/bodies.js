@@ -14,25 +14,18 @@ const [ROUND, STEPS] = SOFTWARE ? [9, 3] : [18, 6]; // sides of a capsule, and r
 const THIN = 5; // sides of a bone
 const BONE = 0.012; // radius below which a capsule is a bone without skin [body units]
 
-/** A body in its rest pose: its geometry, what its file says of its materials, the places of its joints as `bind`,
+/** A body in its rest pose: its geometry, the materials that its file states, the places of its joints as `bind`,
  * (joints, 3), and the joints that move each vertex, with their weights.
  */
 export async function bodyOf(data) {
-  const bind = await unpacked(data.bind, Float32Array), {materials = []} = data.mesh || {};
-  const images = await Promise.all(materials.map(async ({image, normal_map: normals}) => ({
+  const bind = await unpacked(data.bind, Float32Array), stated = data.mesh?.materials ?? [];
+  const images = await Promise.all(stated.map(async ({image, normal_map: normals}) => ({
     map: await loaded(image, THREE.SRGBColorSpace), normalMap: await loaded(normals, '')})));
   const {geometry, joints, weights} = await (data.mesh ? meshOf(data.mesh) : capsulesOf(data));
-  const inverses = Array.from({length: bind.length / 3}, (_, k) => new THREE.Matrix4().makeTranslation(
-    -bind[3 * k], -bind[3 * k + 1], -bind[3 * k + 2]));
-  return {materials, images, geometry, joints, weights, inverses, moves: new Float32Array(16 * inverses.length),
-    crown: crownOf(geometry, bind)};
-}
-
-/** How far the skin reaches above the highest joint of the rest pose. */
-function crownOf(geometry, bind) {
   geometry.computeBoundingBox();
-  const top = bind.reduce((highest, x, k) => (k % 3 === 1 ? Math.max(highest, x) : highest), 0);
-  return Math.max(geometry.boundingBox.max.y - top, 0);
+  const highest = bind.filter((_, k) => k % 3 === 1).reduce((p, q) => Math.max(p, q), 0); // joint
+  return {stated, images, geometry, joints, weights, bind, moves: new Float32Array(16 * bind.length / 3),
+    crown: Math.max(geometry.boundingBox.max.y - highest, 0)}; // how far the skin reaches above it
 }
 
 /** A texture of an image; null without one, or where the browser cannot read it. */
@@ -49,8 +42,8 @@ async function loaded(address, colorSpace) {
 }
 
 /** The materials of a body as its file states them. */
-export function materialsOf({materials, images}) {
-  return materials.map(({colour, mode, cutoff, two_sided: both}, k) => new THREE.MeshLambertMaterial({
+export function materialsOf({stated, images}) {
+  return stated.map(({colour, mode, cutoff, two_sided: both}, k) => new THREE.MeshLambertMaterial({
     color: new THREE.Color(...colour), ...images[k], alphaTest: mode === 'MASK' ? cutoff : 0,
     opacity: mode === 'BLEND' ? colour[3] : 1, transparent: mode === 'BLEND', ...both && {side: THREE.DoubleSide}}));
 }
@@ -104,14 +97,16 @@ export function bendable(body, materials) {
   return Object.assign(mesh, {body, frustumCulled: false});
 }
 
-const move = new THREE.Matrix4(), place = new THREE.Vector3(), turn = new THREE.Quaternion();
-const unscaled = new THREE.Vector3(1, 1, 1);
+const move = new THREE.Matrix4(), place = new THREE.Vector3(), rest = new THREE.Vector3();
+const turn = new THREE.Quaternion(), unscaled = new THREE.Vector3(1, 1, 1);
 
 /** Bends a mesh as a motion is placed: each vertex goes to the mean of where its joints move it. */
 export function bend({geometry, body}, {positions, rotations}) {
-  const {inverses, moves: m, joints, weights} = body, {position, normal} = body.geometry.attributes;
-  inverses.forEach((inverse, k) => move.compose(place.fromArray(positions, 3 * k), turn.fromArray(rotations, 4 * k),
-    unscaled).multiply(inverse).toArray(m, 16 * k));
+  const {bind, moves: m, joints, weights} = body, {position, normal} = body.geometry.attributes;
+  for (let k = 0; k < bind.length / 3; k++) {
+    rest.fromArray(bind, 3 * k).applyQuaternion(turn.fromArray(rotations, 4 * k));
+    move.compose(place.fromArray(positions, 3 * k).sub(rest), turn, unscaled).toArray(m, 16 * k);
+  }
   const {position: places, normal: normals} = geometry.attributes, each = joints.length / position.count;
   const x = position.array, n = normal.array, y = places.array, o = normals.array;
   for (let i = 0, first = 0; i < x.length; i += 3, first += each) {

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.body import Body
 from distretarget.body.build import capsules_of
 from distretarget.checks import check_kind
 from distretarget.errors import DistretargetError
@@ -23,11 +22,10 @@ from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
 from distretarget.pipeline.found_contacts import marked_contacts
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.actors import Role, packed, upright
-from distretarget.report.diff_document import About, DiffDocument, document
+from distretarget.report.actors import Role, packed
+from distretarget.report.diff_document import About, DiffDocument, Table, document
 from distretarget.report.page import html_page
-from distretarget.report.scene_diff_document import Table
-from distretarget.report.stage import ShownBody, stage_of_bodies
+from distretarget.report.stage import ShownBody, facing, stage_of_bodies
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import LoadedTarget, Target
 
@@ -135,7 +133,7 @@ def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
     """The page on a diff that plays motions of a body, first that of A; the others are those of B's body."""
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
-    sides: dict[str, Role | None] = {"A": "source", "B": "result"}
+    sides: dict[str, Role] = {"A": "source", "B": "result"}
     if source:
         sides = {"Source": "source", "Copied rotations": "copy", "Result": "result"}
     a, b = (2.0 * leg for leg in diff.matching.leg_lengths)
@@ -154,15 +152,6 @@ def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
     return html_page("clip", title, data)
 
 
-def facing(body: Body, motion: Motion, up: Array) -> float:
-    """Return where a body faces in the first frame, as an angle from z about y [rad]; 0 without legs."""
-    if body.legs is None:
-        return 0.0
-    left, right = (motion.positions[0, leg.hip] for leg in body.legs)
-    front = upright(up).apply(np.cross(left - right, up))
-    return float(np.arctan2(front[0], front[2]))
-
-
 def contact_table(document: DiffDocument) -> Table:
     """The contacts of each two regions, in D."""
     rows: list[list[str | int]] = []
@@ -171,7 +160,7 @@ def contact_table(document: DiffDocument) -> Table:
         joints = " \u2013 ".join(key.rpartition(":")[2] for key in one["joints_b"])
         rows.append([one["regions"], joints, str(one["frames"]), *numbers, one["worst_frame"]])
     columns = ["regions", "nearest joints", "frames", "D in A", "D in B", "error", "worst frame"]
-    return {"title": "Contacts", "columns": columns, "rows": rows}
+    return Table(title="Contacts", columns=columns, rows=rows)
 
 
 def _worst(document: DiffDocument) -> Iterator[dict[str, Any]]:

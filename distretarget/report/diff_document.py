@@ -1,7 +1,6 @@
-"""The numbers of a diff as one document, for JSON, or CSV with a row for each frame.
+"""The numbers of a diff or a run as one document, for JSON, or CSV with a row for each frame; and a run in lines.
 
-`diff.schema.json` describes every key; the types here have the same keys. `measure.metrics.METRICS` has the keys of
-metrics.
+`diff.schema.json` describes every key of a diff, and `measure.metrics.METRICS` has the keys of metrics.
 """
 
 from __future__ import annotations
@@ -13,68 +12,26 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Literal, SupportsFloat, TypedDict
+from typing import Any, Literal, SupportsFloat, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
+from distretarget.errors import counted
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY, Tracks, Variant, clip_limits, clip_metrics, frame_metrics, metrics_at
+from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 MetricValues = Mapping[str, float | None]
 """Metrics by key; None where nothing was to be measured."""
+Values = Mapping[str, Any]
+"""A part of a document, whose keys its schema describes."""
 
 DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
 VERSION = version("distretarget")
-
-
-class DiffBody(TypedDict):
-    """One of the two motions: its file, number of joints and naming convention."""
-
-    file: str
-    joints: int
-    convention: str
-
-
-class Program(TypedDict):
-    """The program that made the document."""
-
-    version: str
-    command: str
-
-
-class DiffMetrics(TypedDict):
-    """The metrics of the whole clip: of A, of the rotation copy if B was made from A, of B; and the limits for B."""
-
-    source: MetricValues
-    rotation_copy: MetricValues | None
-    result: MetricValues
-    limits: MetricValues
-
-
-class DiffLimit(TypedDict):
-    """A limit as given to `--fail-over`, and the value it is for."""
-
-    metric: str
-    limit: float
-    value: float | None
-    over: bool
-
-
-class DiffContact(TypedDict):
-    """The contacts between two regions of the body, with their distances as D."""
-
-    regions: str
-    joints_a: list[str]
-    joints_b: list[str]
-    frames: int
-    distance_a: float
-    distance_b: float
-    error: float
-    worst_frame: int
 
 
 class DiffDocument(TypedDict):
@@ -82,9 +39,9 @@ class DiffDocument(TypedDict):
 
     format: Literal["distretarget-diff"]
     version: Literal[1]
-    a: DiffBody
-    b: DiffBody
-    program: Program
+    a: Values
+    b: Values
+    program: Values
     verdict: str
     warnings: list[str]
     notes: list[str]
@@ -93,11 +50,44 @@ class DiffDocument(TypedDict):
     unmatched_b: list[str]
     unmatched_a: list[str]
     contact_frames: int
-    metrics: DiffMetrics
-    limits: list[DiffLimit]
+    metrics: Values
+    limits: list[Values]
     worst: dict[str, int | None]
     frames: list[MetricValues]
-    contacts: list[DiffContact]
+    contacts: list[Values]
+
+
+class RunMetricsDocument(TypedDict):
+    """The metrics of a run, with the keys and units of `measure.metrics.METRICS`.
+
+    Attributes:
+        format, version: of the document.
+        frame_time: the time between frames [s].
+        root_scale: target units per source unit of the root's path.
+        verdict: what was kept and what changed, in a sentence.
+        warnings: a line each.
+        metrics: of the whole clip, for source, rotation copy and result; None where nothing was to be measured.
+        frames: columns with an entry for each frame: the metrics, with `_source` or `_copy` after their keys for source
+            and rotation copy; the solver's `iterations` and `evaluations`, and the `reason` why it stopped; with the
+            paper's objective `stress_solved_points`.
+    """
+
+    format: Literal["distretarget-metrics"]
+    version: Literal[1]
+    frame_time: float
+    root_scale: float
+    verdict: str
+    warnings: Sequence[str]
+    metrics: Mapping[Variant, Mapping[str, float | None]]
+    frames: Mapping[str, Sequence[float | str | None]]
+
+
+class Table(TypedDict):
+    """A table below the player; an integer cell is the number of a frame, and becomes a button that goes there."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str | int]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -141,7 +131,10 @@ def document(diff: Diff, about: About) -> DiffDocument:
             "result": result,
             "limits": clip_limits({"source": source, "rotation_copy": copy or {}, "result": result}),
         },
-        "limits": [_limit(key, limit, result[key], source.get(key)) for key, limit in about.limits],
+        "limits": [
+            judged(key, limit, _known(BY_KEY[key].judgement(result[key], source.get(key))))
+            for key, limit in about.limits
+        ],
         "worst": {metric.key: _worst(frames[metric.key]) for metric in metrics_at("worst frames")},
         "frames": [dict(zip(frames, row, strict=True)) for row in zip(*frames.values(), strict=True)],
         "contacts": _contacts(diff),
@@ -172,7 +165,7 @@ def _known(value: SupportsFloat | None) -> float | None:
     return None if value is None or not math.isfinite(value) else rounded(value)
 
 
-def _body(file: str, skeleton: Skeleton) -> DiffBody:
+def _body(file: str, skeleton: Skeleton) -> Values:
     return {"file": file, "joints": len(skeleton.joints), "convention": convention_of(skeleton)}
 
 
@@ -180,10 +173,9 @@ def _of_clip(tracks: Tracks) -> MetricValues:
     return {key: _known(value) for key, value in clip_metrics(tracks).items()}
 
 
-def _limit(key: str, limit: float, value: float | None, source: float | None) -> DiffLimit:
+def judged(key: str, limit: float, value: float | None) -> Values:
     """A limit of a metric, and whether the number it is for is over it."""
-    number = _known(BY_KEY[key].judgement(value, source))
-    return {"metric": key, "limit": limit, "value": number, "over": number is not None and number > limit}
+    return {"metric": key, "limit": limit, "value": value, "over": value is not None and value > limit}
 
 
 def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float | None]]:
@@ -205,7 +197,7 @@ def _worst(column: list[float | None]) -> int | None:
     return -max(known)[1] if known else None
 
 
-def _contacts(diff: Diff) -> list[DiffContact]:
+def _contacts(diff: Diff) -> list[Values]:
     drivers = diff.matching.drivers
     a, b = diff.matching.source.skeleton.keys, diff.matching.target.skeleton.keys
     return [
@@ -221,3 +213,49 @@ def _contacts(diff: Diff) -> list[DiffContact]:
         }
         for touch in diff.comparison.contacts.touches
     ]
+
+
+def summary_line(result: RetargetResult, seconds: float) -> str:
+    """The last line of a run: its frames, its time, and the verdict on the result."""
+    return f"{counted(len(result.motion), 'frame')} in {seconds:.2f} s. {result.verdict}"
+
+
+def metrics_line(result: RetargetResult) -> str:
+    """One line with the metrics of rotation copy and result, and the frame of most stress."""
+    metrics, stress = result.metrics, BY_KEY["stress"]
+    worst = int(np.argmax(result.written_stress))
+    values = ", ".join(
+        f"{metric.label}{f' [{metric.symbol}]' if metric.symbol else ''} "
+        f"{metric.brief(metrics['rotation_copy'][metric.key])} / {metric.brief(metrics['result'][metric.key])}"
+        for metric in metrics_at("line")
+    )
+    points = result.free_stress
+    solved = "" if points is None else f"; stress of the solved points {stress.brief(float(points.mean()))}"
+    return (
+        f"rotation copy / result: {values}{solved}; "
+        f"most stress in frame {worst} ({stress.brief(float(result.written_stress[worst]))})"
+    )
+
+
+def metrics_json(result: RetargetResult) -> str:
+    """The metrics of a run as JSON: those of the whole clip, and those of each frame."""
+    columns = frame_metrics(result.tracks, len(result.motion))
+    frames: dict[str, Sequence[float | str | None]] = {
+        **{key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in columns.items()},
+        "iterations": result.effort.iterations.tolist(),
+        "evaluations": result.effort.evaluations.tolist(),
+        "reason": result.effort.reason_names,
+    }
+    if result.free_stress is not None:
+        frames["stress_solved_points"] = result.free_stress.tolist()
+    document: RunMetricsDocument = {
+        "format": "distretarget-metrics",
+        "version": 1,
+        "frame_time": result.motion.frame_time,
+        "root_scale": result.root_scale,
+        "verdict": result.verdict,
+        "warnings": result.warnings,
+        "metrics": result.metrics,
+        "frames": frames,
+    }
+    return json_text(document)

@@ -41,6 +41,11 @@ export function clamp(value, low, high) {
   return Math.min(high, Math.max(low, value));
 }
 
+/** The sum of the numbers of what is in a list. */
+export function total(list, numberOf) {
+  return list.reduce((sum, one) => sum + numberOf(one), 0);
+}
+
 /** The elements of a list of names, each with its text. */
 export function terms(pairs) {
   return pairs.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]);
@@ -77,23 +82,21 @@ export function followTheme() {
   const use = theme => {
     style.colorScheme = theme;
     const other = theme === 'dark' ? 'light' : 'dark';
-    $('theme').textContent = other === 'dark' ? 'Dark' : 'Light';
+    $('theme').textContent = theme === 'dark' ? 'Light' : 'Dark';
     $('theme').setAttribute('aria-label', `Use ${other} colours`);
     colours.clear();
     themed.forEach(paint => paint());
   };
   const useSystem = () => use(dark.matches ? 'dark' : 'light');
+  const print = (theme, open) => {
+    before = style.colorScheme;
+    use(theme);
+    if ($('glossary')) $('glossary').open = open;
+  };
   let before = '';
   useSystem();
   $('theme').addEventListener('click', () => use(style.colorScheme === 'dark' ? 'light' : 'dark'));
   dark.addEventListener('change', useSystem);
-  addEventListener('beforeprint', () => {
-    before = style.colorScheme;
-    use('light');
-    if ($('glossary')) $('glossary').open = true;
-  });
-  addEventListener('afterprint', () => {
-    use(before);
-    if ($('glossary')) $('glossary').open = false;
-  });
+  addEventListener('beforeprint', () => print('light', true));
+  addEventListener('afterprint', () => print(before, false));
 }

@@ -1,6 +1,6 @@
 // The page over all clips: head, metrics over the clips, a player, and the table with its filters.
 
-import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms} from './dom.js';
+import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms, total} from './dom.js';
 import {cardOf, metricsAt, nameOf} from './metrics.js';
 import {buildPlayer} from './player.js';
 
@@ -12,6 +12,8 @@ const LONG = 240; // characters of a reason from which only its beginning shows 
 const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
   + '“source”.';
 const COPY = 'rotation copy';
+const targetOf = clip => batch.targets[clip.target];
+const statusOf = clip => (clip.done ? 'converted' : 'failed');
 const SHOWN = metricsAt('page over clips').map(columnOf);
 const COLUMNS = [
   {name: 'Clip', of: clip => clip.clip, text: true},
@@ -43,18 +45,6 @@ function columnOf(metric) {
     cell: clip => [shown(of(clip)), element('small', {}, shown(beside[0][1](clip)))]};
 }
 
-function targetOf(clip) {
-  return batch.targets[clip.target];
-}
-
-function statusOf(clip) {
-  return clip.done ? 'converted' : 'failed';
-}
-
-function total(values) {
-  return values.reduce((sum, value) => sum + value, 0);
-}
-
 /** A duration [s] in words. */
 function duration(seconds) {
   const minutes = Math.round(seconds / 60);
@@ -84,8 +74,8 @@ function buildHead() {
     ['Converted', done.length.toLocaleString('en')],
     ['Failed', failed ? button(number, showFailed, {'aria-label': `Show the ${counted(failed, 'clip')} that failed`})
       : number],
-    ['Frames', total(done.map(clip => clip.frames)).toLocaleString('en')],
-    ['Retargeting', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
+    ['Frames', total(done, clip => clip.frames).toLocaleString('en')],
+    ['Retargeting', `${duration(total(done, clip => clip.seconds))}, all clips added up`],
     ...batch.targets.length === 1 ? [['Target', batch.targets[0]]] : [],
     ...batch.folder ? [['Folder', batch.folder]] : [],
     ['Made by', `distretarget version ${batch.version}`],
@@ -109,14 +99,8 @@ async function watch(clip) {
   $('watched').hidden = false;
   $('watched-name').replaceChildren(nameOfClip(clip));
   await buildPlayer(embedded(`stage-${clip.stage}`));
-  markWatched(clip);
-}
-
-function markWatched(clip) {
   view.watched = clip;
-  for (const one of document.querySelectorAll('.watch')) {
-    one.setAttribute('aria-pressed', one.dataset.stage === String(clip.stage));
-  }
+  for (const one of document.querySelectorAll('.watch')) one.ariaPressed = one.dataset.stage === String(clip.stage);
 }
 
 // ---- table
@@ -191,9 +175,10 @@ const collator = new Intl.Collator('en', {numeric: true});
 function sorted(some) {
   const {column, down} = view, sign = down ? -1 : 1;
   const compare = column.text ? collator.compare : (p, q) => p - q;
-  const keyed = some.map(clip => [column.of(clip), clip]);
-  const there = keyed.filter(([value]) => value !== null).sort(([p], [q]) => sign * compare(p, q));
-  return [...there, ...keyed.filter(([value]) => value === null)].map(([, clip]) => clip);
+  return some.toSorted((one, other) => {
+    const [p, q] = [column.of(one), column.of(other)];
+    return p === null || q === null ? (p === null) - (q === null) : sign * compare(p, q);
+  });
 }
 
 /** Shows the clips that pass the filters, in order, from the first row. */

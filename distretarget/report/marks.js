@@ -2,112 +2,92 @@
 /* global THREE */
 
 import {colourOf} from './dom.js';
+import {middleOf} from './motion.js';
 import {levelAt, offAt} from './timeline.js';
 
 const PATH = 32, PAST = 0.8; // points of a path, and the time that it goes back [s]
 const ON_FLOOR = 0.12; // supports that are lower rest on the floor [body units]
 const MOST = 12; // marks of a side at a time
+const RING = [[0.72, 0], [0.78, 1], [0.9, 1], [0.96, 0]], GLOW = [[0, 1], [0.35, 0.75], [1, 0]]; // alpha by radius
 
-/** A texture of a disc that fades from its middle, or of a ring. */
-function spotTexture(ring) {
+/** A texture that is white where it is not transparent, with an alpha by radius. */
+function spotTexture(stops) {
   const canvas = document.createElement('canvas'), context = canvas.getContext('2d');
   canvas.width = canvas.height = 64;
   const fade = context.createRadialGradient(32, 32, 0, 32, 32, 32);
-  const stops = ring ? [[0.72, 0], [0.78, 1], [0.9, 1], [0.96, 0]] : [[0, 1], [0.35, 0.75], [1, 0]];
   for (const [at, alpha] of stops) fade.addColorStop(at, `rgba(255, 255, 255, ${alpha})`);
   context.fillStyle = fade;
   context.fillRect(0, 0, 64, 64);
   return new THREE.CanvasTexture(canvas);
 }
 
+function trailOf(actor, joint) {
+  const geometry = new THREE.LineGeometry().setPositions(new Float32Array(3 * PATH));
+  const material = new THREE.LineMaterial({linewidth: 3, transparent: true, opacity: 0.8});
+  return Object.assign(new THREE.Line2(geometry, material), {visible: false, frustumCulled: false, actor, joint});
+}
+
 /** Shows marks for the rows of a timeline, and paths, on a stage. */
 export class Marks {
   constructor(stage, rows) {
-    Object.assign(this, {stage, rows, shown: true, trails: false});
-    const textures = {ring: spotTexture(true), glow: spotTexture(false)};
+    Object.assign(this, {stage, rows, shown: true, trails: false, ring: spotTexture(RING), glow: spotTexture(GLOW)});
     const flat = new THREE.PlaneGeometry(1, 1).rotateX(-Math.PI / 2);
-    this.textures = textures;
+    const many = made => Array.from({length: MOST}, () => Object.assign(made(), {visible: false, renderOrder: 2}));
     for (const side of stage.sides) {
-      const made = (count, mark) => Array.from({length: count}, () => {
-        const one = Object.assign(mark(), {visible: false, renderOrder: 2});
-        side.group.add(one);
-        return one;
-      });
-      side.spots = made(MOST, () => new THREE.Sprite(new THREE.SpriteMaterial({depthTest: false, fog: false})));
-      side.rings = made(MOST, () => new THREE.Mesh(flat, new THREE.MeshBasicMaterial(
+      side.spots = many(() => new THREE.Sprite(new THREE.SpriteMaterial({depthTest: false, fog: false})));
+      side.rings = many(() => new THREE.Mesh(flat, new THREE.MeshBasicMaterial(
         {transparent: true, depthWrite: false, fog: false})));
-      side.paths = side.actors.flatMap(actor => actor.ends.map(joint => {
-        const geometry = new THREE.LineGeometry().setPositions(new Float32Array(3 * PATH));
-        const line = new THREE.Line2(geometry, new THREE.LineMaterial({linewidth: 3, transparent: true, opacity: 0.8}));
-        side.group.add(line);
-        return Object.assign(line, {visible: false, frustumCulled: false, actor, joint});
-      }));
+      side.paths = side.actors.flatMap(actor => actor.ends.map(joint => trailOf(actor, joint)));
+      side.group.add(...side.spots, ...side.rings, ...side.paths);
     }
-  }
-
-  /** The middle of the joints of a row on a side. */
-  static at(points, actors) {
-    const sum = [0, 0, 0];
-    for (const [number, joint] of points) {
-      const x = actors[number].motion.positions;
-      for (let axis = 0; axis < 3; axis++) sum[axis] += x[3 * joint + axis] / points.length;
-    }
-    return sum;
   }
 
   update(frame, frameTime) {
-    const {stage} = this;
+    const {stage, trails} = this;
     stage.actors.forEach(({motion}) => motion.place(frame));
     stage.sides.forEach((side, number) => {
       const judged = side.actors[0].role === 'result' || number === stage.sides.length - 1;
       const seen = this.shown && (judged || !stage.overlaid);
       const active = this.rows.filter(({codes, kind, points}) => (
         seen && codes[frame] && points[number]?.length && (judged || kind !== 'skin')));
-      for (const [marks, kinds] of [[side.rings, ['support']], [side.spots, ['contact', 'skin']]]) {
-        const own = active.filter(({kind}) => kinds.includes(kind));
+      for (const [marks, rests] of [[side.rings, true], [side.spots, false]]) {
+        const own = active.filter(({kind}) => (kind === 'support') === rests);
         marks.forEach((mark, k) => {
           mark.visible = k < own.length;
-          if (!mark.visible) return;
-          const {points, spots} = own[k], [[actor]] = points[number];
-          const shown = spots && spots[frame] ? [[actor, spots[frame]]] : points[number];
-          this.put(mark, own[k], Marks.at(shown, stage.actors), judged, frame);
+          if (mark.visible) this.put(mark, own[k], own[k].points[number], judged, frame);
         });
       }
+      side.paths.forEach(line => { line.visible = trails; });
+      if (trails && side.shown) this.drawPaths(side.paths, frame, Math.max(PAST / frameTime / (PATH - 1), 1));
     });
-    if (this.trails) this.drawPaths(frame, frameTime);
-    for (const {paths} of stage.sides) paths.forEach(line => { line.visible = this.trails; });
   }
 
-  put(mark, row, [x, y, z], judged, frame) {
-    const onFloor = row.kind === 'support' && y < ON_FLOOR, glows = row.kind === 'skin';
+  /** Puts a mark for a row in the middle of joints, given with the numbers of their actors. */
+  put(mark, row, points, judged, frame) {
+    const {kind, limit, spots: {[frame]: spot}} = row, joints = spot ? [[points[0][0], spot]] : points;
+    const [x, y, z] = middleOf(joints.map(([actor, joint]) => [this.stage.actors[actor].motion, joint]));
+    const onFloor = kind === 'support' && y < ON_FLOOR, glows = kind === 'skin';
     mark.position.set(x, onFloor ? 0.004 : y, z);
-    mark.scale.setScalar({contact: 0.05, skin: 0.15, support: onFloor ? 0.3 : 0.12}[row.kind]);
+    mark.scale.setScalar({contact: 0.05, skin: 0.15, support: onFloor ? 0.3 : 0.12}[kind]);
     mark.material.color.set(colourOf(glows ? 'over' : judged ? levelAt(row, frame) : 'muted'));
-    mark.material.opacity = glows ? Math.min((offAt(row, frame) / row.limit) ** 2, 1) : 1;
-    mark.material.map = this.textures[glows ? 'glow' : 'ring'];
+    mark.material.opacity = glows ? Math.min((offAt(row, frame) / limit) ** 2, 1) : 1;
+    mark.material.map = glows ? this.glow : this.ring;
   }
 
-  drawPaths(frame, frameTime) {
-    const step = Math.max(PAST / frameTime / (PATH - 1), 1);
-    for (const {paths, shown} of this.stage.sides) {
-      if (!shown) continue;
-      for (const actor of new Set(paths.map(line => line.actor))) {
-        const own = paths.filter(line => line.actor === actor);
-        for (let k = 0; k < PATH; k++) {
-          actor.motion.place(Math.max(Math.round(frame - (PATH - 1 - k) * step), 0));
-          for (const {geometry, joint} of own) {
-            const {array} = geometry.attributes.instanceStart.data, x = actor.motion.positions;
-            for (let axis = 0; axis < 3; axis++) {
-              if (k < PATH - 1) array[6 * k + axis] = x[3 * joint + axis];
-              if (k) array[6 * k - 3 + axis] = x[3 * joint + axis];
-            }
-          }
-        }
-        for (const line of own) {
-          line.geometry.attributes.instanceStart.data.needsUpdate = true;
-          line.material.color.set(colourOf(actor.tone));
-        }
+  /** Draws where joints came from, in steps of some frames. */
+  drawPaths(paths, frame, step) {
+    for (let k = 0; k < PATH; k++) {
+      for (const {geometry, actor: {motion}, joint} of paths) {
+        motion.place(Math.max(Math.round(frame - (PATH - 1 - k) * step), 0));
+        const {array} = geometry.attributes.instanceStart.data;
+        const place = motion.positions.subarray(3 * joint, 3 * joint + 3);
+        if (k < PATH - 1) array.set(place, 6 * k); // where a piece begins
+        if (k) array.set(place, 6 * k - 3); // where the one before ends
       }
+    }
+    for (const {geometry, material, actor} of paths) {
+      geometry.attributes.instanceStart.data.needsUpdate = true;
+      material.color.set(colourOf(actor.tone));
     }
   }
 }

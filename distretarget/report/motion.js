@@ -1,4 +1,7 @@
 // Packed arrays, and motions: where the joints of an actor are in each frame.
+/* global THREE */
+
+import {total} from './dom.js';
 
 /** The numbers of a packed array: base64 of compressed planes of bytes, the first bytes of all numbers first. */
 export async function unpacked(text, Kind) {
@@ -6,46 +9,30 @@ export async function unpacked(text, Kind) {
   for (let k = 0; k < coded.length; k++) packed[k] = coded.charCodeAt(k);
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
   const planes = new Uint8Array(await new Response(stream).arrayBuffer());
-  const size = Kind.BYTES_PER_ELEMENT, count = planes.length / size, bytes = new Uint8Array(planes.length);
-  for (let plane = 0; plane < size; plane++) {
-    for (let k = 0; k < count; k++) bytes[k * size + plane] = planes[plane * count + k];
-  }
-  return new Kind(bytes.buffer);
+  const size = Kind.BYTES_PER_ELEMENT, count = planes.length / size;
+  return new Kind(planes.map((_, at) => planes[at % size * count + Math.floor(at / size)]).buffer);
 }
 
-/** Writes the product of two quaternions at places of arrays. */
-function multiply(out, o, p, i, q, j) {
-  const [a, b, c, d] = [p[i], p[i + 1], p[i + 2], p[i + 3]], [x, y, z, w] = [q[j], q[j + 1], q[j + 2], q[j + 3]];
-  out[o] = d * x + a * w + b * z - c * y;
-  out[o + 1] = d * y - a * z + b * w + c * x;
-  out[o + 2] = d * z + a * y - b * x + c * w;
-  out[o + 3] = d * w - a * x - b * y - c * z;
-}
+const tip = new THREE.Vector3(), base = new THREE.Vector3();
+const tipTurn = new THREE.Quaternion(), baseTurn = new THREE.Quaternion();
 
 /** A motion as `place` shows it: `positions`, (joints, 3), and world `rotations`, (joints, 4), x y z w. */
 export class Motion {
   /** The motion in the data of an actor, on a page with this time between frames [s]. */
   static async of(data, frameTime) {
-    const motion = Object.assign(new Motion(), {parents: data.parents, turning: data.turning, still: data.still,
-      moving: data.moving, rate: frameTime / data.frameTime / data.step, frame: -1});
-    const {path, rotations, fixed, offsets, translations} = data;
-    [motion.path, motion.rows, motion.fixed, motion.offsets, motion.translations] = await Promise.all([
-      unpacked(path, Float32Array), unpacked(rotations, Int16Array), unpacked(fixed, Float32Array),
-      unpacked(offsets, Float32Array), unpacked(translations, Float32Array)]);
-    motion.count = motion.path.length / 3;
-    for (let row = 0; row < motion.rows.length; row += motion.count) {
-      for (let k = row + 1; k < row + motion.count; k++) motion.rows[k] += motion.rows[k - 1];
-    }
-    motion.joints = data.parents.length;
-    motion.positions = new Float32Array(3 * motion.joints);
-    motion.rotations = new Float32Array(4 * motion.joints);
-    motion.turns = new Int32Array(motion.joints).fill(-1);
-    motion.slides = new Int32Array(motion.joints).fill(-1);
-    motion.fixes = new Int32Array(motion.joints);
-    data.turning.forEach((joint, k) => { motion.turns[joint] = k; });
-    data.moving.forEach((joint, k) => { motion.slides[joint] = k; });
-    data.still.forEach((joint, k) => { motion.fixes[joint] = k; });
-    return motion;
+    const {parents, turning, still, moving} = data, joints = parents.length;
+    const [rows, path, fixed, offsets, translations] = await Promise.all([unpacked(data.rotations, Int16Array),
+      ...[data.path, data.fixed, data.offsets, data.translations].map(text => unpacked(text, Float32Array))]);
+    const count = path.length / 3;
+    for (let k = 1; k < rows.length; k++) if (k % count) rows[k] += rows[k - 1];
+    const [turns, fixes, slides] = [turning, still, moving].map(some => { // the number of each joint among some, or -1
+      const numbers = new Int32Array(joints).fill(-1);
+      some.forEach((joint, k) => { numbers[joint] = k; });
+      return numbers;
+    });
+    return Object.assign(new Motion(), {parents, rows, path, fixed, offsets, translations, turns, fixes, slides, count,
+      moving, rate: frameTime / data.frameTime / data.step, frame: -1, positions: new Float32Array(3 * joints),
+      rotations: new Float32Array(4 * joints)});
   }
 
   /** Places the joints at a frame of the clip; a motion that ends before keeps its last pose. */
@@ -53,28 +40,26 @@ export class Motion {
     const at = Math.min(Math.floor(frame * this.rate + 1e-6), this.count - 1);
     if (at === this.frame) return;
     this.frame = at;
-    for (let joint = 0; joint < this.joints; joint++) this.placeJoint(joint, at);
+    this.parents.forEach((parent, joint) => this.placeJoint(joint, parent, at));
   }
 
-  placeJoint(joint, at) {
-    const {positions: x, rotations: q, rows, count} = this, parent = this.parents[joint], turn = this.turns[joint];
-    if (turn < 0) multiply(q, 4 * joint, q, 4 * parent, this.fixed, 4 * this.fixes[joint]);
+  placeJoint(joint, parent, at) {
+    const {positions, rotations, rows, count} = this, turn = this.turns[joint], slide = this.slides[joint];
+    baseTurn.fromArray(rotations, 4 * Math.max(parent, 0));
+    if (turn < 0) tipTurn.fromArray(this.fixed, 4 * this.fixes[joint]).premultiply(baseTurn);
+    else tipTurn.set(...[0, 1, 2, 3].map(k => rows[(4 * turn + k) * count + at])).normalize();
+    if (parent < 0) tip.fromArray(this.path, 3 * at);
     else {
-      const row = 4 * turn * count + at, [a, b, c, d] = [0, 1, 2, 3].map(k => rows[row + k * count]);
-      const length = Math.hypot(a, b, c, d);
-      q.set([a / length, b / length, c / length, d / length], 4 * joint);
+      if (slide < 0) tip.fromArray(this.offsets, 3 * joint);
+      else tip.fromArray(this.translations, 3 * (at * this.moving.length + slide));
+      tip.applyQuaternion(baseTurn).add(base.fromArray(positions, 3 * parent));
     }
-    if (parent < 0) {
-      x.set(this.path.subarray(3 * at, 3 * at + 3), 3 * joint);
-      return;
-    }
-    const slide = this.slides[joint], from = slide < 0 ? this.offsets : this.translations;
-    const o = slide < 0 ? 3 * joint : 3 * (at * this.moving.length + slide);
-    const [u, v, w] = [from[o], from[o + 1], from[o + 2]], p = 4 * parent;
-    const [i, j, k, r] = [q[p], q[p + 1], q[p + 2], q[p + 3]];
-    const tx = 2 * (j * w - k * v), ty = 2 * (k * u - i * w), tz = 2 * (i * v - j * u);
-    x[3 * joint] = x[3 * parent] + u + r * tx + j * tz - k * ty;
-    x[3 * joint + 1] = x[3 * parent + 1] + v + r * ty + k * tx - i * tz;
-    x[3 * joint + 2] = x[3 * parent + 2] + w + r * tz + i * ty - j * tx;
+    tipTurn.toArray(rotations, 4 * joint);
+    tip.toArray(positions, 3 * joint);
   }
+}
+
+/** The middle of some joints, each with its motion, [x, y, z]. */
+export function middleOf(joints) {
+  return [0, 1, 2].map(axis => total(joints, ([{positions}, joint]) => positions[3 * joint + axis]) / joints.length);
 }

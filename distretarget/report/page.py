@@ -1,4 +1,5 @@
-"""HTML pages as single files: a template, its styles, the modules of its scripts in one scope, and JSON data.
+"""HTML pages as single files: a template, its styles, the modules of its scripts in one scope, and JSON data; and the
+page over all clips of a batch, with links to their reports.
 
 A page runs no script but its own, by their hashes, and asks for nothing.
 """
@@ -7,24 +8,21 @@ from __future__ import annotations
 
 import html
 import json
+import math
+import os.path
 import re
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from importlib.resources import files
+from types import MappingProxyType
+from typing import Literal, TypedDict
+from urllib.parse import quote
+
+from distretarget.measure.metrics import COLUMNS, as_data
 
 LIBRARY = "three.min.js"
-PLAYER = (
-    "dom.js",
-    "motion.js",
-    "bodies.js",
-    "ground.js",
-    "stage.js",
-    "playback.js",
-    "timeline.js",
-    "marks.js",
-    "player.js",
-)
+PLAYER = ("dom.js", "motion.js", "bodies.js", "stage.js", "playback.js", "timeline.js", "marks.js", "player.js")
 # The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
 STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),
@@ -33,7 +31,7 @@ STYLES = {
     "scene": ("style.css", "player.css"),
 }
 SCRIPTS = {
-    "clip": (*PLAYER, "tables.js", "metrics.js", "curves.js", "clip.js"),
+    "clip": (*PLAYER, "tables.js", "metrics.js", "clip.js"),
     "audit": (),
     "index": (*PLAYER, "metrics.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
@@ -41,6 +39,9 @@ SCRIPTS = {
 IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)
 HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
+ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
+METRIC_COLUMNS = tuple(name for name, (_, metric) in COLUMNS.items() if "page over clips" in metric.places)
+FIELDS = ("clip", "link", "stage", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
 
 
 def html_page(kind: str, title: str, data: Mapping[str, object], **content: str) -> str:
@@ -72,3 +73,93 @@ def script_json(value: object) -> str:
 
 def _asset(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+class ClipRecord(TypedDict):
+    """The fields of a line of a manifest that the page shows."""
+
+    input: str  # path of the clip
+    output: str  # path of the result, relative to the folder of results, with slashes
+    target: str  # path of the target's file
+    frames: int  # retargeted
+    seconds: float  # that this took [s]
+    metrics: Mapping[str, float | None]  # by `COLUMNS`; None where nothing was measured; empty if it failed
+    warnings: list[str]  # a line each
+    status: Literal["done", "failed"]
+    error: str  # why it failed; empty if it did not
+
+
+def index_page(
+    records: Sequence[ClipRecord],
+    links: Mapping[str, str],
+    title: str,
+    version: str,
+    stages: Mapping[str, object] = MappingProxyType({}),
+) -> str:
+    """The HTML of the page over clips, from lines of a manifest, one for each output.
+
+    `links` are the paths of their reports by output, relative to the page and not quoted; `stages` are what the player
+    shows of some clips, the first at first; `version` is the program's.
+    """
+    table = _table(records, links, [*stages])
+    data = {"batch": {**table, "version": version}, "registry": as_data("the source", "the result")}
+    return html_page("index", title, data | {f"stage-{k}": stage for k, stage in enumerate(stages.values())})
+
+
+def _table(records: Sequence[ClipRecord], links: Mapping[str, str], played: Sequence[str]) -> dict[str, object]:
+    """The records in few bytes: the name of the `folder` of all clips, which their names omit; `targets` and `warnings`
+    once each; and for each clip a row of the values of `FIELDS`, with target and warnings as indices.
+    """
+    targets = list(dict.fromkeys(record["target"] for record in records))
+    folder, target_folder = folder_of(record["input"] for record in records), folder_of(targets)
+    warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))
+    target_at, warning_at = ({text: k for k, text in enumerate(texts)} for texts in (targets, warnings))
+    rows = [
+        [
+            record["input"][len(folder) :],
+            _url(links.get(record["output"])),
+            played.index(record["output"]) if record["output"] in played else None,
+            target_at[record["target"]],
+            *((1, record["frames"], _number(record["seconds"])) if record["status"] == "done" else (0, None, None)),
+            [warning_at[text] for text in record["warnings"]],
+            _reason(record),
+            *(_number(record["metrics"].get(name)) for name in METRIC_COLUMNS),
+        ]
+        for record in records
+    ]
+    names = [target[len(target_folder) :] for target in targets]
+    told = ABSOLUTE.sub(r"\1", folder)
+    return {"folder": told, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
+
+
+def _number(value: object) -> float | None:
+    """A number with six digits, unless it is whole; None for anything else."""
+    if isinstance(value, int):
+        return value
+    return float(f"{value:.6g}") if isinstance(value, float) and math.isfinite(value) else None
+
+
+def folder_of(paths: Iterable[str]) -> str:
+    """Return the common prefix of all paths, up to and including its last slash or backslash."""
+    common = os.path.commonprefix(list(paths))  # noqa: RUF071 (by letters, as paths may be of any system)
+    return common[: max(common.rfind("/"), common.rfind("\\")) + 1]
+
+
+def _reason(record: ClipRecord) -> str | None:
+    """Why a clip failed, without the names of clip and target, which the page shows anyway."""
+    if record["status"] == "done":
+        return None
+    error = str(record["error"] or "no reason given")
+    if error.startswith(f"{record['input']}:"):
+        error = re.sub(r"^:(\d+): ", r": line \1: ", error.removeprefix(record["input"])).removeprefix(": ")
+    return error.removeprefix(f"{record['target']}: ")
+
+
+def _url(path: str | None) -> str | None:
+    """The relative URL of a path, from the bytes of its name in the file system."""
+    if path is None:
+        return None
+    try:
+        return quote(path, errors="surrogateescape")
+    except UnicodeEncodeError:  # half characters that stand for no byte, as in names on Windows
+        return quote(path, errors="surrogatepass")

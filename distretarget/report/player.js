@@ -2,15 +2,20 @@
 
 import {$, button, element, embedded, themed} from './dom.js';
 import {buildTimeline} from './timeline.js';
-import {buildTransport, clock, goTo, jump, markLoop, onFrame, repaint, setPlaying,
-  watchers} from './playback.js';
+import {buildTransport, clock, goTo, jump, markLoop, onFrame, repaint, setPlaying, watchers} from './playback.js';
 import {Marks} from './marks.js';
 import {MOST_VIEWS, Stage} from './stage.js';
 
 const press = id => () => $(id).click();
 const step = sign => event => goTo(clock.frame + sign * (event.shiftKey ? 10 : 1));
-const steer = (x, y) => (event, stage) => (
-  event.shiftKey ? stage.pan(40 * x, 40 * y) : stage.orbit(0.12 * x, -0.12 * y));
+const steer = (x, y) => ({shiftKey}, {controls}) => {
+  if (shiftKey) controls.pan(40 * x, 40 * y);
+  else {
+    controls.rotateLeft(0.12 * x);
+    controls.rotateUp(-0.12 * y);
+  }
+};
+const zoom = factor => (_, {controls}) => controls.dollyIn(factor);
 const KEYS = [ // what the list of keys calls them, what each does, and what the list says of them
   ['Space', {' ': () => setPlaying(!clock.playing)}, 'play or stop'],
   ['← →', {ArrowLeft: step(-1), ArrowRight: step(1)}, 'a frame back or on; with Shift ten'],
@@ -18,7 +23,7 @@ const KEYS = [ // what the list of keys calls them, what each does, and what the
   ['B N', {b: () => jump(-1), n: () => jump(1)}, 'back or on to a worst frame, contact or cut'],
   ['L', {l: markLoop}, 'begin, end and leave a loop'],
   ['A D W S', {a: steer(-1, 0), d: steer(1, 0), w: steer(0, 1), s: steer(0, -1)}, 'turn the view; with Shift move it'],
-  ['+ −', {'+': (_, stage) => stage.zoom(1.2), '-': (_, stage) => stage.zoom(1 / 1.2)}, 'zoom'],
+  ['+ −', {'+': zoom(1 / 1.2), '-': zoom(1.2)}, 'zoom'],
   ['O', {o: press('overlaid')}, 'lay bodies over each other'],
   ['F', {f: press('follow')}, 'follow the body'],
   ['T', {t: press('trails')}, 'paths of hands and feet'],
@@ -43,13 +48,12 @@ function onKey(event) {
 }
 
 /** Makes a button switch something on and off. */
-function toggle(id, owner, name, stage) {
+function toggle(id, owner, name, then = repaint) {
   $(id).setAttribute('aria-pressed', owner[name]);
   $(id).addEventListener('click', () => {
     owner[name] = !owner[name];
     $(id).setAttribute('aria-pressed', owner[name]);
-    if (name === 'overlaid') relabel(stage);
-    repaint();
+    then();
   });
 }
 
@@ -101,8 +105,7 @@ function copyView() {
 
 function savePicture(stage) {
   stage.draw(clock.frame);
-  const link = element('a', {href: stage.canvas.toDataURL('image/png'), download: `frame_${clock.frame}.png`});
-  link.click();
+  element('a', {href: stage.canvas.toDataURL('image/png'), download: `frame_${clock.frame}.png`}).click();
 }
 
 function buildKeys() {
@@ -138,15 +141,15 @@ export async function buildPlayer(data = embedded('stage')) {
   }
   const marks = new Marks(stage, rows);
   buildSides(stage);
-  toggle('overlaid', stage, 'overlaid', stage);
+  toggle('overlaid', stage, 'overlaid', () => relabel(stage));
   toggle('follow', stage, 'follow');
   toggle('trails', marks, 'trails');
   toggle('marks', marks, 'shown');
   $('overlaid').hidden = stage.sides.length < 2 || stage.sides.length > MOST_VIEWS;
   $('marks').hidden = !rows.length;
-  look('front', stage, data.facing, 0.05);
-  look('side', stage, data.facing + Math.PI / 2, 0.05);
-  look('reset', stage, data.facing + 0.5, 0.2);
+  look('front', stage, 0, 0.05);
+  look('side', stage, Math.PI / 2, 0.05);
+  look('reset', stage, 0.5, 0.2);
   $('picture').addEventListener('click', () => savePicture(stage));
   $('full').addEventListener('click', () => (
     document.fullscreenElement ? document.exitFullscreen() : $('stage-box').requestFullscreen()));

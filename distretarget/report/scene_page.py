@@ -1,6 +1,8 @@
-"""The report on a scene, or on the diff of two: a player of both sides, and tables of gaps and metrics.
+"""The report on a scene, or on the diff of two: a player of both sides, and tables of gaps and metrics; and the diff as
+one document, for JSON, or CSV with a row for each frame.
 
-Rows of its timeline are the contacts between performers and props.
+Rows of the timeline are the contacts between performers and props. `scene_diff.schema.json` describes every key of the
+document.
 """
 
 from __future__ import annotations
@@ -20,20 +22,31 @@ from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff, SceneDiff
 from distretarget.measure.gaps import TOUCH_DISTANCE, SkinGap, Touch
-from distretarget.measure.metrics import BY_KEY
+from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.numerics.vectors import lengths
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.actors import upright
+from distretarget.report.actors import Role, upright
 from distretarget.report.clip_page import run_diff, shown_performer
-from distretarget.report.diff_document import About, document
+from distretarget.report.diff_document import (
+    About,
+    DiffDocument,
+    Table,
+    Values,
+    csv_text,
+    document,
+    judged,
+    rounded,
+)
 from distretarget.report.page import html_page
-from distretarget.report.scene_diff_document import SceneDiffDocument, Table, gap_table, metric_table, scene_document
 from distretarget.report.stage import ShownBody, stage_of_bodies
 from distretarget.report.timeline_rows import Row, limit_of
 from distretarget.scene.retargeting import SceneResult
 from distretarget.skin.capsules import SEGMENTS
 
 Array = NDArray[np.float64]
+Pair = tuple[int, int]
+GAP_ERROR = "gap_error"  # the metric of a whole scene
+OTHER: Role = "other"  # of all performers of a scene
 NO_GAP = "\u2013"  # where two never touch
 OFF = 50.0 * TOUCH_DISTANCE  # a gap that is farther off than this is not kept well [% of leg length]
 
@@ -73,55 +86,45 @@ def write_scene_report(
 
 def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     """The HTML of the report on a scene: its source and its result; `names` are as in `write_scene_report`."""
-    pairs = zip(names, result.results, strict=False)
-    bodies = [shown_performer(name, run_diff(one), one) for name, one in pairs]
+    bodies = [shown_performer(name, run_diff(one), one) for name, one in zip(names, result.results, strict=False)]
     props = zip(names[len(bodies) :], result.props, strict=True)
     bodies += [ShownBody(name=name, motions=(prop.source, prop.copy, prop.motion)) for name, prop in props]
-    title, tables = " and ".join(names), [*_skin_gaps_of_result(result, names), _gaps_of_result(result, names)]
-    tables = [table for table in tables if table["rows"]]
-    sides = ("Source", "Copied rotations", "Result")
+    tables = [table for table in (_skin_gaps_of(result, names), _gaps_of(result, names)) if table["rows"]]
+    sides, title = ("Source", "Copied rotations", "Result"), " and ".join(names)
     return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables, result.skin_gaps)
 
 
-def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
+def scene_diff_page(diff: SceneDiff, document: Values) -> str:
     """The HTML of the report on the diff of two scenes, A and B."""
     bodies = [shown_performer(name, one) for name, one in zip(document["performers"], diff.performers, strict=True)]
-    bodies += [ShownBody(name=name, motions=(a, b)) for name, (a, b) in zip(document["props"], diff.props, strict=True)]
+    bodies += [ShownBody(name=name, motions=pair) for name, pair in zip(document["props"], diff.props, strict=True)]
     title, sides = f"{document['b']} against {document['a']}", (f"A: {document['a']}", f"B: {document['b']}")
     tables = [gap_table(document), metric_table(document)]
     return _player_page(title, sides, bodies, diff.performers[0], diff.world_scale, tables, {})
 
 
-def _skin_gaps_of_result(result: SceneResult, names: Sequence[str]) -> Iterator[Table]:
-    """The table of gaps between skins; none where fewer than two performers have skins."""
+def _skin_gaps_of(result: SceneResult, names: Sequence[str]) -> Table:
+    """The table of gaps between skins; without rows where fewer than two performers have skins."""
     rows: list[list[str | int]] = []
     for (i, j), gap in result.skin_gaps.items():
-        told: list[str | int] = (
-            [f"{gap.error:.1f}", gap.worst.frame, " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
-        )
+        told = [f"{gap.error:.1f}", gap.worst.frame, " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
         rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told])
-    if rows:
-        title = (
-            "Gaps between skins that touch in the source: their difference from the source\u2019s, in % of the height"
-        )
-        yield {"title": title, "columns": ["between", "frames", "mean", "worst frame", "parts"], "rows": rows}
+    title = "Gaps between skins that touch in the source: their difference from the source\u2019s, in % of the height"
+    return Table(title=title, columns=["between", "frames", "mean", "worst frame", "parts"], rows=rows)
 
 
-def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
+def _gaps_of(result: SceneResult, names: Sequence[str]) -> Table:
     """The table of gaps between joints, where not both have skins."""
     rows: list[list[str | int]] = []
     for (i, j), gap in result.gaps.items():
-        if (i, j) in result.skin_gaps:
-            continue
-        copy = result.copy_gaps[i, j]
-        numbers = [f"{100 * mean:.1f}" for mean in (gap.a, copy.b, gap.b, gap.worst)] if gap and copy else [NO_GAP] * 4
-        rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *numbers])
+        if (i, j) not in result.skin_gaps:
+            copy = result.copy_gaps[i, j]
+            means = (gap.a, copy.b, gap.b, gap.worst) if gap and copy else ()
+            numbers = [f"{100 * mean:.1f}" for mean in means] or [NO_GAP] * 4
+            rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *numbers])
     title = "Mean gap where they touch in the source, in % of a leg of the source\u2019s world"
-    return {
-        "title": title,
-        "columns": ["between", "frames", "source", "rotation copy", "result", "worst 1 %"],
-        "rows": rows,
-    }
+    columns = ["between", "frames", "source", "rotation copy", "result", "worst 1 %"]
+    return Table(title=title, columns=columns, rows=rows)
 
 
 def _player_page(
@@ -140,30 +143,15 @@ def _player_page(
     units of the other sides per unit of the first, along the floor.
     """
     leg, up = first.matching.leg_lengths[0] or first.matching.source.unit / 2.0, first.world.up_vector
-    rows = [
-        row
-        for pair in combinations(range(len(bodies)), 2)
-        if bodies[pair[0]].measured
-        for row in (_skins(pair, bodies, skin_gaps[pair]) if pair in skin_gaps else _touching(pair, bodies, leg, scale))
-    ]
-    units = 2.0 * leg, 2.0 * leg * scale
-    stage = stage_of_bodies(bodies, dict.fromkeys(sides), up, units, _facing(bodies, up), rows)
+    rows: list[Row] = []
+    for pair in combinations(range(len(bodies)), 2):
+        if pair in skin_gaps:
+            rows += _skins(pair, bodies, skin_gaps[pair])
+        elif bodies[pair[0]].measured:
+            rows += _touching(pair, bodies, leg, scale)
+    units, roles = (2.0 * leg, 2.0 * leg * scale), dict.fromkeys(sides, OTHER)
+    stage = stage_of_bodies(bodies, roles, up, units, _facing(bodies, up), rows)
     return html_page("scene", title, {"stage": stage, "numbers": tables})
-
-
-def _joints(body: ShownBody) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The joints that may touch others, on the first side and on the others: the driven ones, and all of a prop."""
-    if body.measured is None:
-        joints = np.arange(len(body.motions[0].skeleton))
-        return joints, joints
-    matching = body.measured.matching
-    return matching.drivers[matching.body_joints], matching.body_joints
-
-
-def _region(body: ShownBody, joint: int) -> str:
-    """The name of a body's region that one of the joints of B is in; empty for a prop."""
-    regions = body.measured.matching.regions if body.measured else None
-    return f"{body.name}'s {regions.names[regions.of_joint[joint]]}" if regions else body.name
 
 
 def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
@@ -175,7 +163,7 @@ def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
     return math.atan2(-z, x) - 0.55
 
 
-def _skins(pair: tuple[int, int], bodies: Sequence[ShownBody], gap: SkinGap | None) -> Iterator[Row]:
+def _skins(pair: Pair, bodies: Sequence[ShownBody], gap: SkinGap | None) -> Iterator[Row]:
     """A row for each two parts of two performers whose skins touch on the first side: how far their gap is off."""
     touches: dict[tuple[str, str], list[Touch]] = defaultdict(list)
     for touch in gap.touches if gap else ():
@@ -184,8 +172,8 @@ def _skins(pair: tuple[int, int], bodies: Sequence[ShownBody], gap: SkinGap | No
         values = np.full(len(bodies[pair[0]].motions[0]), np.nan)
         values[[touch.frame for touch in found]] = [touch.error for touch in found]
         ends = [end for at, part in zip(pair, parts, strict=True) for end in _joint_of(bodies[at], part)]
-        points = _marks(pair, bodies, ends if len(ends) == len(pair) else ())
         name = " - ".join(f"{bodies[at].name}'s {part}" for at, part in zip(pair, parts, strict=True))
+        points = _marks(pair, bodies, ends)
         yield Row(name, "contact", values, limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
 
 
@@ -198,38 +186,110 @@ def _joint_of(body: ShownBody, part: str) -> Iterator[tuple[int, int]]:
         yield int(matching.drivers[joint]), joint
 
 
-def _marks(
-    pair: tuple[int, int], bodies: Sequence[ShownBody], ends: Sequence[tuple[int, int]]
-) -> list[list[tuple[int, int]]]:
+def _marks(pair: Pair, bodies: Sequence[ShownBody], ends: Sequence[tuple[int, int]]) -> list[list[tuple[int, int]]]:
     """The joints of two bodies between which a mark is on each side, from those on the first and on the others; none
-    on any from none.
+    on any unless both have one.
     """
-    return [
-        [(side * len(bodies) + at, end[min(side, 1)]) for at, end in zip(pair, ends, strict=True)] if ends else []
-        for side in range(len(bodies[pair[0]].motions))
-    ]
+    both = [*zip(pair, ends, strict=True)] if len(ends) == len(pair) else []
+    sides = range(len(bodies[pair[0]].motions))
+    return [[(side * len(bodies) + at, end[min(side, 1)]) for at, end in both] for side in sides]
 
 
-def _touching(pair: tuple[int, int], bodies: Sequence[ShownBody], leg: float, scale: float) -> Iterator[Row]:
+def _touching(pair: Pair, bodies: Sequence[ShownBody], leg: float, scale: float) -> Iterator[Row]:
     """A row for each two regions of two bodies of which joints touch on the first side: how far the gap is off."""
     one, other = (bodies[number] for number in pair)
     of = [_joints(body) for body in (one, other)]
     a, b = (body.motions[0].positions[:, own] for body, (own, _) in zip((one, other), of, strict=True))
     last = [body.motions[-1].positions for body in (one, other)]
-    off: dict[str, Array] = defaultdict(lambda: np.full(len(a), np.inf))
-    joints: dict[str, tuple[int, int]] = {}
+    off: dict[str, Array] = defaultdict(lambda: np.full(len(a), np.nan))
+    joints: dict[str, list[tuple[int, int]]] = {}
     for frame, (x, y) in enumerate(zip(a, b, strict=True)):
         gaps = lengths(x[:, None] - y)
         for k in np.flatnonzero(gaps.min(axis=1) < TOUCH_DISTANCE * leg).tolist():
             n = int(gaps[k].argmin())
-            u, v = int(of[0][1][k]), int(of[1][1][n])
+            ends = [(int(first[at]), int(others[at])) for (first, others), at in zip(of, (k, n), strict=True)]
+            (_, u), (_, v) = ends
             gap = float(np.linalg.norm(last[0][frame, u] - last[1][frame, v])) / scale
             name = f"{_region(one, u)} - {_region(other, v)}"
-            off[name][frame] = min(off[name][frame], 100.0 * abs(gap - gaps[k, n]) / leg)
-            joints.setdefault(name, (k, n))
+            off[name][frame] = np.fmin(off[name][frame], 100.0 * abs(gap - gaps[k, n]) / leg)
+            joints.setdefault(name, ends)
     for name, values in off.items():
-        ends = [(int(own[0][k]), int(own[1][k])) for own, k in zip(of, joints[name], strict=True)]
-        points = _marks(pair, bodies, ends)
-        yield Row(
-            name, "contact", np.where(np.isfinite(values), values, np.nan), OFF, BY_KEY["contact_gap"].symbol, points
-        )
+        yield Row(name, "contact", values, OFF, BY_KEY["contact_gap"].symbol, _marks(pair, bodies, joints[name]))
+
+
+def _joints(body: ShownBody) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The joints that may touch others, on the first side and on the others: the driven ones, and all of a prop."""
+    if body.measured is None:
+        joints = np.arange(len(body.motions[0].skeleton))
+        return joints, joints
+    matching = body.measured.matching
+    return matching.drivers[matching.body_joints], matching.body_joints
+
+
+def _region(body: ShownBody, joint: int) -> str:
+    """The name of a body's region that one of the joints of B is in; only the body's for a prop."""
+    regions = body.measured.matching.regions if body.measured else None
+    return f"{body.name}'s {regions.names[regions.of_joint[joint]]}" if regions else body.name
+
+
+def scene_document(
+    diff: SceneDiff, performers: Mapping[str, DiffDocument], props: Sequence[str], about: About
+) -> Values:
+    """The diff of two scenes as JSON values, from the documents of the performers and the names of the props.
+
+    `about` has the limits of `GAP_ERROR`.
+    """
+    means: Sequence[float | None] = [rounded(100.0 * gap) for gap in diff.mean_gaps or ()] or [None] * 3
+    names = [*performers, *props]
+    return {
+        "format": "distretarget-scene-diff",
+        "version": 1,
+        "a": about.a,
+        "b": about.b,
+        "program": {"version": about.version, "command": about.command},
+        "world_scale": diff.world_scale,
+        **dict(zip(("gap_a", "gap_b", "gap_error"), means, strict=True)),
+        "limits": [judged(key, limit, means[-1]) for key, limit in about.limits],
+        "performers": dict(performers),
+        "props": list(props),
+        "gaps": [
+            {
+                "between": [names[number] for number in gap.between],
+                "regions": list(gap.regions),
+                "joints": list(gap.joints),
+                "worst_frame": gap.worst_frame,
+                "frames": gap.frames,
+                **{f"gap_{key}": rounded(100.0 * getattr(gap, key)) for key in ("a", "b", "worst", "error")},
+            }
+            for gap in diff.gaps
+        ],
+    }
+
+
+def scene_csv(document: Values) -> str:
+    """The frames of all performers as CSV: a row of keys, then a row for each performer and frame."""
+    performers = document["performers"].items()
+    return csv_text([{"performer": name, **frame} for name, one in performers for frame in one["frames"]])
+
+
+def gap_table(document: Values) -> Table:
+    """The gaps between regions that touch in A, the longest contact first."""
+    rows: list[list[str | int]] = []
+    for gaps in document["gaps"]:
+        parts = zip(gaps["between"], gaps["regions"], strict=True)
+        touching = " - ".join(f"{name}'s {region}" if region else name for name, region in parts)
+        numbers = [f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_worst", "gap_error")]
+        rows.append([touching, str(gaps["frames"]), *numbers, gaps["worst_frame"]])
+    columns = ["between", "frames", "A", "B", "worst 1 % in B", "error", "worst frame"]
+    return Table(title="Mean gap where they touch in A, in % of a leg of A\u2019s world", columns=columns, rows=rows)
+
+
+def metric_table(document: Values) -> Table:
+    """The metrics of all performers: of A, where it has one, and of B."""
+    sides = [one["metrics"][side] for one in document["performers"].values() for side in ("source", "result")]
+    rows: list[list[str | int]] = []
+    for metric in METRICS:
+        name = f"{metric.label}, {metric.symbol}" if metric.symbol else metric.label
+        rows.append([name, *(metric.brief(side.get(metric.key)) for side in sides)])
+    columns = ["metric", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
+    return Table(title="Metrics of each performer", columns=columns, rows=rows)

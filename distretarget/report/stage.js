@@ -1,11 +1,11 @@
-// The stage: actors on a floor, in a view for each side or in one, through one camera.
+// The stage: actors on a floor, in a view for each side or in one, through one camera; light, and shadows on the floor.
 /* global THREE */
 
 import {clamp, colourOf, onTheme} from './dom.js';
-import {Ground} from './ground.js';
 import {bend, bendable, bodyOf, materialsOf, SOFTWARE} from './bodies.js';
-import {Motion} from './motion.js';
+import {middleOf, Motion} from './motion.js';
 
+const FIELD = 26, SLOPE = 2 * Math.tan(FIELD * Math.PI / 360); // of the camera, upwards [degrees], and per distance
 const SAMPLES = 24; // frames from which the size of the view is found
 const PERFORMERS = ['result', 'amber', 'violet', 'green'];
 const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
@@ -13,50 +13,95 @@ const RESTS = 200; // a picture that has been the same for so long rests [ms]
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
 const VEILED = 0.4; // opacity of what another body is laid over
+const CELL = 0.25, BLOCK = 1; // of the grid, and of its stronger lines [body units]
+const REACH = 7; // of the grid from its middle; the air hides it before [body units]
+const LIFT = 0.001; // of shadows over the floor, and of the grid over shadows [body units]
+
+/** The lines of a grid, in short pieces, as some drivers drop a line that begins behind the camera. */
+function gridOf(cell, tone) {
+  const corners = [];
+  for (let across = -REACH; across <= REACH; across += cell) {
+    for (let along = -REACH; along < REACH; along += BLOCK) {
+      const end = along + BLOCK, y = 2 * LIFT;
+      corners.push(across, y, along, across, y, end, along, y, across, end, y, across);
+    }
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(corners), 3));
+  return Object.assign(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial()), {tone});
+}
+
+class Ground {
+  /** The ground of a scene, lit from the side that looks along `facing`. */
+  constructor(scene, facing) {
+    const light = new THREE.DirectionalLight(0xffffff, 2.1), {x, y, z} = light.position.setFromSphericalCoords(
+      1, 0.51, facing + 0.7);
+    this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
+    this.grid = new THREE.Group().add(gridOf(CELL, 'line-floor'), gridOf(BLOCK, 'line-strong'));
+    this.dark = new THREE.MeshBasicMaterial({fog: false});
+    this.flat = new THREE.Matrix4().set(1, -x / y, 0, 0, 0, 0, 0, LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
+    scene.add(light, light.target, this.sky, this.grid);
+  }
+
+  /** The shadow of a mesh: the mesh pressed flat along the light. */
+  shadowOf({geometry}) {
+    const shadow = Object.assign(new THREE.Mesh(geometry, this.dark), {matrixAutoUpdate: false, frustumCulled: false});
+    shadow.matrix.copy(this.flat);
+    return shadow;
+  }
+
+  /** Takes the colours of the page, and returns that of the air, into which the ground fades. */
+  paint(scene) {
+    const air = new THREE.Color(colourOf('stage'));
+    scene.fog = new THREE.Fog(air, 1, 10);
+    this.sky.groundColor.set(colourOf('stage-below'));
+    this.dark.color.set(colourOf('shadow'));
+    for (const {material, tone} of this.grid.children) material.color.set(colourOf(tone));
+    return air;
+  }
+}
 
 export class Stage {
   /** A stage with the actors of a page; `repaint` is called when the camera moves. */
   static async of(canvas, data, repaint) {
-    const {facing, frames} = data;
-    const stage = Object.assign(new Stage(), {canvas, facing, frames, overlaid: false, follow: true, framed: ''});
     const bodies = await Promise.all(data.bodies.map(bodyOf));
-    stage.sides = data.sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
-    stage.actors = await Promise.all(data.actors.map(async (actor, number) => {
-      const side = stage.sides[actor.side];
+    const sides = data.sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
+    const actors = data.actors.map(actor => {
+      const side = sides[actor.side], body = bodies[actor.body];
       const tone = actor.role === 'other' ? PERFORMERS[side.actors.length % 4] : COLOURS[actor.role];
-      const body = bodies[actor.body], plain = actor.role === 'copy' || !body.materials.length;
+      const plain = actor.role === 'copy' || !body.stated.length;
       const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
       materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
-      const mesh = bendable(body, materials), {crown} = body;
-      const made = {...actor, number, tone, mesh, materials, plain, crown};
+      const made = {...actor, tone, plain, materials, mesh: bendable(body, materials), crown: body.crown};
       side.actors.push(made);
-      side.group.add(mesh);
-      made.motion = await Motion.of(actor, data.frame_time);
+      side.group.add(made.mesh);
       return made;
-    }));
-    if (canvas.clientWidth < NARROW && stage.sides.length === 3) stage.sides[1].shown = false;
-    if (stage.sides.length > MOST_VIEWS) stage.sides.forEach((side, k) => { side.shown = k === (data.first || 0); });
-    stage.build(repaint);
-    return stage;
+    });
+    await Promise.all(actors.map(async actor => { actor.motion = await Motion.of(actor, data.frame_time); }));
+    if (canvas.clientWidth < NARROW && sides.length === 3) sides[1].shown = false;
+    if (sides.length > MOST_VIEWS) sides.forEach((side, k) => { side.shown = k === (data.first || 0); });
+    return new Stage({canvas, sides, actors, repaint, facing: data.facing, frames: data.frames});
   }
 
-  build(repaint) {
-    Object.assign(this, {repaint, drawn: -Infinity});
+  constructor(given) {
+    Object.assign(this, given, {overlaid: false, follow: true, framed: '', drawn: -Infinity});
     this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE});
     this.renderer.setScissorTest(true);
     this.scene = new THREE.Scene();
-    this.camera = new THREE.PerspectiveCamera(26, 1, 0.05, 100);
+    this.camera = new THREE.PerspectiveCamera(FIELD, 1, 0.05, 100);
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     Object.assign(this.controls, {minDistance: 0.15, maxDistance: 40, maxPolarAngle: 1.75});
-    this.controls.addEventListener('change', repaint);
-    for (const side of this.sides) side.room = this.measured(side);
+    this.controls.addEventListener('change', this.repaint);
     this.ground = new Ground(this.scene, this.facing);
-    for (const {group, actors} of this.sides) group.add(...actors.map(({mesh}) => this.ground.shadowOf(mesh)));
-    this.scene.add(...this.sides.map(({group}) => group));
-    this.look(this.facing + 0.5, 0.2);
+    for (const side of this.sides) {
+      side.room = this.measured(side);
+      side.group.add(...side.actors.map(({mesh}) => this.ground.shadowOf(mesh)));
+      this.scene.add(side.group);
+    }
+    this.look(0.5, 0.2);
     onTheme(() => {
       this.paint();
-      repaint();
+      this.repaint();
     });
   }
 
@@ -67,15 +112,11 @@ export class Stage {
   }
 
   /** Where the performers of a side are at a frame, on the floor: [x, z]. */
-  centre(side, frame) {
-    const leads = side.actors.filter(({role}) => role !== 'prop'), sum = [0, 0];
-    const seen = leads.length ? leads : side.actors;
-    side.actors.forEach(({motion}) => motion.place(frame));
-    for (const {motion, centre} of seen) {
-      sum[0] += motion.positions[3 * centre] / seen.length;
-      sum[1] += motion.positions[3 * centre + 2] / seen.length;
-    }
-    return sum;
+  centre({actors}, frame) {
+    const leads = actors.filter(({role}) => role !== 'prop'), seen = leads.length ? leads : actors;
+    actors.forEach(({motion}) => motion.place(frame));
+    const [x, , z] = middleOf(seen.map(({motion, centre}) => [motion, centre]));
+    return [x, z];
   }
 
   /** How wide and high the view of a side has to be [body units], and its middle over the clip, [x, z]. */
@@ -83,7 +124,7 @@ export class Stage {
     const middle = [0, 0];
     let wide = 0, high = 0;
     for (let k = 0; k < SAMPLES; k++) {
-      const frame = Math.round(k * (this.frames - 1) / (SAMPLES - 1)), [x, z] = this.centre(side, frame);
+      const [x, z] = this.centre(side, Math.round(k * (this.frames - 1) / (SAMPLES - 1)));
       for (const {motion: {positions: p}, crown} of side.actors) {
         for (let at = 0; at < p.length; at += 3) {
           wide = Math.max(wide, Math.hypot(p[at] - x, p[at + 2] - z));
@@ -98,8 +139,8 @@ export class Stage {
 
   /** The largest room of the sides that are shown. */
   get room() {
-    const rooms = this.views.flat().map(({room}) => room);
-    return {across: Math.max(...rooms.map(room => room.across)), high: Math.max(...rooms.map(room => room.high))};
+    const most = name => Math.max(...this.views.flat().map(({room}) => room[name]));
+    return {across: most('across'), high: most('high')};
   }
 
   get views() {
@@ -107,10 +148,12 @@ export class Stage {
     return this.overlaid ? [seen] : seen.map(side => [side]);
   }
 
-  /** Looks from a direction, angles from z about y and upwards [rad], at the whole room; pans and zooms are undone. */
+  /** Looks from a direction, angles from the front about y and upwards [rad], at the whole room; pans and zooms are
+   * undone.
+   */
   look(azimuth, elevation) {
-    this.controls.target.set(0, 0.48 * this.room.high, 0);
-    this.camera.position.setFromSphericalCoords(1, Math.PI / 2 - elevation, azimuth).add(this.controls.target);
+    const target = this.controls.target.set(0, 0.48 * this.room.high, 0);
+    this.camera.position.setFromSphericalCoords(1, Math.PI / 2 - elevation, this.facing + azimuth).add(target);
     this.framed = '';
   }
 
@@ -118,9 +161,9 @@ export class Stage {
   frame(aspect) {
     if (this.framed === aspect.toFixed(2)) return;
     this.framed = aspect.toFixed(2);
-    const slope = 2 * Math.tan(this.camera.fov * Math.PI / 360), {high, across} = this.room;
-    const away = Math.max(1.1 * high, across / aspect) / slope + 0.3 * across;
-    this.camera.position.sub(this.controls.target).setLength(away).add(this.controls.target);
+    const {room: {high, across}, controls: {target}} = this;
+    const away = Math.max(1.1 * high, across / aspect) / SLOPE + 0.3 * across;
+    this.camera.position.sub(target).setLength(away).add(target);
     this.controls.update();
   }
 
@@ -155,7 +198,7 @@ export class Stage {
     const away = camera.position.distanceTo(target), {x, z} = sides.at(-1).group.position;
     for (const side of this.sides) side.group.visible = sides.includes(side);
     Object.assign(this.scene.fog, {near: away + 0.6, far: away + 6});
-    this.ground.moveTo(x, z);
+    this.ground.grid.position.set(x % BLOCK, 0, z % BLOCK); // it moves with the world
     this.renderer.setViewport(...box);
     this.renderer.setScissor(...box);
     this.renderer.render(this.scene, camera);
@@ -164,10 +207,9 @@ export class Stage {
   /** Draws a frame of the last side alone, from in front, on a 2D canvas. */
   snapshot(frame, picture) {
     const side = this.sides.at(-1), {high, across} = side.room, {width, height} = picture;
-    const camera = new THREE.PerspectiveCamera(this.camera.fov, width / height, 0.05, 100);
+    const camera = new THREE.PerspectiveCamera(FIELD, width / height, 0.05, 100);
     const middle = new THREE.Vector3(0, 0.48 * high, 0), ratio = this.renderer.getPixelRatio();
-    const away = 1.02 * high / (2 * Math.tan(camera.fov * Math.PI / 360)) + 0.2 * across;
-    camera.position.setFromSphericalCoords(away, 1.4, this.facing + 0.5).add(middle);
+    camera.position.setFromSphericalCoords(1.02 * high / SLOPE + 0.2 * across, 1.4, this.facing + 0.5).add(middle);
     camera.lookAt(middle);
     this.place(side, frame, [side]);
     this.render([side], camera, middle, [0, 0, width / ratio, height / ratio]);
@@ -183,28 +225,9 @@ export class Stage {
       motion.place(frame);
       if (mesh.bent !== motion.frame) bend(mesh, motion);
       mesh.bent = motion.frame;
-      if (side.veiled === veiled) continue;
-      for (const one of materials) {
-        Object.assign(one, veiled ? {transparent: true, opacity: VEILED} : one.userData, {needsUpdate: true});
-      }
+      const veil = one => (veiled ? {transparent: true, opacity: VEILED} : one.userData);
+      if (side.veiled !== veiled) materials.forEach(one => Object.assign(one, veil(one), {needsUpdate: true}));
     }
     side.veiled = veiled;
-  }
-
-  /** Turns the camera by angles [rad], moves it by pixels, or zooms it by a factor. */
-  orbit(azimuth, elevation) {
-    this.controls.rotateLeft(azimuth);
-    this.controls.rotateUp(elevation);
-    this.controls.update();
-  }
-
-  pan(x, y) {
-    this.controls.pan(x, y);
-    this.controls.update();
-  }
-
-  zoom(factor) {
-    this.camera.position.sub(this.controls.target).divideScalar(factor).add(this.controls.target);
-    this.controls.update();
   }
 }

@@ -65,8 +65,8 @@ function buildCopying(parts) {
       chosen = part;
       repaint();
     };
-    part.name.addEventListener('focus', choose);
-    for (const one of [part.name, part.track]) one.addEventListener('pointerenter', choose);
+    element(part.name, {on: {focus: choose, pointerenter: choose}});
+    element(part.track, {on: {pointerenter: choose}});
   }
   $('copy').addEventListener('click', async () => {
     copied = entryAt(chosen.row, clock.frame).json;

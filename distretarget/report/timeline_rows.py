@@ -15,7 +15,7 @@ from distretarget.measure.contacts import CONTACT_DISTANCE
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.skin import TOUCHABLE
-from distretarget.measure.skin_points import LIMBS
+from distretarget.measure.skin_shapes import LIMBS
 from distretarget.numerics.time_series import spans_of
 from distretarget.pipeline.found_contacts import MarkedContact
 from distretarget.report.actors import packed
@@ -44,37 +44,21 @@ TRACKS: dict[str, tuple[Kind, str]] = {
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """Something that holds in some frames.
+    """Something that holds in some frames."""
 
-    Attributes:
-        name: what it is, such as "left hand - right hip".
-        kind: chooses its mark.
-        values: (frames,), how far it is off, nan where it does not hold.
-        limit: the value up to which nobody minds.
-        unit: of these values.
-        points: the joints between which its mark is, for each side of the page.
-        spots: (frames,), the joint at which its mark is instead, if that changes.
-        marked: what of it was found, dropped or added, as a contact file says it.
-    """
-
-    name: str
-    kind: Kind
-    values: Array
-    limit: float
-    unit: str
-    points: Sequence[Sequence[Point]]
-    spots: NDArray[np.intp] | None = None
-    marked: Sequence[MarkedContact] = ()
+    name: str  # what it is, such as "left hand - right hip"
+    kind: Kind  # chooses its mark
+    values: Array  # (frames,), how far it is off, nan where it does not hold
+    limit: float  # the value up to which nobody minds
+    unit: str  # of these values
+    points: Sequence[Sequence[Point]]  # the joints between which its mark is, for each side of the page
+    spots: NDArray[np.intp] | None = None  # (frames,), the joint at which its mark is instead, if that changes
+    marked: Sequence[MarkedContact] = ()  # what of it was found, dropped or added, as a contact file says it
 
     @property
     def spans(self) -> list[list[int]]:
         """The first frame and the end of each time in which it holds."""
-        return [[int(first), int(end)] for first, end in spans_of(np.isfinite(self.values))]
-
-    @property
-    def is_asked(self) -> bool:
-        """Whether something of it was dropped or added."""
-        return any(each.mark != "found" for each in self.marked)
+        return list(spans_of(np.isfinite(self.values)).tolist())
 
     @property
     def data(self) -> dict[str, Any]:
@@ -116,7 +100,8 @@ def rows_of(
     contacts = [*_contacts(diff, actors)]
     told = {name for row in contacts for name in row.name.split(" - ")}
     rows = [*contacts, *(row for row in _tracks(diff, solid, actors) if row.name.removesuffix(TOUCHING) not in told)]
-    rows = sorted(_with_marks(diff, rows, marked, actors), key=lambda row: not row.is_asked)
+    rows = [*_with_marks(diff, rows, marked, actors)]
+    rows.sort(key=lambda row: all(each.mark == "found" for each in row.marked))
     return [replace(row, name=prefix + row.name) for row in rows]
 
 
@@ -139,10 +124,9 @@ def _with_marks(
         for each in on:
             values[_frames(each)] = 0.0
         joints = _nearest_joints(diff, own[0].entry.parts, _frames(on[0])) if on else ()
-        points = _points(diff, joints, actors) if joints else [[] for _ in actors]
         kind: Kind = "contact" if len(own[0].entry.parts) > 1 else "support"
         name = " - ".join(own[0].entry.parts) + (RESTING if kind == "support" else "")
-        yield Row(name, kind, values, 1.0, "", points, marked=own)
+        yield Row(name, kind, values, 1.0, "", _points(diff, joints, actors), marked=own)
 
 
 def _frames(marked: MarkedContact) -> slice:
@@ -172,7 +156,7 @@ def _nearest_joints(diff: Diff, parts: Sequence[str], frames: slice) -> Sequence
 def _points(diff: Diff, joints: Sequence[int], actors: Sequence[int]) -> list[list[Point]]:
     first, *others = actors
     drivers = [int(diff.matching.drivers[joint]) for joint in joints]
-    of_a = [(first, driver) for driver in drivers] if min(drivers) >= 0 else []
+    of_a = [(first, driver) for driver in drivers] if min(drivers, default=-1) >= 0 else []
     return [of_a, *([(actor, joint) for joint in joints] for actor in others)]
 
 
@@ -185,11 +169,11 @@ def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
         limbs = [limb for limb, name in enumerate(skin.parts) if name in touch.name.split(" - ")]
         if limbs and skin.weights.any():
             gaps = np.where(skin.weights > 0, skin.values, 0.0)[:, limbs].max(axis=1)
-            values[contacts.frame[on]] = gaps[contacts.frame[on]]
-            yield Row(touch.name, "contact", values, limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
+            off, limit, unit = gaps[contacts.frame[on]], limit_of("skin_gap"), BY_KEY["skin_gap"].symbol
         else:
-            values[contacts.frame[on]] = contacts.error[on]
-            yield Row(touch.name, "contact", values, FAR, "D", points)
+            off, limit, unit = contacts.error[on], FAR, "D"
+        values[contacts.frame[on]] = off
+        yield Row(touch.name, "contact", values, limit, unit, points)
 
 
 def limit_of(key: str) -> float:
