@@ -11,7 +11,7 @@ from named_bodies import tree
 from distretarget import retarget
 from distretarget.body.body import Body
 from distretarget.body.recognition import by_names
-from distretarget.cli.matching_table import recognised
+from distretarget.cli.skeleton import recognised
 from distretarget.errors import SkeletonError
 from distretarget.matching.matching import match
 

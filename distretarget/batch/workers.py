@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import multiprocessing
 import os
 import shutil
@@ -98,6 +97,8 @@ class Cluster:
 
         If the workers leave later, `waiting` is called with that reason.
         """
+        import asyncio  # here, as it is slow to import
+
         try:
             from distributed import Client
         except ImportError as missing:
@@ -134,6 +135,8 @@ class Cluster:
 
 async def _kind(address: str) -> str:
     """What the Dask process at an address is, such as "Scheduler" or "Worker"."""
+    import asyncio
+
     from distributed import rpc
 
     async with rpc(address, timeout=CONNECT_TIMEOUT) as process:

@@ -12,7 +12,6 @@ import click
 from tqdm import tqdm
 
 from distretarget.baseline.world import RootOffset
-from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import (
     OVERWRITE_OPTION,
     STRIP_NAMESPACE_OPTION,
@@ -37,6 +36,7 @@ from distretarget.cli.outputs import (
     say,
     write_outputs,
 )
+from distretarget.cli.skeleton import headline, unused
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.body.build import age_of, capsules_of, radii_of
-from distretarget.cli.matching_table import headline, recognised, rows, unused
+from distretarget.body.conventions import convention_of
 from distretarget.cli.options import (
     OVERWRITE_OPTION,
     STRIP_NAMESPACE_OPTION,
@@ -30,13 +31,16 @@ from distretarget.io.motion_file import parse_motion
 from distretarget.io.obj import capsules_to_obj
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import parse_full_target, parse_target
-from distretarget.matching.matching import find_matching, refusal
+from distretarget.matching.matching import Matching, find_matching, refusal
 from distretarget.matching.unmatched import parts_without_source
 from distretarget.numerics.compiled import uncompiled
 from distretarget.pipeline.performer import target_capsules
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
 from distretarget.target import SkeletonEdit, Target
+
+METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}  # in words
+MATCHING = ("target joint", "source joint", "confidence", "method")  # the columns of a matching
 
 
 def of_bone(text: str) -> tuple[str, float]:
@@ -199,7 +203,7 @@ def match_command(
         map_file.rest.on(source_body.skeleton)
     pairs = joint_map(source_body.skeleton, whole_target, target_file.path, map_file)
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
-    say(*headline(matching), "", *rows(matching), "", *parts_without_source(matching))
+    say(*headline(matching), "", *matching_rows(matching), "", *parts_without_source(matching))
     say(f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}")
     say(f"joints of the source not used: {', '.join(unused(matching)) or 'none'}")
     write_outputs({output: lambda: map_to_json(matching, map_file.rest)}, overwrite)
@@ -278,3 +282,53 @@ def _tree(skeleton: Skeleton) -> Iterator[str]:
         end_site = "  End Site" if skeleton.end_sites[joint] else ""
         rows.append((branch + cut(skeleton.names[joint]), f"{skeleton.lengths[joint]:10.4f}{end_site}"))
     return aligned(rows, "<<")
+
+
+def recognised(body: Body) -> str:
+    """Return how the parts of a body were recognised, in words."""
+    if body.anatomy and body.anatomy.method == "humanoid":
+        return "joints as the humanoid in the file says"
+    if title := convention_of(body.skeleton):
+        return f"joints named as in {title}"
+    return f"joints recognised by {body.anatomy.method}" if body.anatomy else "no human body recognised"
+
+
+def headline(matching: Matching) -> Iterator[str]:
+    """Yield how source and target were recognised, and how many joints each method matched."""
+    for name, body in (("source", matching.source), ("target", matching.target)):
+        yield f"{name}: {recognised(body)}"
+    joints = matching.target.skeleton.joints
+    times = Counter(matching.method[joint] for joint in joints if matching.method[joint])
+    counts = ", ".join(f"{times[method]} by {words}" for method, words in METHODS.items() if times[method])
+    yield f"matched: {times.total()} of the target's {len(joints)} joints{f' ({counts})' if counts else ''}"
+
+
+def matching_rows(matching: Matching) -> Iterator[str]:
+    """Yield a table of the target's joints, depth first without End Sites."""
+    target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
+    return aligned([MATCHING, *(_pair(matching, joint) for joint in target.depth_first if joint in joints)], "<<<<")
+
+
+def _pair(matching: Matching, joint: int) -> tuple[str, str, str, str]:
+    key, driver = matching.target.skeleton.keys[joint], matching.drivers[joint]
+    if driver < 0:
+        return cut(key), "-", "", _rotation(matching, joint)
+    method = ", ".join(filter(None, (METHODS[matching.method[joint]], _rotation(matching, joint))))
+    return cut(key), cut(matching.source.skeleton.keys[driver]), f"{100 * matching.confidence[joint]:.0f} %", method
+
+
+def _rotation(matching: Matching, joint: int) -> str:
+    """The source joints that a joint's rotation follows, if not its driver alone."""
+    keys, weight = matching.source.skeleton.keys, matching.blend[joint]
+    (a, b), driver = matching.rotation_sources[joint], matching.drivers[joint]
+    if a == b or weight in (0, 1):
+        only = b if weight == 1 else a
+        return "" if only == driver else f"rotation of {keys[only]}"
+    return f"rotation between {keys[a]} and {keys[b]}"
+
+
+def unused(matching: Matching) -> list[str]:
+    """Return the source's joints that no target joint follows, without End Sites."""
+    used = {*matching.drivers.tolist(), *matching.rotation_sources.ravel().tolist()}
+    source = matching.source.skeleton
+    return [source.keys[joint] for joint in source.joints if joint not in used]
