@@ -37,7 +37,7 @@ from zoo import LYING, MEMBERS, member, on_member, on_twin
 from zoo_quality import Run, clip_name, metrics_of, pairs, plan, run_of
 
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
-from distretarget.batch.alignment_spread import largest_spread, role_rotations
+from distretarget.batch.summary import largest_spread, role_rotations
 from distretarget.matching.matching import match
 from distretarget.measure.metrics import BY_KEY, Variant
 from distretarget.measure.movement import shared_bones

@@ -25,8 +25,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path, PurePath
-from types import SimpleNamespace
+from pathlib import Path
 from typing import Any
 
 import click
@@ -124,7 +123,7 @@ def read(case: tuple[str, str]) -> None:
             _write(Path(folder) / "manifest.jsonl", text)
             tally, manifest = Tally(clips=3, seconds=1.0), Manifest(Path(folder), read_only=True)
             assert manifest.broken is not None
-            for record in manifest.latest(SimpleNamespace(place=PurePath(name)) for name in made.OUTPUTS):
+            for record in manifest.latest(made.OUTPUTS):
                 tally.add(record)
             assert tally.lines
 

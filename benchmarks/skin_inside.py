@@ -22,7 +22,7 @@ from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.measure.skin import VISIBLE, SourceSkin, find_skin
-from distretarget.measure.skin_points import LIMBS
+from distretarget.measure.skin_shapes import LIMBS
 from distretarget.skin.capsules import SEGMENTS, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
 

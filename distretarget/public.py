@@ -1,9 +1,9 @@
 """The public names, which `distretarget` offers as its own; `as` re-exports each to type checkers."""
 
 from distretarget.baseline.world import World as World
-from distretarget.batch.convert_folder import convert_folder as convert_folder
+from distretarget.batch.batch import convert_folder as convert_folder
 from distretarget.batch.record import ManifestRecord as ManifestRecord
-from distretarget.batch.tally import Tally as Tally
+from distretarget.batch.summary import Tally as Tally
 from distretarget.body.anatomy import Anatomy as Anatomy
 from distretarget.body.body import Body as Body
 from distretarget.body.build import Build as Build

@@ -18,6 +18,7 @@ from distretarget.stick_figures import likely_up, stick_figures
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
+ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 USUAL_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")  # of joints for which a file states no channels
 USUAL_ROOT = POSITION_CHANNELS + USUAL_ROTATIONS  # of such a root
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
@@ -94,10 +95,9 @@ class Skeleton:
             raise SkeletonError(f"{wrong[0]!r} is not a name; expected a text")
         if len(self.channels) != len(self.names):
             raise SkeletonError(f"channels are given for {len(self.channels)} of {len(self.names)} joints")
-        known = POSITION_CHANNELS + ROTATION_CHANNELS
         for name, channels in zip(self.names, self.channels, strict=True):
-            if unknown := [channel for channel in channels if channel not in known]:
-                near = closest(str(unknown[0]), known)
+            if unknown := [channel for channel in channels if channel not in ALL_CHANNELS]:
+                near = closest(str(unknown[0]), ALL_CHANNELS)
                 raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {near}")
             if len(set(channels)) < len(channels):
                 raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")

@@ -4,8 +4,6 @@ import functools
 import json
 import subprocess
 import sys
-from pathlib import PurePath
-from types import SimpleNamespace
 from unittest.mock import patch
 
 import pytest
@@ -77,6 +75,5 @@ def clip_lines(folder):
 
 def last_records(folder):
     """The last record of each clip in a folder of results, with settings and metrics."""
-    manifest = Manifest(folder, read_only=True)
-    clips = [SimpleNamespace(place=PurePath(name)) for name in {line["output"] for line in clip_lines(folder)}]
-    return {record["output"]: record for record in manifest.latest(clips)}
+    outputs = {line["output"] for line in clip_lines(folder)}
+    return {record["output"]: record for record in Manifest(folder, read_only=True).latest(outputs)}

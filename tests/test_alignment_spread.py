@@ -9,8 +9,8 @@ from program import last_records
 from scipy.spatial.transform import Rotation
 
 from distretarget import convert_folder, write_bvh
-from distretarget.batch.alignment_spread import ROLES, SCALE, alignment_text, largest_spread, spread_warnings
 from distretarget.batch.manifest import Manifest
+from distretarget.batch.summary import ROLES, SCALE, alignment_text, largest_spread, spread_warnings
 
 PERSON = person()
 

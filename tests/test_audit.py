@@ -10,7 +10,7 @@ from bodies import SAMPLES
 from program import run
 
 from distretarget import Motion, read_bvh, write_bvh
-from distretarget.batch.audit import audit, usual_limits
+from distretarget.batch.audit import LIMITS, audit
 from distretarget.skeleton import Skeleton
 
 CLEAN = ("clap", "squat", "turn", "walk")
@@ -27,7 +27,7 @@ def folder(tmp_path, monkeypatch):
 
 def faults(folder):
     clips = audit(sorted(folder.glob("clips/**/*.bvh")))
-    found = {clip.path.stem: set(clip.faults(usual_limits())) for clip in clips}
+    found = {clip.path.stem: set(clip.faults(LIMITS)) for clip in clips}
     return {name: kinds for name, kinds in found.items() if kinds}
 
 

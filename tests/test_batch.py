@@ -11,13 +11,12 @@ from input_files import file_of, target_of
 from distretarget.batch import batch as batch_module
 from distretarget.batch import workers as batch_workers
 from distretarget.batch.batch import Batch
-from distretarget.batch.job import Result
+from distretarget.batch.job import Recipe, Result, unpacked
 from distretarget.batch.manifest import Manifest
 from distretarget.batch.pages import MARK, OF, Pages
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.recipe import Recipe
 from distretarget.batch.results import Results
-from distretarget.batch.tally import Tally
+from distretarget.batch.summary import Tally
 from distretarget.errors import BatchError, FileError
 from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile
@@ -68,7 +67,7 @@ def copied(job, *_):
     """What becomes of a clip that is copied instead of converted; those with the word `fail` in them fail."""
     if "fail" in job.source.text:
         return job.failed("it fails")
-    text = f"{job.target.file.path}: {job.source.text}"
+    text = f"{unpacked(job.target).path}: {job.source.text}"
     metrics = dict.fromkeys(COLUMNS) | {"contact_error": float(len(job.source.text))}
     done = {"seconds": 0.5, "frames": 7, "metrics": metrics, "notes": ["a tail"], "warnings": ["careful"]}
     outputs = {job.outputs[0]: b"".join(encoded_parts(text))}
@@ -109,7 +108,7 @@ def go(folder, workers=None, clips=None, **others):
 
 
 def lines(folder):
-    return [*Manifest(folder / "out", read_only=True).latest(clips_in(folder))]
+    return [*Manifest(folder / "out", read_only=True).latest(clip.output for clip in clips_in(folder))]
 
 
 def runs(folder):

@@ -1,10 +1,10 @@
 """A Dask cluster that cannot be used is refused in one line."""
 
-import importlib
 import sys
 
 import pytest
 
+from distretarget.batch import workers
 from distretarget.errors import BatchError
 
 ADDRESS = "tcp://machine:8786"
@@ -37,17 +37,16 @@ class Busy(Idle):
 
 
 @pytest.fixture
-def cluster():
-    """The module of the cluster, which needs Dask."""
+def cluster(monkeypatch):
+    """The class of the cluster, which needs Dask, with one that answers as a scheduler."""
     pytest.importorskip("distributed", reason="the extra `dask` is not installed")
-    from distretarget.batch import cluster
-
-    return cluster
+    monkeypatch.setattr(workers, "_kind", answer("Scheduler"))
+    return workers.Cluster
 
 
 def is_refused(cluster, reason):
     with pytest.raises(BatchError, match=reason):
-        cluster.Cluster(ADDRESS, print)
+        cluster(ADDRESS, print)
 
 
 def answer(kind):
@@ -60,27 +59,23 @@ def answer(kind):
 
 
 def test_the_address_of_a_worker(cluster, monkeypatch):
-    monkeypatch.setattr(cluster, "_kind", answer("Worker"))
+    monkeypatch.setattr(workers, "_kind", answer("Worker"))
     is_refused(cluster, f"{ADDRESS!r} is the address of a Dask worker; expected that of the scheduler")
 
 
 def test_a_cluster_without_workers(cluster, monkeypatch):
-    monkeypatch.setattr(cluster, "Client", Idle)
-    monkeypatch.setattr(cluster, "_kind", answer("Scheduler"))
+    monkeypatch.setattr("distributed.Client", Idle)
     is_refused(cluster, f"the Dask scheduler at {ADDRESS} has no workers")
 
 
 def test_workers_that_are_gone_are_reported_now_and_then(cluster, monkeypatch):
-    monkeypatch.setattr(cluster, "Client", Busy)
-    monkeypatch.setattr(cluster, "_kind", answer("Scheduler"))
+    monkeypatch.setattr("distributed.Client", Busy)
     reasons = []
-    workers = cluster.Cluster(ADDRESS, reasons.append)
-    assert (workers.lost(), workers.lost()) == (False, False)
+    gone = cluster(ADDRESS, reasons.append)
+    assert (gone.lost(), gone.lost()) == (False, False)
     assert reasons == ["the Dask cluster has no workers"]
 
 
 def test_an_installation_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    monkeypatch.delitem(sys.modules, "distretarget.batch.cluster", raising=False)
-    with pytest.raises(BatchError, match="--dask needs the package distributed"):
-        importlib.import_module("distretarget.batch.cluster")
+    is_refused(workers.Cluster, "--dask needs the package distributed")

@@ -161,11 +161,11 @@ def target(tmp_path, name="hero.json"):
 def test_the_largest_clips_come_first_each_onto_each_target(tmp_path):
     found = [clip(tmp_path, "a.bvh", 1), clip(tmp_path, "b.bvh", 3), clip(tmp_path, "c/d.bvh", 2), clip(tmp_path, "0")]
     clips = plan(found, [target(tmp_path)], tmp_path / "out", [])
-    assert [clip.place.as_posix() for clip in clips] == ["b.bvh", "c/d.bvh", "a.bvh", "0.bvh"]
+    assert [clip.output for clip in clips] == ["b.bvh", "c/d.bvh", "a.bvh", "0.bvh"]
     assert [clip.size for clip in clips] == [3, 2, 1, 0]
     clips = plan(found[:3], [target(tmp_path), target(tmp_path, "x.child.json")], tmp_path / "out", [])
-    assert [clip.place.as_posix() for clip in clips[:3]] == ["hero/b.bvh", "x.child/b.bvh", "hero/c/d.bvh"]
-    assert len({clip.place for clip in clips}) == 6
+    assert [clip.output for clip in clips[:3]] == ["hero/b.bvh", "x.child/b.bvh", "hero/c/d.bvh"]
+    assert len({clip.output for clip in clips}) == 6
 
 
 def test_results_that_collide_are_refused(tmp_path):
@@ -193,7 +193,7 @@ def test_results_never_land_on_inputs(tmp_path):
 def test_no_name_of_a_target_leads_out_of_the_folder_of_results(tmp_path):
     targets = [target(tmp_path, name) for name in ("...json", "..json", "..", "hero.json")]
     clips = plan([clip(tmp_path, "a.bvh")], targets[:2] + targets[3:], tmp_path / "out", [])
-    assert {clip.place.as_posix() for clip in clips} == {"...json/a.bvh", "..json/a.bvh", "hero/a.bvh"}
+    assert {clip.output for clip in clips} == {"...json/a.bvh", "..json/a.bvh", "hero/a.bvh"}
 
 
 def test_the_folder_of_results_is_not_inside_a_source(tmp_path):

@@ -1,16 +1,16 @@
 """The summary of a run."""
 
-from pathlib import Path, PurePath
+from pathlib import Path
 
 from input_files import named_target
 
 from distretarget.batch.plan import Clip
 from distretarget.batch.record import new_record
-from distretarget.batch.tally import Tally
+from distretarget.batch.summary import Tally
 
 
 def record(name):
-    return new_record(Clip(Path(name), named_target("{}", "hero.json"), PurePath(name), 1), {})
+    return new_record(Clip(Path(name), named_target("{}", "hero.json"), (name,), 1), {})
 
 
 def done(name, contact):

@@ -2,11 +2,12 @@
 
 import errno
 import os
+import pickle
 import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path, PurePath
+from pathlib import Path
 
 import pytest
 from bodies import other_lengths, person, swaying
@@ -15,9 +16,8 @@ from input_files import file_of, target_of
 from distretarget import retarget
 from distretarget.batch import job as batch_job
 from distretarget.batch import workers
-from distretarget.batch.job import Job, Packed, convert
+from distretarget.batch.job import Job, Recipe, convert
 from distretarget.batch.plan import Clip
-from distretarget.batch.recipe import Recipe
 from distretarget.batch.record import new_record
 from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
@@ -29,8 +29,8 @@ TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json
 
 
 def job_of(text, target=TARGET, about=None):
-    record = new_record(Clip(Path("in.bvh"), target, PurePath("out.bvh"), 0), {})
-    return Job(file_of(text, "in.bvh"), Packed.of(target), Recipe(), record, ("out.bvh",), about=about)
+    record = new_record(Clip(Path("in.bvh"), target, ("out.bvh",), 0), {})
+    return Job(file_of(text, "in.bvh"), pickle.dumps(target), Recipe(), record, ("out.bvh",), about=about)
 
 
 def test_a_worker_does_what_retargeting_does():

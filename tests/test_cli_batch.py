@@ -426,7 +426,7 @@ def test_dask_gives_the_same_results_and_survives_a_dying_worker(work, tmp_path)
 
 def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
-    monkeypatch.setattr("distretarget.batch.cluster.CONNECT_TIMEOUT", 0.1)
+    monkeypatch.setattr("distretarget.batch.workers.CONNECT_TIMEOUT", 0.1)
     with socket.create_server(("127.0.0.1", 0)) as silent:  # accepts connections, and says nothing
         silent_address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         for address in ("tcp://127.0.0.1:9", silent_address, "", "nonsense", "foo://1:2", "tcp://127.0.0.1:port"):

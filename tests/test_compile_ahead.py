@@ -11,12 +11,11 @@ from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.pipeline.compile_ahead import warm
 
 WATCHED = """
+import pickle
 import sys
-from pathlib import PurePath
 from distretarget import load_target, read_bvh
-from distretarget.batch.job import Job, Packed, convert
+from distretarget.batch.job import Job, Recipe, convert
 from distretarget.batch.plan import Clip
-from distretarget.batch.recipe import Recipe
 from distretarget.batch.record import new_record
 from distretarget.pipeline.options import Options
 from distretarget.io.input_file import load_file
@@ -30,8 +29,8 @@ Dispatcher.compile = lambda self, signature: late.append(self.py_func.__name__) 
 for target in sys.argv[2:4]:
     for clip in sys.argv[4:]:
         recipe = Recipe(Options(objective=sys.argv[1]))
-        planned = Clip(clip, TargetFile.of(load_file(target)), PurePath("out.bvh"), 0)
-        job = Job(load_file(clip), Packed.of(planned.target), recipe, new_record(planned, {}), planned.outputs)
+        planned = Clip(clip, TargetFile.of(load_file(target)), ("out.bvh",), 0)
+        job = Job(load_file(clip), pickle.dumps(planned.target), recipe, new_record(planned, {}), planned.outputs)
         assert convert(job).outputs
 print(late)
 """

@@ -65,10 +65,9 @@ def test_joints_near_along_the_tree_are_no_contact():
 
 def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames():
     none, ends = np.zeros(0, np.intp), {"u": np.array([1, 2, 3]), "v": np.array([4, 5, 6])}
-    regions = {"region_names": ("hand", "head", "hips"), "pairs": np.array([[0, 1], [0, 2]])}
     candidates = Candidates(
         points=none,
-        **regions,
+        names=("hand - head", "hand - hips"),
         passing=np.zeros(2, bool),
         first=none,
         **ends,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from distretarget.batch.keep import Condition
+from distretarget.batch.results import Condition
 from distretarget.errors import SettingsError
 
 CLIP = {

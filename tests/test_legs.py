@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, per
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.body import Body
-from distretarget.body.limbs import _longest_pair, are_alike, find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
+from distretarget.body.limbs import _longest_pair, are_alike, find_legs, foot_bone, leg_length, tree_legs
 from distretarget.io.target_file import load_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
@@ -101,7 +101,7 @@ def test_legs_of_an_anatomy_are_left_before_right():
     left, right = by_anatomy(body)
     assert [body.names[joint] for joint in left.joints] == ["LeftHip", "LeftAnkle", "LeftToe"]
     assert [body.names[joint] for joint in right.joints] == ["RightHip", "RightAnkle", "RightToe"]
-    assert body.names[pelvis_joint(body, (left, right))] == "Hips"
+    assert body.names[body.meet(leg.hip for leg in (left, right))] == "Hips"
 
 
 def test_a_body_that_lacks_a_leg_has_no_legs():

@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES
 
 from distretarget import METRICS, Motion, Skeleton, load_target, read_bvh, retarget, write_npz
-from distretarget.io.npz import npz
+from distretarget.io.motion_writer import npz
 from distretarget.pipeline.result import labels_of
 
 

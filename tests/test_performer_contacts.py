@@ -7,7 +7,7 @@ import pytest
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.objectives.activation import ContactSettings
-from distretarget.scene.performer_contacts import ContactPoints, find_performer_contacts
+from distretarget.scene.contacts import ContactPoints, find_performer_contacts
 
 FRAMES = 5
 UP = np.array([0.0, 1.0, 0.0])

@@ -23,8 +23,7 @@ from distretarget import (
 )
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_pairs import DIRECTION_RANGE, TOUCH
-from distretarget.scene.performer_contacts import NEAREST, ContactPoints
-from distretarget.scene.props import find_prop_contacts
+from distretarget.scene.contacts import NEAREST, ContactPoints, find_prop_contacts
 
 
 @cache

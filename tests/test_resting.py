@@ -5,7 +5,8 @@ from bodies import body_of, lengthened, person, posed
 from skeleton_edits import below_root
 
 from distretarget import Motion, Skeleton
-from distretarget.body.resting import above_lowest, feet_at_rest, feet_resting, joint_speeds, still_joints
+from distretarget.body.resting import feet_at_rest, feet_resting, joint_speeds, still_joints
+from distretarget.numerics.joint_paths import heights_of, lowest_heights
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
@@ -80,7 +81,7 @@ def test_joints_are_as_fast_as_they_move():
 def test_low_joints_are_near_the_lowest_one():
     motion = posed(person(), {}, np.tile([0.0, 0.9, 0.0], (3, 1)))
     joints = np.arange(len(motion.skeleton))
-    low = above_lowest(motion, joints, joints, UP) < 0.1
+    low = heights_of(motion.positions, joints, UP) - lowest_heights(motion.positions, UP)[:, None] < 0.1
     keys = {motion.skeleton.keys[joint] for joint in np.flatnonzero(low[0])}
     assert keys == {"LeftAnkle", "RightAnkle", "LeftToe", "RightToe", "LeftToe_End", "RightToe_End"}
 
@@ -104,6 +105,6 @@ def test_feet_stay_at_rest_while_long_hands_reach_below_them():
     arms = {"LeftShoulder": -lowered, "RightShoulder": lowered}
     motion = posed(body.skeleton, arms, along(0.1 * TIME))
     leg = body.legs[0]
-    assert above_lowest(motion, [leg.toe], np.arange(len(motion.skeleton)), UP)[-1] > 0.3
+    assert (heights_of(motion.positions, [leg.toe], UP)[:, 0] - lowest_heights(motion.positions, UP))[-1] > 0.3
     assert (feet_resting(motion, leg, UP, body.leg_length) == 1.0).all()
     assert not (feet_resting(motion[-30:], leg, UP, body.leg_length) == 1.0).any()

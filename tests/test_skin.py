@@ -12,7 +12,7 @@ from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.measure.skin import find_skin, find_source_skin
-from distretarget.measure.solid_parts import inner_balls
+from distretarget.measure.skin_shapes import inner_balls
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 

@@ -30,12 +30,11 @@ UPSIDE_DOWN = -0.5  # a body has no heading while the cosine between its up axis
 class EngineRoot:
     """Which joints of the target are placed last, and how."""
 
-    matching: Matching  # the matching of source and target
+    matching: Matching
     scale: RootScale  # scale of the root's path
     follows: RootFollows  # whether the root follows the target's pelvis, the source's root or nothing
     handles: Mapping[int, int]  # the joint that each IK handle copies, by handle; without handles that a map drives
-    # the joints to place: the root if it can move without the body, the handles, and their descendants outside the body
-    moving: tuple[int, ...]
+    moving: tuple[int, ...]  # the joints to place, see `_moving`
 
     def placed(self, motion: Motion) -> Motion:
         """Return a motion of the target with root and handles placed; the body keeps its pose in the world."""
@@ -82,13 +81,9 @@ class EngineRoot:
 
 
 def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows | None = None) -> EngineRoot:
-    """Return which joints of the target are placed last, and how.
-
-    By default the root follows the source's root if that stays on the floor and moves or drives the target's root, and
-    else the target's pelvis.
-
-    Raises:
-        MotionError: `follows` is "source", but the source has no root on the floor.
+    """Return which joints of the target are placed last, and how. By default the root follows the source's root if that
+    stays on the floor and moves or drives the target's root, and else the target's pelvis. A MotionError if it
+    `follows` the "source", which has no root on the floor.
     """
     body = matching.target
     handles = {handle: joint for handle, joint in body.handles.items() if matching.drivers[handle] < 0}

@@ -120,10 +120,9 @@ def on_own_soles(matching: Matching, scale: float | None = None, undersides: Und
     height 0: on the soles of its mesh, or as high above it as in the bind pose, by the thickness of soles that no joint
     shows.
 
-    Without a mesh only the file of a character says where the floor is below its rest pose
-    (`Skeleton.floor_at_zero`). Where the source's feet are not near height 0 while they rest, or the target's are not
-    at rest, nothing changes. `scale` is that of the root's path; the ratio of leg lengths if not given. `undersides`
-    are the skins of both bodies; None if they are not known.
+    Without a mesh only the file of a character says where the floor is (`Skeleton.floor_at_zero`). Where the source's
+    feet are not near height 0 while they rest, or the target's are not at rest, nothing changes. `scale` is that of the
+    root's path, else the ratio of leg lengths; `undersides` are the skins of both bodies, if they are known.
     """
     target, motion = matching.target, matching.source_motion
     source_leg, leg = matching.leg_lengths

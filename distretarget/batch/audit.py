@@ -1,57 +1,49 @@
-"""The clips of a folder as they are: what is wrong with each, by itself and among the others of its rig."""
+"""The clips of a folder as they are: what is wrong with each, by itself and among the others of its rig; and the page
+on that, with the worst frames.
+"""
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path, PurePath
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.batch.plan import animations_of
 from distretarget.body.body import Body
-from distretarget.errors import DistretargetError
+from distretarget.errors import DistretargetError, counted
 from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
 from distretarget.measure.clip_faults import KINDS, Finding, Findings, find_faults
 from distretarget.motion import Motion
+from distretarget.report.page import folder_of, html_page
 from distretarget.stick_figures import stick_figures
 
 LEAST = 3  # clips of a rig that show what is usual
 SAMPLES = 16  # frames by which two clips are compared
 ALIKE = 1e-3  # joints this near to each other are at the same place [leg lengths]
+LIMITS = {key: kind.limit for key, kind in KINDS.items()}  # the usual limit of each kind of fault
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AuditedClip:
-    """A clip, and what was found of each kind of fault.
-
-    Attributes:
-        path: of the file.
-        animation: which of several in the file, such as "#2"; None for the only one.
-        findings: by the key of the kind; kinds that could not be measured are missing.
-        rig: a hash of names and tree of the joints; empty if the file cannot be read.
-        frames: their number.
-        frame_time: [s].
-        leg: the length of a leg [file units].
-        up: the axis that points up.
-        pictures: SVG of the worst frame of each kind of fault, if they are asked for, and the frames around it.
-        places: of the joints in some frames, from that of the first joint in the first frame [leg lengths].
-    """
+    """A clip, and what was found of each kind of fault."""
 
     path: Path
-    findings: Findings
-    animation: str | None = None
-    rig: str = ""
+    findings: Findings  # by the key of the kind; kinds that could not be measured are missing
+    animation: str | None = None  # which of several in the file, such as "#2"
+    rig: tuple[tuple[str, ...], bytes] | None = None  # names and tree of the joints; None if the file cannot be read
     frames: int = 0
-    frame_time: float = 0.0
-    leg: float = 0.0
-    up: str = ""
+    frame_time: float = 0.0  # [s]
+    leg: float = 0.0  # the length of a leg [file units]
+    up: str = ""  # the axis that points up
+    # SVG of the worst frame of each kind of fault, if they are asked for, and the frames around it
     pictures: Mapping[str, str] = field(default_factory=dict)
+    # of the joints in some frames, from that of the first joint in the first frame [leg lengths]
     places: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
 
     @property
@@ -61,26 +53,16 @@ class AuditedClip:
 
     def faults(self, limits: Mapping[str, float]) -> Findings:
         """Return the findings above their limits, by kind, in the order of `KINDS`."""
-        found = {kind: self.findings[kind] for kind in KINDS if kind in self.findings}
-        return {kind: each for kind, each in found.items() if each.value > limits[kind]}
+        found = self.findings
+        return {kind: found[kind] for kind in KINDS if kind in found and found[kind].value > limits[kind]}
 
 
-def audit(
-    paths: Iterable[Path],
-    show: Callable[[Path], object] = lambda _path: None,
-    clip: str | None = None,
-    pictures: bool = False,
-) -> list[AuditedClip]:
+def audit(paths: Iterable[Path], clip: str | None = None, pictures: bool = False) -> list[AuditedClip]:
     """Return what is wrong with the clips in some files, in their order, with or without pictures.
 
-    Of a file with several animations each is a clip, unless `clip` names one; `show` is called with each path before it
-    is read.
+    Of a file with several animations each is a clip, unless `clip` names one.
     """
-    clips = []
-    for path in paths:
-        show(path)
-        numbers = [clip] if clip else [number for _, _, number in animations_of(path, PurePath(path.name))]
-        clips += [_audited(path, number, pictures) for number in numbers]
+    clips = [_audited(path, number, pictures) for path in paths for number in ([clip] if clip else animations_of(path))]
     rigs = defaultdict(list)
     for each in clips:
         if each.rig:
@@ -92,26 +74,20 @@ def audit(
     return clips
 
 
-def usual_limits() -> dict[str, float]:
-    """Return the limit of each kind of fault, by its key."""
-    return {key: kind.limit for key, kind in KINDS.items()}
-
-
 def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
     try:
         motion, _ = parse_motion(load_file(path), clip)
         findings = find_faults(motion)
     except DistretargetError as error:
-        return AuditedClip(path=path, animation=clip, findings={"unreadable": Finding(1.0, None, error.reason)})
+        findings = {"unreadable": Finding(1.0, None, error.reason)}
+    audited = AuditedClip(path=path, animation=clip, findings=findings)
     if "unreadable" in findings:
-        return AuditedClip(path=path, animation=clip, findings=findings)
+        return audited
     body = Body.of_motion(motion)
     leg = 0.5 * body.unit
-    return AuditedClip(
-        path=path,
-        animation=clip,
-        findings=findings,
-        rig=_rig(motion),
+    return replace(
+        audited,
+        rig=(motion.skeleton.names, motion.skeleton.parents.tobytes()),
         frames=len(motion),
         frame_time=motion.frame_time,
         leg=leg,
@@ -123,24 +99,13 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
 
 def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[str, str]]:
     """The worst frame of each kind of fault, between those before and after it."""
-    keys = motion.skeleton.keys
+    skeleton = motion.skeleton
     for kind, found in findings.items():
         if found.frame is not None:
-            frames = range(max(found.frame - 1, 0), min(found.frame + 2, len(motion)))
-            marked = keys.index(found.where) if found.where in keys else -1
-            label = f"frames {frames[0]} to {frames[-1]}"
-            yield (
-                kind,
-                stick_figures(
-                    motion.skeleton.parents, motion.positions[frames[0] : frames[-1] + 1], body.up_vector, label, marked
-                ),
-            )
-
-
-def _rig(motion: Motion) -> str:
-    skeleton = motion.skeleton
-    text = json.dumps([skeleton.names, skeleton.parents.tolist()])
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+            first, end = max(found.frame - 1, 0), min(found.frame + 2, len(motion))
+            marked = skeleton.keys.index(found.where) if found.where in skeleton.keys else -1
+            label = f"frames {first} to {end - 1}"
+            yield kind, stick_figures(skeleton.parents, motion.positions[first:end], body.up_vector, label, marked)
 
 
 def _places(motion: Motion, leg: float) -> NDArray[np.float32]:
@@ -176,3 +141,39 @@ def _compare(clips: Sequence[AuditedClip]) -> None:
             off = 100.0 * abs(clip.frame_time * rate - 1.0)
             own = f"{1.0 / clip.frame_time:.4g} frames/s, {rate:.4g} in most" if off > KINDS["frame_time"].limit else ""
             clip.findings["frame_time"] = Finding(off, None, own)
+
+
+def audit_page(clips: Sequence[AuditedClip], limits: Mapping[str, float], title: str) -> str:
+    """Return the HTML of the page, for limits by kind of fault."""
+    summary = "\n".join(f"<p>{escape(line)}</p>" for line in summary_lines(clips, limits))
+    worst = sorted((clip for clip in clips if clip.faults(limits)), key=lambda clip: -len(clip.faults(limits)))
+    folder = folder_of(clip.name for clip in clips)
+    rows = "\n".join(_row(clip, clip.name.removeprefix(folder), limits) for clip in worst)
+    return html_page("audit", title, {}, summary=summary, rows=rows)
+
+
+def _row(clip: AuditedClip, name: str, limits: Mapping[str, float]) -> str:
+    faults = "".join(
+        f"<div><p>{escape(fault_text(kind, found))}</p>{clip.pictures.get(kind, '')}</div>"
+        for kind, found in clip.faults(limits).items()
+    )
+    size = f"<br><small>{counted(clip.frames, 'frame')}, {1 / clip.frame_time:.4g} frames/s</small>" if clip.rig else ""
+    return f'<tr><th scope="row">{escape(name)}{size}</th><td><div>{faults}</div></td></tr>'
+
+
+def fault_text(kind: str, found: Finding) -> str:
+    """Return a fault in words: its kind, number and unit, and where it is."""
+    unit = KINDS[kind].unit
+    number = "" if KINDS[kind].plain else f"{found.value:.3g} {unit}".rstrip()
+    number = counted(int(found.value), "frame") if unit == "frames" else number
+    where = ", ".join(filter(None, ("" if found.frame is None else f"frame {found.frame}", found.where)))
+    return f"{kind} {number}".rstrip() + (f" ({where})" if where else "")
+
+
+def summary_lines(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> Iterator[str]:
+    """Yield how many clips have faults, and of which kinds."""
+    faults = [clip.faults(limits) for clip in clips]
+    yield f"{counted(len(clips), 'clip')}: {sum(not each for each in faults)} without faults"
+    for kind in KINDS:
+        if count := sum(kind in each for each in faults):
+            yield f"{count} {kind}: {KINDS[kind].meaning}"

@@ -1,35 +1,43 @@
-"""A whole batch: retarget the clips that are not done, record what became of each, and make pages on them."""
+"""A whole batch: retarget the clips that are not done, record what became of each, and make pages on them. Scripts
+call `convert_folder`.
+"""
 
 from __future__ import annotations
 
+import pickle
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
+from types import NoneType
 
-from distretarget.batch.alignment_spread import spread_warnings
-from distretarget.batch.job import Job, Output, Packed, Result
+from distretarget.batch.job import TIME_LIMITS, Job, Output, Recipe, Result
 from distretarget.batch.pages import Pages
-from distretarget.batch.plan import Clip
-from distretarget.batch.recipe import Recipe
+from distretarget.batch.plan import Clip, find_clips, plan
 from distretarget.batch.record import ManifestRecord, new_record
-from distretarget.batch.results import Results
-from distretarget.batch.tally import Tally
-from distretarget.batch.workers import Workers, convert_all
+from distretarget.batch.results import Condition, Results
+from distretarget.batch.summary import Tally, spread_warnings
+from distretarget.batch.workers import Processes, Workers, convert_all
+from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
-from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.checks import check_choice, check_kind, check_number, check_path
+from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.contacts_file import SUFFIX as CONTACTS_SUFFIX
 from distretarget.io.contacts_file import load_contacts
-from distretarget.io.files import hash_of, hash_of_file, read_bytes
+from distretarget.io.files import hash_of_file, read_bytes
 from distretarget.io.gltf_writer import Parts
-from distretarget.io.input_file import ARRAY_SUFFIXES, InputFile, with_files_beside
-from distretarget.io.motion_writer import with_animations
+from distretarget.io.input_file import ARRAY_SUFFIXES, InputFile, load_file, with_files_beside
+from distretarget.io.map_json import load_map
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import target_capsules
+from distretarget.report.diff_document import About
 
 SPLIT_SIZE = 1 << 20  # smallest clip that gets several threads if it would keep one worker busy at the end [bytes]
 BESIDE = Path("beside")  # stands for the contact file beside each clip
@@ -39,69 +47,67 @@ Show = Callable[[ManifestRecord | None], object]
 
 @dataclass(frozen=True)
 class Batch:
-    """Clips to retarget, and how.
-
-    Attributes:
-        clips: what to retarget, and to what.
-        results: where results belong.
-        recipe: how clips are retargeted.
-        pages: what is made of all of them.
-        contacts: a contact file for all clips, or `BESIDE`, for the one beside each clip.
-        joints: the skeleton for clips that are arrays.
-        time_limit: of a clip [s].
-        fail_fast: whether to end with the first failure.
-    """
+    """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read."""
 
     clips: Sequence[Clip]
     results: Results
     recipe: Recipe
     pages: Pages
-    contacts: Path | None = None
-    joints: InputFile | None = None
-    time_limit: float | None = None
-    fail_fast: bool = False
+    contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
+    joints: InputFile | None = None  # the skeleton for clips that are arrays
+    time_limit: float | None = None  # of a clip [s]
+    fail_fast: bool = False  # whether to end with the first failure
+
+    def __post_init__(self) -> None:
+        if self.contacts not in (None, BESIDE):
+            load_contacts(self.contacts)
 
     def record_of(self, clip: Clip, input_hash: str = "") -> ManifestRecord:
         """Return the record of a clip that is not done, whose file has this hash."""
-        settings = dict(self.recipe.of_animation(clip.animation).settings)
+        settings = self._recipe(clip).settings
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
         if self.joints and clip.path.suffix.lower() in ARRAY_SUFFIXES:
             settings["joints"] = self.joints.hash
-        return {**new_record(clip, settings), "input_hash": input_hash}
+        return new_record(clip, settings, input_hash)
+
+    def _recipe(self, clip: Clip) -> Recipe:
+        """How a clip is retargeted, which may be one of several animations of its file."""
+        return replace(self.recipe, clip=clip.animation or self.recipe.clip)
 
     def _contacts_path(self, clip: Clip) -> Path | None:
-        """The path of a clip's contact file, which may be missing if it is that beside the clip; None for none."""
-        return clip.path.with_suffix(CONTACTS_SUFFIX) if self.contacts == BESIDE else self.contacts
-
-    def _contacts(self, clip: Clip) -> ContactList:
-        """What is said of the contacts of a clip."""
-        path = self._contacts_path(clip)
-        return load_contacts(path) if path and (self.contacts != BESIDE or path.exists()) else NO_CONTACTS
+        """The path of a clip's contact file; None if it has none."""
+        beside = clip.path.with_suffix(CONTACTS_SUFFIX)
+        return self.contacts if self.contacts != BESIDE else beside if beside.exists() else None
 
     @cached_property
-    def _characters(self) -> dict[str, TargetFile]:
+    def _targets(self) -> dict[str, TargetFile]:
         """The targets, by the paths of their files."""
         return {str(clip.target.path): clip.target for clip in self.clips}
 
     @cached_property
-    def _packed(self) -> dict[str, Packed]:
-        """The targets as workers get them: with the capsules of a character, and without its file."""
-        return {path: Packed.of(self._prepared(file)) for path, file in self._characters.items()}
+    def _packed(self) -> dict[str, bytes]:
+        """The targets as workers get them: with the capsules of a character if they are needed, without its file."""
+        return {path: pickle.dumps(replace(self._prepared(file), file=None)) for path, file in self._targets.items()}
 
     def _prepared(self, file: TargetFile) -> TargetFile:
         """The target in a file, with its capsules if its mesh shows them and they are needed."""
         target, options = file.target, self.recipe.options
         known = options.skin == "none" or options.objective == "paper" or self.recipe.builds.target is not None
-        if isinstance(target, CharacterTarget) and not known:
-            target = replace(target, capsules=target_capsules(target))
-        return replace(file, target=target, file=None)
+        if known or not isinstance(target, CharacterTarget):
+            return file
+        return replace(file, target=replace(target, capsules=target_capsules(target)))
 
     @property
     def kept_clips(self) -> list[Clip]:
         """The clips that are not left out."""
-        left_out = {record["output"] for record in self.results.manifest.latest(self.clips) if record["left_out"]}
-        return [clip for clip in self.clips if clip.place.as_posix() not in left_out]
+        left_out = {record["output"] for record in self._records if record["left_out"]}
+        return [clip for clip in self.clips if clip.output not in left_out]
+
+    @property
+    def _records(self) -> list[ManifestRecord]:
+        """The last record of each clip, if any, the newest last."""
+        return [*self.results.manifest.latest(clip.output for clip in self.clips)]
 
     def check(self) -> None:
         """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
@@ -129,7 +135,7 @@ class Batch:
             for result in convert_all(workers, self._jobs(workers.count, count)):
                 self._finish(result, count)
             manifest.sort_metrics()
-            records = [*manifest.latest(self.clips)]
+            records = self._records
             tally.alignments = [*spread_warnings(records)]
             for result in convert_all(workers, self._report_jobs(records)):
                 self.pages.write_report(result.record, result.report, self.results)
@@ -144,25 +150,25 @@ class Batch:
         for clip in self.clips:
             is_long = clip.size > max(SPLIT_SIZE, left / workers)
             left -= clip.size
-            if self.results.manifest.claim(clip.place.as_posix()):
+            if self.results.manifest.claim(clip.output):
                 yield from self._unless_done(clip, is_long, show)
             else:
                 others.append(clip)
         for clip in others:
-            self.results.manifest.claim(clip.place.as_posix())
+            self.results.manifest.claim(clip.output)
             yield from self._unless_done(clip, False, show)
 
     def _unless_done(self, clip: Clip, is_long: bool, show: Show) -> Iterator[Job]:
         """The job of a clip that is not done."""
         record = self.record_of(clip)
         try:
-            content = read_bytes(clip.path)
-            record["input_hash"] = hash_of(content)
+            source = InputFile(read_bytes(clip.path), clip.path)
+            record["input_hash"] = source.hash
             if known := self.results.known(record, clip.outputs):
                 show(self.results.again(known, clip.outputs))
                 self.results.manifest.release(record["output"])
                 return
-            job = self._job(InputFile(content, clip.path), clip, record)
+            job = self._job(source, clip, record)
         except DistretargetError as error:
             self._finish(Result({**record, "error": str(error)}), show)
             return
@@ -172,20 +178,21 @@ class Batch:
         """The clips that need a report on their present output, from their records."""
         of_output, wanted = {record["output"]: record for record in records}, {*self.pages.without_report(records)}
         for clip in self.clips:
-            if (name := clip.place.as_posix()) in wanted:
+            if clip.output in wanted:
                 with suppress(DistretargetError):
-                    job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[name])
-                    yield replace(job, about=self.pages.about(clip.path, clip.place))
+                    job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[clip.output])
+                    yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)))
 
     def _job(self, source: InputFile, clip: Clip, record: ManifestRecord) -> Job:
         """The job of a clip; an error if a file cannot be read."""
+        contacts_path = self._contacts_path(clip)
         return Job(
             replace(with_files_beside(source), joints=self.joints),
             self._packed[str(clip.target.path)],
-            self.recipe.of_animation(clip.animation),
+            self._recipe(clip),
             record,
             clip.outputs,
-            contacts=self._contacts(clip),
+            contacts=load_contacts(contacts_path) if contacts_path else NO_CONTACTS,
             time_limit=self.time_limit,
         )
 
@@ -198,14 +205,15 @@ class Batch:
                 record = self.results.put(record, contents)
         except DistretargetError as error:
             record = {**record, "status": "failed", "error": str(error)}
-        if record["status"] == "failed" and not record["left_out"]:
+        has_failed = record["status"] == "failed" and not record["left_out"]
+        if has_failed:
             try:
                 self.results.manifest.add(record)
             except FileError as error:
                 record["error"] = f"{record['error']} ({error})"
         self.results.manifest.release(record["output"])
         show(record)
-        if record["status"] == "failed" and not record["left_out"] and self.fail_fast:
+        if has_failed and self.fail_fast:
             raise BatchError(f"stopped at the first failure: {record['error']}")
         if record["status"] == "done":
             self.pages.write_report(record, result.report, self.results)
@@ -214,12 +222,121 @@ class Batch:
         """The content of the file of a result, in parts."""
         if not isinstance(output, Animation):
             return [output]
-        character = self._characters[record["target"]]
-        return with_animations(self.results.folder / name, character, [output], self.recipe.writing.animations)
+        target = self._targets[record["target"]]
+        return with_animations(self.results.folder / name, target, [output], self.recipe.writing.animations)
 
 
-def checked_contacts(path: Path | None) -> Path | None:
-    """Return the path of a contact file that can be read, `BESIDE` or None; errors as in `load_contacts`."""
-    if path not in (None, BESIDE):
-        load_contacts(path)
-    return path
+def convert_folder(
+    sources: str | Path | Sequence[str | Path],
+    targets: str | Path | Sequence[str | Path],
+    folder: str | Path,
+    *,
+    include: Sequence[str] = (),
+    exclude: Sequence[str] = (),
+    map_file: str | Path | None = None,
+    rest: str | Path | None = None,
+    clip: str | None = None,
+    fps: float | None = None,
+    formats: Sequence[str] = (),
+    writing: OutputSettings = DEFAULT_OUTPUT,
+    options: Options = DEFAULT_OPTIONS,
+    builds: Builds = OWN_BUILDS,
+    contacts: str | Path | None = None,
+    jobs: int | None = None,
+    overwrite: bool = False,
+    fail_fast: bool = False,
+    time_limit: float | None = None,
+    report: str | Path | None = None,
+    reports: int | None = 10,
+    table: str | Path | None = None,
+    keep: str | None = None,
+    joints: str | Path | None = None,
+) -> Tally:
+    """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
+
+    Clips that are done and unchanged are skipped, so an interrupted call continues where it stopped. A script that
+    calls this needs `if __name__ == "__main__":`, since worker processes may import it.
+
+    Args:
+        sources: BVH, glTF, VRM animation and FBX files, and folders.
+        targets: characters, skeleton files or BVH files; with several targets each gets its own folder in `folder`.
+        folder: the folder of results, which has the same tree as the sources.
+        include: shell patterns for names or paths of files in folders, of which one must match.
+        exclude: shell patterns for files to leave out.
+        map_file: a map file, as `--map` takes it.
+        rest: a file of the clips' rig whose first frame is a standing pose, as `--rest` takes it.
+        clip: the animation to read of files that have several.
+        fps: the frame rate to sample animations at [frames/s]; their own keys by default.
+        formats: of the results, such as ("bvh", "npz"): files of each clip, named alike; by default, and for "own",
+            that of the target if it is glTF, else "bvh".
+        writing: how motions are put into the files of characters.
+        options: how to retarget.
+        builds: how thick the bodies are, if other files say it than their own.
+        contacts: a contact file for all clips; or "beside", for the file beside each clip that has one, such as
+            `walk.contacts.json`.
+        jobs: the number of processes; one for each core if not given.
+        overwrite: whether to retarget everything again, and to replace files that no batch made.
+        fail_fast: whether to stop at the first clip that fails.
+        time_limit: the longest time for a clip [s]; one that takes longer fails, and the next call tries it again.
+        report: an HTML page on all clips to write.
+        reports: how many clips get a report beside it, the worst first; None for all.
+        table: a table to write with a row for each clip, .csv or .parquet.
+        keep: a condition on metrics, as `--keep` takes it; clips that fail it are left out.
+        joints: the skeleton for clips that are arrays, which folders are searched for then; see `read_motion`.
+
+    Returns:
+        The numbers of clips converted, skipped, failed and left out, and `lines` to print.
+
+    Raises:
+        BatchError: there are no clips, results would replace clips, or `fail_fast` stopped the batch.
+        DistretargetError: a target, the map or the folder of results cannot be used.
+        SettingsError: an argument has the wrong type, or is out of bounds.
+    """
+    check_kind("options", options, Options)
+    check_kind("builds", builds, Builds)
+    check_kind("include", include, Sequence)
+    check_kind("exclude", exclude, Sequence)
+    check_kind("keep", keep, str, NoneType)
+    check_kind("formats", formats, Sequence)
+    for each in [formats] if isinstance(formats, str) else formats:
+        check_choice("formats", each, FORMATS)
+    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
+        check_kind(name, number, int, NoneType)
+        check_number(name, least if number is None else number, least, sys.maxsize)
+    if time_limit is not None:
+        check_number("time_limit", time_limit, *TIME_LIMITS)
+    check_path("folder", folder)
+    paths = _listed("sources", sources)
+    found, unread = find_clips(paths, (), include, exclude, arrays=joints is not None)
+    if unread:
+        raise unread[0]
+    files = [TargetFile.of(load_file(path)) for path in _listed("targets", targets)]
+    clips = plan(found, files, Path(folder), paths, formats, clip)
+    batch = Batch(
+        clips,
+        Results(Path(folder), overwrite, Condition(keep) if keep else None),
+        Recipe(options, load_map(map_file, rest), clip, fps, writing, builds),
+        Pages(
+            lambda clip, result: About(a=clip.name, b=result.name),
+            Path(report) if report else None,
+            reports,
+            Path(table) if table else None,
+        ),
+        None if contacts is None else Path(contacts),
+        load_file(joints) if joints else None,
+        time_limit,
+        fail_fast,
+    )
+    batch.check()
+    tally = Tally(clips=len(clips))
+    with closing(Processes(jobs or cores(), options.objective)) as workers:
+        batch.convert(workers, tally)
+    return tally
+
+
+def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:
+    """The paths in an argument of one path or several."""
+    several = paths if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
+    for path in several:
+        check_path(name, path)
+    return [Path(path) for path in several]

@@ -2,86 +2,83 @@
 
 from __future__ import annotations
 
+import ctypes
 import pickle
+import threading
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import PurePath
 
-from distretarget.batch.alignment_spread import alignment_text
-from distretarget.batch.recipe import Recipe
 from distretarget.batch.record import VERSION, ManifestRecord
-from distretarget.batch.time_limit import OverTime, time_limit
+from distretarget.batch.summary import alignment_text
+from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
-from distretarget.io.bvh_writer import bvh_parts, refusals
+from distretarget.io.bvh_writer import refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
+from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import OUTPUTS, character_animation
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, character_animation, content_of
 from distretarget.io.target_file import TargetFile, with_source
-from distretarget.io.vrma import vrma
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult, labels_of
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 
+TIME_LIMITS = (0.001, 1e6)  # the shortest and the longest [s]
+
 Output = bytes | Animation
 
 
 @dataclass(frozen=True)
-class Packed:
-    """The file of a target as it goes to workers, each of which unpacks it once for all clips."""
+class Recipe:
+    """How clips are read, retargeted and written; `clip` and `fps` are those of `read_motion`."""
 
-    content: bytes
-
-    @classmethod
-    def of(cls, target: TargetFile) -> Packed:
-        """Return the file of a target, packed."""
-        return cls(pickle.dumps(target))
+    options: Options = DEFAULT_OPTIONS
+    map_file: MapFile = field(default_factory=lambda: MapFile({}, ""))
+    clip: str | None = None
+    fps: float | None = None
+    writing: OutputSettings = DEFAULT_OUTPUT
+    builds: Builds = OWN_BUILDS
 
     @property
-    def file(self) -> TargetFile:
-        """The file of the target."""
-        return _unpacked(self.content)
-
-
-@lru_cache(maxsize=4)
-def _unpacked(content: bytes) -> TargetFile:
-    file: TargetFile = pickle.loads(content)
-    return file
+    def settings(self) -> dict[str, object]:
+        """What decides an output, as JSON values: the fields of `Options`, `map` (None for no map), hashes of builds,
+        and of how clips are read and written what is not as usual.
+        """
+        pairs: dict[str, object] = {"map": dict(self.map_file.pairs) or None}
+        if self.map_file.rest:
+            pairs["rest"] = dict(self.map_file.rest.rotations)
+        sides = {"source_build": self.builds.source, "target_build": self.builds.target}
+        hashes = {side: build.hash for side, build in sides.items() if build is not None}
+        usual = {"clip": None, "fps": None, **asdict(DEFAULT_OUTPUT)}
+        given = {"clip": self.clip, "fps": self.fps, **asdict(self.writing)}
+        others = {key: value for key, value in given.items() if value != usual[key]}
+        return asdict(self.options) | pairs | hashes | others
 
 
 @dataclass(frozen=True)
 class Job:
-    """A clip to retarget.
-
-    Attributes:
-        source: the file of the clip.
-        target: the file of the target.
-        recipe: how to retarget the clip.
-        record: what the manifest says of it while it is not done.
-        outputs: the paths of the results in the folder of results, that of `record` first.
-        contacts: what is said of its contacts.
-        about: what its report says; None for no report.
-        time_limit: [s]; None for none.
-        threads: of a long clip, which would keep one core busy when all others are done; None for the usual number.
-    """
+    """A clip to retarget."""
 
     source: InputFile
-    target: Packed
+    target: bytes  # a `TargetFile`, pickled, so that a worker unpacks it once for all clips
     recipe: Recipe
-    record: ManifestRecord
-    outputs: tuple[str, ...]
+    record: ManifestRecord  # what the manifest says of the clip while it is not done
+    outputs: tuple[str, ...]  # the paths of the results in the folder of results, that of `record` first
     contacts: ContactList = NO_CONTACTS
-    about: About | None = None
-    time_limit: float | None = None
-    threads: int | None = None
+    about: About | None = None  # what its report says; None for no report
+    time_limit: float | None = None  # [s]
+    threads: int | None = None  # of a long clip, which would keep one core busy when all others are done
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""
@@ -100,6 +97,13 @@ class Result:
     report: str = ""
 
 
+@lru_cache(maxsize=4)
+def unpacked(target: bytes) -> TargetFile:
+    """Return the target of a job."""
+    file: TargetFile = pickle.loads(target)
+    return file
+
+
 def convert(job: Job) -> Result:
     """Retarget a clip; the result has the error, if any."""
     started = time.perf_counter()
@@ -107,7 +111,7 @@ def convert(job: Job) -> Result:
     if job.record["version"] != VERSION:
         return job.failed(f"{path}: a worker runs version {VERSION}, this is {job.record['version']}")
     try:
-        with time_limit(job.time_limit), thread_limit(job.threads):
+        with _time_limit(job.time_limit), thread_limit(job.threads):
             result = _converted(job)
     except DistretargetError as error:
         result = job.failed(str(error))
@@ -122,21 +126,19 @@ def convert(job: Job) -> Result:
 
 
 def _converted(job: Job) -> Result:
-    recipe, target = job.recipe, job.target.file
-    motion, lost = parse_motion(job.source, recipe.reading.clip, recipe.reading.fps)
-    builds = recipe.builds if recipe.options.skin == "none" else with_source(recipe.builds, job.source)
+    recipe, target = job.recipe, unpacked(job.target)
+    motion, lost = parse_motion(job.source, recipe.clip, recipe.fps)
     result = retarget_onto(
         motion,
         target,
         source=job.source.path,
         map_file=recipe.map_file,
         options=recipe.options,
-        builds=builds,
+        builds=recipe.builds if recipe.options.skin == "none" else with_source(recipe.builds, job.source),
         contacts=job.contacts,
     )
-    outputs = _outputs(job, target, result)
-    is_bvh = any(OUTPUTS[PurePath(name).suffix] == "BVH" for name in outputs)
-    refused = refusals(result.motion.skeleton) if is_bvh else ()
+    kinds = {name: OUTPUTS[PurePath(name).suffix] for name in job.outputs}
+    refused = refusals(result.motion.skeleton) if "BVH" in kinds.values() else ()
     record: ManifestRecord = {
         **job.record,
         "status": "done",
@@ -147,23 +149,52 @@ def _converted(job: Job) -> Result:
         "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "alignment": alignment_text(result.matching),
     }
-    return Result(record, outputs, run_page(result, job.about, target.target, job.source) if job.about else "")
+    report = run_page(result, job.about, target.target, job.source) if job.about else ""
+    return Result(record, _outputs(kinds, recipe.writing, target, result), report)
 
 
-def _outputs(job: Job, target: TargetFile, result: RetargetResult) -> dict[str, Output]:
+def _outputs(
+    kinds: Mapping[str, str], writing: OutputSettings, target: TargetFile, result: RetargetResult
+) -> dict[str, Output]:
     """The contents of the results of a clip, by their names."""
-    writing = job.recipe.writing
-    clip = writing.clip(result.motion, PurePath(job.outputs[0]).stem, result.world.up_vector)
+    clip = writing.clip(result.motion, PurePath(next(iter(kinds))).stem, result.world.up_vector)
+    if "arrays" in kinds.values():
+        clip = replace(clip, labels=labels_of(result))
+    return {
+        name: character_animation(target, clip)
+        if kind == "character"
+        else b"".join(encoded_parts(content_of(name, clip, target, writing)))
+        for name, kind in kinds.items()
+    }
 
-    def made(name: str) -> Output:
-        match OUTPUTS[PurePath(name).suffix]:
-            case "BVH":
-                return b"".join(encoded_parts(bvh_parts(clip.motion)))
-            case "character":
-                return character_animation(target, clip)
-            case "VRMA":
-                return b"".join(vrma(clip.motion, clip.name, clip.extras))
-            case "arrays":
-                return writing.arrays(replace(clip, labels=labels_of(result)))
 
-    return {name: made(name) for name in job.outputs}
+class OverTime(BaseException):
+    """Raised wherever the work on a clip is when its time is over; no `except Exception` keeps it."""
+
+
+@contextmanager
+def _time_limit(seconds: float | None) -> Iterator[None]:
+    """Raise `OverTime` in this thread if the block takes longer than this; None for no limit.
+
+    A compiled function that runs then, or a wait for another process, ends first: they are short parts of a clip.
+    """
+    if seconds is None:
+        yield
+        return
+    thread, lock, is_over = threading.get_ident(), threading.Lock(), False
+
+    def stop() -> None:
+        with lock:
+            if not is_over:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(OverTime))
+
+    timer = threading.Timer(seconds, stop)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        with lock:
+            is_over = True
+        timer.cancel()
+        timer.join()

@@ -10,15 +10,14 @@ import fnmatch
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
 
-from distretarget.batch.journal import Journal
-from distretarget.batch.metric_rows import MetricRows
-from distretarget.batch.plan import MANIFEST, Clip
+from distretarget.batch.journal import Journal, MetricRows
+from distretarget.batch.plan import MANIFEST
 from distretarget.batch.record import ManifestRecord, clip_line, made_from, parse_line, settings_line, whole_record
 from distretarget.errors import FileError
 from distretarget.io.files import check_inside, check_writable, make_folder
@@ -26,21 +25,16 @@ from distretarget.io.files import check_inside, check_writable, make_folder
 LOCK_INTERVAL = 0.005  # time between two attempts to lock the folder [s]
 
 
-class Manifest:
-    """The manifest in a folder of results, to which several runs may add at the same time.
-
-    Attributes:
-        path: of the manifest.
-    """
+class Manifest(Journal):
+    """The manifest in a folder of results, to which several runs may add at the same time."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         """Read the manifest of a folder. Unless `read_only`, create both if they do not exist, and remove temporary
         files that killed runs have left. Raise a FileError if that fails, or if the file is not a manifest.
         """
-        self.path = folder / MANIFEST
-        own = FileLock(f"{self.path}.lock", poll_interval=LOCK_INTERVAL)
-        lock: AbstractContextManager[object] = nullcontext() if read_only else own
-        self._lines, self._rows = Journal(self.path, lock, self._note), MetricRows(folder, lock)
+        own = FileLock(f"{folder / MANIFEST}.lock", poll_interval=LOCK_INTERVAL)
+        super().__init__(folder / MANIFEST, nullcontext() if read_only else own)
+        self._rows = MetricRows(folder, self._lock)
         self._settings: dict[str, dict[str, Any]] = {}  # by their names
         self._made: dict[tuple[str, str], int] = {}  # where the line begins [bytes] of each output with each hash
         self._last: dict[str, int] = {}  # where the last line of each output begins [bytes]
@@ -48,23 +42,14 @@ class Manifest:
         if not read_only:
             make_folder(folder)
             check_inside(self.path, folder)
-        with self._lines.named_errors():
+        with self._named_errors():
             if self.path.exists():
                 self._check_first_line()
         with self.locked():
-            self._lines.catch_up()
+            self._catch_up()
             if not read_only:
                 self.path.touch()
                 _remove_temporary_files(folder)
-
-    @property
-    def broken(self) -> list[int]:
-        """The numbers of its lines, from 1, that are not records and are ignored."""
-        return self._lines.broken
-
-    def locked(self) -> AbstractContextManager[None]:
-        """Keep other runs from writing to the folder; raise a FileError if it cannot be locked."""
-        return self._lines.locked()
 
     def claim(self, output: str) -> bool:
         """Say that this run is at work on an output; return whether no other run is. The claim ends with the run."""
@@ -97,41 +82,38 @@ class Manifest:
 
     def left_out(self, record: ManifestRecord) -> ManifestRecord | None:
         """Return the last record of an output if it was left out, and would be made in the same way; else None."""
-        self._lines.catch_up()
-        start = self._last.get(record["output"])
-        last = None if start is None else next(self._records_at([start]), None)
+        self._catch_up()
+        last = self._record_at(self._last.get(record["output"]))
         return last if last and last["left_out"] and made_from(last) == made_from(record) else None
 
     def has_made(self, name: str, output_hash: str | None) -> bool:
         """Return whether a batch wrote a file with this hash to this path in the folder of results."""
-        self._lines.catch_up()
+        self._catch_up()
         return (name, output_hash or "") in self._made
 
-    def check_replaceable(self, record: ManifestRecord, path: Path, output_hash: str | None, name: str = "") -> None:
-        """Raise a FileError if a result may replace the file at `path`, which has this hash, only with --overwrite: no
-        batch made it, or one from another clip or target. `name` is its path in the folder of results, by default that
-        of `record`.
+    def check_replaceable(self, record: ManifestRecord, name: str, output_hash: str | None) -> None:
+        """Raise a FileError if a result may replace the file at a path in the folder of results, which has this hash,
+        only with --overwrite: no batch made it, or one from another clip or target.
         """
-        made = self._record_of(name or record["output"], output_hash)
+        path, made = self.path.parent / name, self._record_of(name, output_hash)
         if made is None:
             if path.exists():
                 check_writable(path)
         elif _is_other(made["input"], record["input"]) or _is_other(made["target"], record["target"]):
             raise FileError(path, f"is the result of {made['input']} onto {made['target']}; --overwrite replaces it")
 
-    def latest(self, clips: Iterable[Clip]) -> Iterator[ManifestRecord]:
-        """Yield the last record of each clip, if any, the newest last."""
-        self._lines.catch_up()
-        places = (clip.place.as_posix() for clip in clips)
-        yield from self._records_at(sorted(self._last[place] for place in places if place in self._last))
+    def latest(self, outputs: Iterable[str]) -> Iterator[ManifestRecord]:
+        """Yield the last record of each output, if any, the newest last."""
+        self._catch_up()
+        yield from self._records_at(sorted(self._last[output] for output in outputs if output in self._last))
 
     def add(self, record: ManifestRecord) -> None:
         """Add what a clip has become, and flush it to the disk; if that fails, raise a FileError and change nothing."""
         with self.locked():
             row = self._rows.add(record["output"], record) if record["metrics"] else ""
-            self._lines.catch_up()
+            self._catch_up()
             name, settings = settings_line(record)
-            self._lines.add(*([] if name in self._settings else [settings]), clip_line(record, name, row))
+            self._append(*([] if name in self._settings else [settings]), clip_line(record, name, row))
 
     def sort_metrics(self) -> None:
         """Order the rows of metrics by output; raise a FileError if that fails."""
@@ -145,13 +127,15 @@ class Manifest:
 
     def _record_of(self, output: str, output_hash: str | None) -> ManifestRecord | None:
         """The last record of the output with this hash, if a batch made it."""
-        self._lines.catch_up()
-        start = self._made.get((output, output_hash or ""))
+        self._catch_up()
+        return self._record_at(self._made.get((output, output_hash or "")))
+
+    def _record_at(self, start: int | None) -> ManifestRecord | None:
         return None if start is None else next(self._records_at([start]), None)
 
     def _records_at(self, starts: Iterable[int]) -> Iterator[ManifestRecord]:
         """The records whose lines begin at these places, except those whose row of metrics is damaged or lost."""
-        for line in self._lines.lines_at(starts):
+        for line in self._lines_at(starts):
             clip = parse_line(line)
             row = clip.get("row") if clip else None
             measured = self._rows.find(row) if row else None

@@ -1,23 +1,25 @@
-"""What is made of a batch as a whole: the page over all clips, reports on single ones, and the table."""
+"""What is made of a batch as a whole: the page over all clips, reports on single ones, and a table, CSV or Parquet."""
 
 from __future__ import annotations
 
+import io
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path, PurePath
+from typing import Any
 
-from distretarget.batch.metric_table import check_table, is_table, table
 from distretarget.batch.plan import Clip, check_page
-from distretarget.batch.record import VERSION, ManifestRecord
+from distretarget.batch.record import BETWEEN, VERSION, ManifestRecord
 from distretarget.batch.results import Results
-from distretarget.batch.tally import worst
-from distretarget.errors import DistretargetError, FileError
+from distretarget.batch.summary import worst
+from distretarget.errors import DistretargetError, FileError, MissingPackageError
 from distretarget.io.files import check_inside, check_writable, is_folder, make_folder, write_whole
 from distretarget.io.input_file import load_file
-from distretarget.measure.metrics import METRICS
-from distretarget.report.diff_document import About
+from distretarget.measure.metrics import COLUMNS, METRICS
+from distretarget.report.diff_document import About, csv_text
 from distretarget.report.page import index_page
 from distretarget.report.stage import small_stage
 
@@ -26,24 +28,24 @@ OF = '<meta name="output" content="{}">'  # the hash of the output that a report
 PLAYED = 24  # clips that the page over all clips plays
 HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
 
+TABLES = (".csv", ".parquet")
+TEXTS = ("output", "status", "input", "target", "verdict", "warnings", "error")
+HASHES = ("input_hash", "target_hash", "output_hash", "version")
+TABLE = (*TEXTS, "frames", *HASHES, *COLUMNS)  # the columns of the table
+TABLE_HEAD = ",".join(TEXTS)  # the beginning of a CSV file
+PARQUET_MARK = b"distretarget_version"  # in the metadata of a Parquet file
+PARQUET_TAIL = 1 << 18  # the end of a Parquet file that has its metadata [bytes]
+
 
 @dataclass(frozen=True)
 class Pages:
-    """The pages and the table of a batch.
+    """The pages and the table of a batch."""
 
-    Attributes:
-        about: what a report says of a clip, from its path and that of its result.
-        index: the page over all clips; None for no pages.
-        reports: how many clips get a report beside it, the worst first; None for all.
-        table: the table of all clips, .csv or .parquet.
-        problems: why a report could not be written, by its path.
-    """
-
-    about: Callable[[PurePath, PurePath], About]
-    index: Path | None = None
-    reports: int | None = None
-    table: Path | None = None
-    problems: dict[Path, FileError] = field(default_factory=dict)
+    about: Callable[[PurePath, PurePath], About]  # what a report says of a clip, from its path and that of its result
+    index: Path | None = None  # the page over all clips; None for no pages
+    reports: int | None = None  # how many clips get a report beside it, the worst first; None for all
+    table: Path | None = None  # of all clips, .csv or .parquet
+    problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def check(self, clips: Sequence[Clip], results: Results, map_path: str | Path) -> None:
         """Raise a BatchError or FileError if page or table cannot be written, or would replace a file of the batch."""
@@ -59,12 +61,11 @@ class Pages:
 
     def about_at_once(self, clip: Clip) -> About | None:
         """What the report on a clip says, if all clips get one; they are made as clips are retargeted."""
-        return self.about(clip.path, clip.place) if self.index and self.reports is None else None
+        return self.about(clip.path, PurePath(clip.output)) if self.index and self.reports is None else None
 
     def without_report(self, records: Sequence[ManifestRecord]) -> Iterator[str]:
         """Yield the outputs that are to get a report, and have none on their present content."""
-        done = [record for record in records if record["status"] == "done"]
-        for record in worst(done, METRICS[0])[: self.reports] if self.index else ():
+        for record in _worst_done(records)[: self.reports] if self.index else ():
             if not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
                 yield record["output"]
 
@@ -81,7 +82,7 @@ class Pages:
     def write(self, records: Sequence[ManifestRecord], results: Results) -> None:
         """Write the page over all clips and the table; a FileError if that fails."""
         if self.table:
-            self._write(self.table, table(self.table, records, VERSION), results)
+            self._write(self.table, table(self.table, records), results)
         if self.index:
             paths = {one["output"]: self._report_path(one["output"]) for one in records if self._has_report(one)}
             links = {name: Path(os.path.relpath(path, self.index.parent)).as_posix() for name, path in paths.items()}
@@ -96,7 +97,9 @@ class Pages:
 
     def _is_own(self, path: Path) -> bool:
         """Whether this program wrote a file."""
-        return is_table(path) if path == self.table else MARK in _head(path)
+        if path == self.table:
+            return PARQUET_MARK in _tail(path) if _is_parquet(path) else _head(path).startswith(TABLE_HEAD)
+        return MARK in _head(path)
 
     def _report_path(self, output: str) -> Path:
         index = self.index or Path()
@@ -107,19 +110,86 @@ class Pages:
         return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
 
 
+def _worst_done(records: Iterable[ManifestRecord]) -> list[ManifestRecord]:
+    """The records of clips that are done, the worst first."""
+    return worst((record for record in records if record["status"] == "done"), METRICS[0])
+
+
 def _stages(records: Sequence[ManifestRecord], folder: Path) -> Iterator[tuple[str, object]]:
     """Yield what the page plays, by output: the worst clips, first those with warnings, whose files can be read."""
-    done = [record for record in records if record["status"] == "done"]
-    for record in sorted(worst(done, METRICS[0]), key=lambda record: not record["warnings"])[:PLAYED]:
+    for record in sorted(_worst_done(records), key=lambda record: not record["warnings"])[:PLAYED]:
         with suppress(DistretargetError):
             files = load_file(record["input"]), load_file(folder / record["output"])
             yield record["output"], small_stage(files[0], record["options"].get("clip"), files[1])
 
 
 def _head(path: Path) -> str:
-    """The beginning of a page; empty if it cannot be read, which writing it will report."""
+    """The beginning of a text file; empty if it cannot be read, which writing it will report."""
     with suppress(OSError):
         if path.is_file():
             with path.open(encoding="utf-8", errors="replace") as file:
                 return file.read(HEAD)
     return ""
+
+
+def _tail(path: Path) -> bytes:
+    """The end of a file, where Parquet has its metadata; empty if it cannot be read."""
+    with suppress(OSError), path.open("rb") as file:
+        file.seek(max(path.stat().st_size - PARQUET_TAIL, 0))
+        return file.read()
+    return b""
+
+
+def _is_parquet(path: Path) -> bool:
+    return path.suffix.lower() == ".parquet"
+
+
+def check_table(path: Path) -> None:
+    """Raise an error if no table can be written to a file of this name."""
+    if path.suffix.lower() not in TABLES:
+        raise FileError(path, f"the ending says what to write, expected one of {', '.join(TABLES)}")
+    if _is_parquet(path) and find_spec("pyarrow") is None:
+        raise MissingPackageError(
+            "Parquet needs the package pyarrow; install it with `pip install pyarrow`, or write .csv", path
+        )
+
+
+def table(path: Path, records: Iterable[ManifestRecord]) -> str | bytes:
+    """Return the content of a table of records in the order of the outputs: a row for each clip with its metrics,
+    warnings and what it was made from.
+    """
+    rows = [_row(record) for record in sorted(records, key=lambda record: record["output"])]
+    if _is_parquet(path):
+        return _parquet(rows)
+    return csv_text(rows) if rows else ",".join(TABLE) + "\n"
+
+
+def _row(record: ManifestRecord) -> dict[str, Any]:
+    """The row of a clip, by column; None for what it does not have."""
+    return {
+        **dict.fromkeys(TABLE),
+        **{name: record.get(name) or None for name in (*TEXTS, *HASHES)},
+        "frames": record["frames"],
+        "status": "left out" if record["left_out"] else record["status"],
+        "warnings": BETWEEN.join(record["warnings"]) or None,
+        **record["metrics"],
+    }
+
+
+def _parquet(rows: list[dict[str, Any]]) -> bytes:
+    """The rows as Parquet; bytes of texts that are not UTF-8, as in paths, are replaced."""
+    import pyarrow
+    from pyarrow import parquet
+
+    kinds = {"frames": pyarrow.int64(), **dict.fromkeys(COLUMNS, pyarrow.float64())}
+    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.string())) for name in TABLE], {PARQUET_MARK: VERSION})
+    valid = [
+        {
+            name: each.encode("utf-8", "replace").decode() if isinstance(each, str) else each
+            for name, each in row.items()
+        }
+        for row in rows
+    ]
+    content = io.BytesIO()
+    parquet.write_table(pyarrow.Table.from_pylist(valid, schema), content)
+    return content.getvalue()

@@ -13,7 +13,7 @@ from pathlib import Path, PurePath
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
 from distretarget.io.gltf_writer import free_name
-from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile, load_file
+from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile, animations_in
 from distretarget.scene.scene_file import SCENE_NAME
@@ -28,16 +28,14 @@ class Clip:
 
     path: Path  # of the clip's file
     target: TargetFile
-    place: PurePath  # of the result, relative to the folder of results; its suffix is the kind of file
+    outputs: tuple[str, ...]  # paths of the results in the folder of results, with slashes; suffixes say what they are
     size: int  # of the clip's file [bytes]; 0 if it cannot be read
     animation: str | None = None  # which of several in the file, such as "#2"
-    suffixes: tuple[str, ...] = ()  # of the other results, which are beside the first and named like it
 
     @property
-    def outputs(self) -> tuple[str, ...]:
-        """The paths of all results in the folder of results, with slashes."""
-        stem = self.place.as_posix().removesuffix(self.place.suffix)
-        return (self.place.as_posix(), *(stem + suffix for suffix in self.suffixes))
+    def output(self) -> str:
+        """The first result, which stands for all of them."""
+        return self.outputs[0]
 
 
 def find_clips(
@@ -72,10 +70,8 @@ def find_clips(
                 clips.append((source / place, above / _result(place)))
     paths = [os.path.normpath(path.absolute()) for path in listed]
     shared = os.path.commonpath([os.path.dirname(path) for path in paths]) if paths else ""  # noqa: PTH120
-    clips += [
-        (clip, _result(PurePath(os.path.relpath(path, shared)))) for clip, path in zip(listed, paths, strict=True)
-    ]
-    return clips, unread
+    places = [_result(PurePath(os.path.relpath(path, shared))) for path in paths]
+    return [*clips, *zip(listed, places, strict=True)], unread
 
 
 def plan(
@@ -102,18 +98,20 @@ def plan(
             raise BatchError(
                 f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
-    names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
+    names = [""] if len(targets) == 1 else [_stem(Path(target.path)) for target in targets]
     parts = [
-        part for path, place in found for part in ([(path, place, None)] if animation else animations_of(path, place))
+        (path, place / name, number)
+        for path, place in found
+        for number, name in ({None: ""} if animation else animations_of(path)).items()
     ]
     sizes = [status.st_size if (status := _status(path)) else 0 for path, _, _ in parts]
     suffixes = [
-        list(dict.fromkeys(suffix_of(target, None if kind == "own" else kind) for kind in kinds or ("own",)))
+        dict.fromkeys(suffix_of(target, None if kind == "own" else kind) for kind in kinds or ("own",))
         for target in targets
     ]
     clips = [
-        Clip(path, target, name / place.with_name(place.name + first), size, number, tuple(others))
-        for target, name, (first, *others) in zip(targets, names, suffixes, strict=True)
+        Clip(path, target, tuple(PurePath(name, f"{place}{suffix}").as_posix() for suffix in own), size, number)
+        for target, name, own in zip(targets, names, suffixes, strict=True)
         for (path, place, number), size in zip(parts, sizes, strict=True)
     ]
     taken: dict[str, Clip] = {}
@@ -133,25 +131,18 @@ def plan(
     return sorted(clips, key=lambda clip: -clip.size)
 
 
-def load_targets(paths: Sequence[Path]) -> list[TargetFile]:
-    """Read the files of targets."""
-    return [TargetFile.of(load_file(path)) for path in paths]
-
-
-def animations_of(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
-    """Yield the animations of a file: its path, the place of the result, and which it is; None for the only one."""
+def animations_of(path: Path) -> dict[str | None, str]:
+    """Return the animations of a file, such as "#2", each with a name for its result; None for the only one."""
     names: Sequence[str] = ()
     if KINDS.get(path.suffix.lower()) == "glTF":
         with suppress(DistretargetError):  # reading the clip will report it
             names = animations_in(InputFile(read_bytes(path), path))
     if len(names) < 2:
-        yield path, place, None
-        return
-    taken: set[str] = set()
+        return {None: ""}
+    found: dict[str | None, str] = {}
     for number, name in enumerate(names, start=1):
-        clean = free_name(safe_file_name(name) or f"animation {number}", taken)
-        taken.add(clean)
-        yield path, place / clean, f"#{number}"
+        found[f"#{number}"] = free_name(safe_file_name(name) or f"animation {number}", {*found.values()})
+    return found
 
 
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
@@ -209,9 +200,9 @@ def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:
     return False
 
 
-def _folder_name(target: Path) -> PurePath:
+def _stem(target: Path) -> str:
     """The name of the folder for a target's results: its stem, or for `...json` its whole name instead of `..`."""
-    return PurePath(target.stem if target.stem.strip(".") else target.name)
+    return target.stem if target.stem.strip(".") else target.name
 
 
 def _inputs(clips: Sequence[Clip]) -> set[tuple[int, ...]]:

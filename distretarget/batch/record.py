@@ -1,17 +1,23 @@
-"""The lines of a manifest: of a clip, and of the settings that many clips share, which have a line of their own."""
+"""What is recorded of a clip, and its parts in two files: a line of the manifest, and a row of `metrics.csv`.
+
+The settings that many clips share have a line of their own. A row is found by the hash of what it says, which is its
+first cell, so that a damaged row is not used.
+"""
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import json
 import sys
 from collections.abc import Mapping
 from importlib.metadata import version
 from operator import itemgetter
-from typing import Any, cast
+from typing import Any, TypedDict, cast
 
-from distretarget.batch.metric_rows import Measured
 from distretarget.batch.plan import Clip
+from distretarget.measure.metrics import COLUMNS as METRICS
 from distretarget.report.page import ClipRecord
 
 VERSION = version("distretarget")
@@ -21,7 +27,27 @@ OF_SETTINGS: dict[str, Any] = {"target": str, "target_hash": str, "options": dic
 OF_CLIP: dict[str, Any] = {"input": str, "output": str, "status": str, "frames": int, "seconds": int | float}
 UNLESS_EMPTY: dict[str, Any] = dict.fromkeys(("input_hash", "output_hash", "row", "error", "left_out"), str)
 UNLESS_EMPTY["others"] = dict
+ROW = ("row", "output", "verdict", "warnings", "notes", "alignment", *METRICS)  # the columns of a row
+BETWEEN = " | "  # warnings of a clip, and notes
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines an output
+
+
+class Measured(TypedDict):
+    """What was measured of a clip.
+
+    Attributes:
+        metrics: by `measure.metrics.COLUMNS`; None where nothing was to be measured; empty of a clip that failed.
+        verdict: on the result, in a sentence.
+        warnings: a line each.
+        notes: joints of the target without a counterpart, in a line, and which readers refuse the result.
+        alignment: of the two bodies, as `alignment_text` has it.
+    """
+
+    metrics: Mapping[str, float | None]
+    verdict: str
+    warnings: list[str]
+    notes: list[str]
+    alignment: str
 
 
 class ManifestRecord(ClipRecord, Measured):
@@ -46,29 +72,21 @@ class ManifestRecord(ClipRecord, Measured):
     left_out: str
 
 
-def new_record(clip: Clip, options: Mapping[str, object]) -> ManifestRecord:
+def new_record(clip: Clip, options: Mapping[str, object], input_hash: str = "") -> ManifestRecord:
     """Return the record of a clip that is not done: failed, without a reason; `options` decide its output."""
-    return {
-        "input": str(clip.path),
-        "input_hash": "",
-        "output": clip.place.as_posix(),
-        "output_hash": "",
-        "others": {},
-        "target": str(clip.target.path),
-        "target_hash": clip.target.file.hash if clip.target.file else "",
-        "options": dict(options),
-        "version": VERSION,
-        "frames": 0,
-        "seconds": 0.0,
-        "metrics": {},
-        "verdict": "",
-        "warnings": [],
-        "notes": [],
-        "alignment": "",
-        "status": "failed",
-        "error": "",
-        "left_out": "",
-    }
+    line = {"input": str(clip.path), "output": clip.output, "status": "failed", "frames": 0, "seconds": 0.0}
+    line["input_hash"] = input_hash
+    target_hash = clip.target.file.hash if clip.target.file else ""
+    settings = {"target": str(clip.target.path), "target_hash": target_hash, "options": options, "version": VERSION}
+    return whole_record(line, settings, None)
+
+
+def whole_record(clip: Mapping[str, Any], settings: Mapping[str, Any], measured: Measured | None) -> ManifestRecord:
+    """Return the record of the line of a clip, its settings, and its row of metrics."""
+    empty = {key: kind() for key, kind in UNLESS_EMPTY.items()}
+    nothing = {"metrics": {}, "verdict": "", "warnings": [], "notes": [], "alignment": ""}
+    record = {**empty, **clip, **settings, **(measured or nothing)}
+    return cast(ManifestRecord, {key: record[key] for key in record if key not in ("settings", "row")})
 
 
 def settings_line(record: ManifestRecord) -> tuple[str, bytes]:
@@ -107,9 +125,32 @@ def _is_sound(clip: dict[str, Any]) -> bool:
     return hashes and numbers and clip["status"] in ("done", "failed")
 
 
-def whole_record(clip: Mapping[str, Any], settings: Mapping[str, Any], measured: Measured | None) -> ManifestRecord:
-    """Return the record of the line of a clip, its settings, and its row of metrics."""
-    empty = {key: kind() for key, kind in UNLESS_EMPTY.items()}
-    nothing = {"metrics": {}, "verdict": "", "warnings": [], "notes": [], "alignment": ""}
-    record = {**empty, **clip, **settings, **(measured or nothing)}
-    return cast(ManifestRecord, {key: record[key] for key in record if key not in ("settings", "row")})
+def row_of(output: str, measured: Measured) -> bytes:
+    """Return the row of an output."""
+    warnings, notes = (BETWEEN.join(measured[key]) for key in ("warnings", "notes"))
+    texts = [" ".join(each.splitlines()) for each in (output, measured["verdict"], warnings, notes)]
+    row = io.StringIO()
+    numbers = (measured["metrics"].get(name) for name in METRICS)
+    csv.writer(row, lineterminator="").writerow([*texts, measured["alignment"], *numbers])
+    content = row.getvalue().encode("utf-8", "surrogateescape")
+    return _hash_of(content) + b"," + content
+
+
+def parse_row(line: bytes) -> Measured | None:
+    """Return what a row says; None if it is damaged, or of another version."""
+    name, _, content = line.rstrip(b"\n").partition(b",")
+    if name != _hash_of(content):
+        return None
+    _, verdict, warnings, notes, alignment, *cells = next(csv.reader([content.decode("utf-8", "surrogateescape")]))
+    numbers = [float(cell) if cell else None for cell in cells]
+    return Measured(
+        metrics=dict(zip(METRICS, numbers, strict=True)),
+        verdict=verdict,
+        warnings=warnings.split(BETWEEN) if warnings else [],
+        notes=notes.split(BETWEEN) if notes else [],
+        alignment=alignment,
+    )
+
+
+def _hash_of(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest()[:16].encode()

@@ -1,10 +1,8 @@
-"""The workers that retarget clips, a few jobs at a time: processes of this machine, or a Dask cluster (`cluster`).
-
-Both have an executor of `concurrent.futures`.
-"""
+"""The workers that retarget clips, a few jobs at a time: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
+import asyncio
 import multiprocessing
 import os
 import shutil
@@ -12,15 +10,14 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from concurrent.futures.process import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
-from typing import Protocol
 
 from distretarget.batch.job import Job, Result, convert
 from distretarget.errors import BatchError
@@ -32,27 +29,13 @@ from distretarget.pipeline.options import Objective
 # These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 CHECK_INTERVAL = 5.0  # after this time without a result, check whether a worker has died [s]
+CONNECT_TIMEOUT = 10.0  # time for a Dask scheduler to answer [s]
+REMINDER = 60.0  # time from one line that there are no workers to the next [s]
 QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
 
 
-class Workers(Protocol):
-    """Workers: their number, the time that their start took [s], and the executor that hands jobs to them."""
-
-    count: int
-    start_seconds: float
-
-    @property
-    def executor(self) -> Executor: ...
-
-    def lost(self) -> bool:
-        """Return whether a worker has died; called every `CHECK_INTERVAL` while no results come."""
-
-    def close(self) -> None:
-        """Release the workers at once, even if they are busy; the next use of the executor starts others."""
-
-
 class Processes:
-    """Processes on this machine."""
+    """Processes on this machine: their number, and the time that their start took [s]."""
 
     def __init__(self, count: int, objective: Objective) -> None:
         """Prepare to start this many processes, for an objective."""
@@ -94,7 +77,7 @@ class Processes:
         return False
 
     def close(self) -> None:
-        """End the processes at once and silently, even while they start."""
+        """End the processes at once and silently, even while they start; the next use of the executor starts others."""
         for process in self._processes():
             process.kill()
         if self._executor:
@@ -105,6 +88,59 @@ class Processes:
 
     def _processes(self) -> list[BaseProcess]:
         return list((self._executor._processes or {}).values()) if self._executor else []
+
+
+class Cluster:
+    """A Dask cluster; its scheduler gives the jobs of workers that die to others."""
+
+    def __init__(self, address: str, waiting: Callable[[str], object]) -> None:
+        """Connect to the scheduler at an address; raise a BatchError if none answers or the cluster has no workers.
+
+        If the workers leave later, `waiting` is called with that reason.
+        """
+        try:
+            from distributed import Client
+        except ImportError as missing:
+            raise BatchError("--dask needs the package distributed: pip install 'distretarget[dask]'") from missing
+        try:
+            kind = asyncio.run(_kind(address))  # a client would wait for much longer, and not without noise
+            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) if kind == "Scheduler" else None
+        except TimeoutError as error:
+            raise BatchError(f"no Dask scheduler answers at {address!r} within {CONNECT_TIMEOUT:g} s") from error
+        except Exception as error:  # of all layers below: the address, the network, what another program answers
+            raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from error
+        if client is None:
+            raise BatchError(f"{address!r} is the address of a Dask {kind.lower()}; expected that of the scheduler")
+        self._client = client
+        self.executor: Executor = client.get_executor(pure=False)
+        self._waiting, self._next_reminder = waiting, 0.0
+        self.count, self.start_seconds = sum(client.ncores().values()), 0.0
+        if not self.count:
+            self.close()
+            raise BatchError(f"the Dask scheduler at {address} has no workers; start some and run this again")
+
+    def lost(self) -> bool:
+        """Return False, after a reminder if the cluster has no workers: it may get new ones."""
+        if not self._client.scheduler_info()["workers"] and time.monotonic() >= self._next_reminder:
+            self._next_reminder = time.monotonic() + REMINDER
+            self._waiting("the Dask cluster has no workers")
+        return False
+
+    def close(self) -> None:
+        """Leave the cluster; jobs not yet done are dropped."""
+        with suppress(Exception):
+            self._client.close(timeout=5)
+
+
+async def _kind(address: str) -> str:
+    """What the Dask process at an address is, such as "Scheduler" or "Worker"."""
+    from distributed import rpc
+
+    async with rpc(address, timeout=CONNECT_TIMEOUT) as process:
+        return str((await asyncio.wait_for(process.identity(), CONNECT_TIMEOUT))["type"])
+
+
+Workers = Processes | Cluster
 
 
 def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:

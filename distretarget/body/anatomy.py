@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import Literal
 
 import numpy as np
@@ -102,14 +103,9 @@ def trunk_roles(hips: int, spine: Sequence[int], neck: Sequence[int], head: int 
 class Regions:
     """The regions of a body."""
 
-    # the names of the regions, such as "left hand", those of most interest first; in a body without anatomy the name of
-    # the first joint of each limb
-    names: tuple[str, ...]
-    # (joints,), the region of each joint and End Site; -1 for what is not part of the body: joints above the hips,
-    # handles, props, hair and cloth
-    of_joint: Numbers
-    # (regions, regions), whether two regions are the same or share a bone, and so always touch
-    neighbours: Flags
+    names: tuple[str, ...]  # such as "left hand", those of most interest first; without anatomy the top of each limb
+    of_joint: Numbers  # (joints,), the region of each; -1 above the hips, for handles, props, hair and cloth
+    neighbours: Flags  # (regions, regions), whether two regions are the same or share a bone, and so always touch
 
     def inside(self, *regions: str) -> Flags:
         """Return whether each joint lies in one of the regions, named without a side, (joints,)."""
@@ -134,10 +130,9 @@ def find_regions(skeleton: Skeleton, anatomy: Anatomy | None, above_hips: tuple[
     numbers = {name: number for number, name in enumerate(names)}
     of_joint = np.array([numbers.get(labels.get(joint, ""), -1) for joint in range(len(skeleton))], np.intp)
     neighbours = np.eye(len(names), dtype=bool)
-    for joint, parent in enumerate(skeleton.parents.tolist()):
-        if joint in labels and parent in labels:
-            a, b = of_joint[joint], of_joint[parent]
-            neighbours[a, b] = neighbours[b, a] = True
+    joints = [joint for joint in labels if skeleton.parents[joint] in labels]
+    a, b = of_joint[joints], of_joint[skeleton.parents[joints]]
+    neighbours[a, b] = neighbours[b, a] = True
     return Regions(tuple(names), of_joint, neighbours)
 
 
@@ -148,12 +143,9 @@ def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
         side, part = side_and_part(role)
         region = REGION_OF_PART[part]
         labels[joint] = region if region in WITHOUT_SIDE else f"{side} {region}"
-    parents = skeleton.parents.tolist()
     for joint in sorted(labels):
-        between = parents[joint]
-        while between >= 0 and between not in labels:
+        for between in takewhile(lambda above: above not in labels, skeleton.line(joint)[1:]):
             labels[between] = labels[joint]
-            between = parents[between]
     for joint, region in list(labels.items()):
         labels.update({child: region for child in skeleton.children[joint] if skeleton.end_sites[child]})
     for side in SIDES:

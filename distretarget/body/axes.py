@@ -42,10 +42,9 @@ def perpendicular(vectors: Array, axes: Array) -> Array:
 
 
 def axes_of(left: Array, up: Array) -> Array:
-    """Return rotation matrices, (..., 3, 3), with the columns left, up and forward, from unit vectors (..., 3).
-
-    `up` is made perpendicular to `left`. Where the two are parallel or one is zero, up is kept (Y if it is zero), and
-    left is an arbitrary direction perpendicular to it.
+    """Return rotation matrices, (..., 3, 3), with the columns left, up and forward, from unit vectors (..., 3), up made
+    perpendicular to left. Where the two are parallel or one is zero, up is kept (Y if it is zero), and left is
+    arbitrary.
     """
     lost = lengths(cross(left, up)) < PARALLEL
     if lost.any():

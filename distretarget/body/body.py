@@ -8,18 +8,9 @@ from types import NoneType
 
 import numpy as np
 
-from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
+from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
-from distretarget.body.limbs import (
-    Arm,
-    Legs,
-    find_arms,
-    find_legs,
-    foot_bone,
-    leg_length,
-    pelvis_joint,
-    with_hanging_arms,
-)
+from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, with_hanging_arms
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
@@ -102,8 +93,9 @@ class Body:
 
     @cached_property
     def arms(self) -> tuple[Arm, ...]:
-        """The arms, left before right; none where the body has no anatomy."""
-        return find_arms(self.anatomy)
+        """The arms that have all three joints, left before right; none without an anatomy."""
+        arms = [self.anatomy.joints(*(side + part for part in ARM[1:])) for side in SIDES] if self.anatomy else []
+        return tuple(Arm(*arm) for arm in arms if len(arm) == len(ARM[1:]))
 
     @cached_property
     def leg_length(self) -> float:
@@ -130,7 +122,7 @@ class Body:
     @cached_property
     def pelvis_joint(self) -> int | None:
         """The joint where the legs branch off; None without legs."""
-        return pelvis_joint(self.skeleton, self.legs) if self.legs else None
+        return self.skeleton.meet(leg.hip for leg in self.legs) if self.legs else None
 
     @cached_property
     def above_hips(self) -> tuple[int, ...]:

@@ -92,8 +92,7 @@ class Builds:
     """The builds of source and target, where something else than their own files says how thick they are.
 
     Attributes:
-        source: of the source; None for what its file shows, or an average body of its age.
-        target: of the target; None for what its file shows, or an average body of its age.
+        source, target: of each; None for what its file shows, or an average body of its age.
     """
 
     source: Build | None = None

@@ -242,11 +242,9 @@ def convention_of(skeleton: Skeleton) -> str:
 
 
 def name_meanings(tree: NamedTree) -> NameMeanings:
-    """Return what the names of a tree of joints mean.
-
-    The fit of a convention is the number of terms that names and convention share, over the number of terms that either
-    has; terms that no convention knows and the convention's `also` do not count. Its prefix adds `PREFIX_FIT`. Of equal
-    fits the one with more of the `also` wins.
+    """Return what the names of a tree of joints mean. The fit of a convention is the number of terms that it shares
+    with the names, over the number that either has, without terms that no convention knows and the convention's `also`;
+    its prefix adds `PREFIX_FIT`. Of equal fits the one with more of the `also` wins.
     """
     conventions = vocabulary().conventions
     names = _joint_names(tree, {convention.prefix for convention in conventions} - {()} | {NEW_BONE})

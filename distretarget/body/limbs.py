@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions
+from distretarget.body.anatomy import SIDES, Anatomy, Regions
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths
 from distretarget.skeleton import Skeleton
@@ -73,9 +73,9 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
 def tree_legs(skeleton: Skeleton) -> Legs | None:
     """Return the two legs that the tree and its bone lengths show, whatever the names; None where they show none.
 
-    A limb is the longest chain below a child of a joint. Two limbs below the same joint are a pair if their bone
-    lengths are about equal. The legs are the pair that branches off nearest to the root, and of several there the
-    longest. Pairs much shorter than the longest one (eyes, toes) do not count.
+    A limb is the longest chain below a child of a joint; two below the same joint, of about equal bone lengths, are a
+    pair. The legs are the pair that branches off nearest to the root, and of several there the longest. Pairs much
+    shorter than the longest one (eyes, toes) do not count.
     """
     pairs = [pair for tops in skeleton.children if len(tops) > 1 for pair in _longest_pair(skeleton, tops)]
     longest = max((length for length, _, _ in pairs), default=0.0)
@@ -161,11 +161,6 @@ def passing_regions(regions: Regions, legs: Legs | None) -> Flags:
     return passing
 
 
-def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:
-    """Return the joint where the legs branch off."""
-    return skeleton.meet(leg.hip for leg in legs)
-
-
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
     """Return the length of thigh and shin, the mean of the legs [file units]."""
     return float(np.mean([skeleton.paths_from(leg.hip)[leg.ankle] for leg in legs]))
@@ -178,12 +173,6 @@ class Arm:
     shoulder: int  # the upper end of the upper arm
     elbow: int
     wrist: int
-
-
-def find_arms(anatomy: Anatomy | None) -> tuple[Arm, ...]:
-    """Return the arms that have all three joints; none without an anatomy."""
-    arms = [anatomy.joints(*(side + part for part in ARM[1:])) for side in SIDES] if anatomy else []
-    return tuple(Arm(*arm) for arm in arms if len(arm) == len(ARM[1:]))
 
 
 def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], up: Array) -> Array:

@@ -59,8 +59,8 @@ def with_named_fingers(skeleton: Skeleton, anatomy: Anatomy) -> Anatomy:
     """Return an anatomy without fingers with those that names show below its hands."""
     tree = NamedTree.of(skeleton)
     rig = _Rig(tree.parents, name_meanings(tree))
-    hands = {side: anatomy.roles[f"{side}Hand"] for side in SIDES}
-    fingers = {side + role: joint for side, hand in hands.items() for role, joint in rig.fingers(hand).items()}
+    hands = {side: rig.fingers(anatomy.roles[f"{side}Hand"]) for side in SIDES}
+    fingers = {side + role: joint for side, own in hands.items() for role, joint in own.items()}
     return replace(anatomy, roles={**anatomy.roles, **fingers})
 
 
@@ -88,10 +88,9 @@ class _Rig:
         return Anatomy(roles=roles, spine=tuple(spine), neck=tuple(neck), convention=convention, method="names")
 
     def _limb(self, limb: Sequence[str], side: str) -> dict[str, int]:
-        """The joints of the chain on a side with the most points for this limb; empty unless both long bones are named.
-
-        `chains` has, for each joint, the best chains that end there or above, by the number of parts they may use, each
-        with its points. Of chains with equal points the one whose last joint carries most joints is better.
+        """The joints of the chain on a side with the most points for this limb, of equal ones that whose last joint
+        carries most; empty unless both long bones are named. `chains` has, for each joint, the best chains that end
+        there or above, by the number of parts they may use, each with its points.
         """
         chains: list[list[tuple[float, dict[str, int]]]] = []
         points = itemgetter(0)
@@ -246,10 +245,9 @@ def _in_palm(stem: str) -> bool:
 
 
 def _first_number(finger: str, stems: Sequence[str], thumb: int) -> int:
-    """The number of a finger's first bone: 0 for a bone in the palm, else 1.
-
-    A bone is in the palm if its name says so, or if three others follow it and its number is not 1, or the thumb has
-    three bones, none of them at its tip. A thumb of three bones begins in the palm, but with 1.
+    """The number of a finger's first bone: 0 for a bone in the palm, by its name, or if three others follow it and its
+    number is not 1, or the thumb has three bones, none of them at its tip; else 1. A thumb of three bones begins in the
+    palm, but with 1.
     """
     if not stems:
         return 1

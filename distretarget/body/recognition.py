@@ -22,10 +22,9 @@ THUMB = ("Metacarpal", "Proximal", "Distal")
 
 
 def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
-    """Return the anatomy of a skeleton; None where no human body is recognised.
-
-    Where names show the body but not all its arms and legs, its shape shows the others, if it agrees on the rest.
-    `positions`, (frames, joints, 3), are those of a motion, as in `by_shape`.
+    """Return the anatomy of a skeleton; None where no human body is recognised. Where names show the body but not all
+    its arms and legs, its shape shows the others, if it agrees on the rest; `positions`, (frames, joints, 3), of a
+    motion help.
     """
     named = by_names(skeleton)
     if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in LIMBS)):
@@ -64,10 +63,9 @@ def _completed(named: Anatomy, shaped: Anatomy) -> Anatomy:
 
 
 def by_humanoid(skeleton: Skeleton) -> Anatomy | None:
-    """Return the anatomy that the skeleton's `humanoid` states; None where it states too little.
-
-    It must state the hips, and the two long bones of both arms or of both legs. Bones that do not hang from the bone
-    that they belong to have no role, nor have eyes and jaw.
+    """Return the anatomy that the skeleton's `humanoid` states; None unless it states the hips, and the two long bones
+    of both arms or of both legs. Bones that do not hang from the bone that they belong to have no role, nor have eyes
+    and jaw.
     """
     joints = dict(skeleton.humanoid)
     if "hips" not in joints:

@@ -28,13 +28,10 @@ def feet_at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> Flags:
 
 
 def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shots | None = None) -> Array:
-    """Return how much ankle and toe of a leg rest, (frames, 2), 0 to 1: they are slow and the foot is low, or they
-    stand still, as on a step. Roots above the leg, such as one on the floor, are not what a foot is low against. It
-    fades out to `FADE` times the limits of speed and height, so that little depends on whether a foot is just below or
-    just above them.
-
-    `up`, (3,), is the unit vector up; `length` the length of the leg [file units]. `shots`, (frames,), are judged
-    separately; without them the motion is one.
+    """Return how much ankle and toe of a leg rest, (frames, 2), 0 to 1: they are slow and the foot is low against the
+    body, without roots above the leg, or they stand still, as on a step. It fades out to `FADE` times the limits of
+    speed and height, so that little depends on small differences. `up`, (3,), is the unit vector up; `length` the leg's
+    [file units]; `shots`, (frames,), are judged separately; without them the motion is one.
     """
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
     joints = np.array([leg.ankle, leg.toe])
@@ -43,7 +40,7 @@ def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shot
     speeds = joint_speeds(motion, joints, shots)
     heights = heights_of(motion.positions, below, up).min(axis=1)
     slow = speeds.min(axis=1) < FADE * REST_SPEED * length
-    low = _low(heights, above_lowest(motion, below, of_body, up).min(axis=1), slow, length, shots)
+    low = _low(heights, heights - lowest_heights(motion.positions, up, of_body), slow, length, shots)
     still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), speeds, length, shots)
     return np.asarray(np.where(still, 1.0, _within(speeds, REST_SPEED * length) * low[:, None]))
 
@@ -79,16 +76,10 @@ def joint_speeds(motion: Motion, joints: Numbers, shots: Shots) -> Array:
     return np.asarray(steps / np.maximum(after - before, 1)[:, None] / motion.frame_time)
 
 
-def above_lowest(motion: Motion, joints: Numbers | list[int], others: Numbers, up: Array) -> Array:
-    """Return the heights of some joints above the lowest of others in the frame, (frames, len(joints)) [file units]."""
-    return heights_of(motion.positions, joints, up) - lowest_heights(motion.positions, up, others)[:, None]
-
-
 def still_joints(motion: Motion, joints: Numbers, bases: Numbers, speeds: Array, length: float, shots: Shots) -> Flags:
-    """Return whether joints stand still in the world while their limbs move, (frames, len(joints)).
-
-    The end of a limb holds on to something if it keeps its place while the joint at the limb's base, in `bases`, moves.
-    `speeds` are those of `joint_speeds`; `length` is the length of a leg [file units].
+    """Return whether joints stand still in the world while their limbs move, (frames, joints): they hold on to
+    something if they keep their place while the joint at the limb's base, in `bases`, moves. `speeds` are those of
+    `joint_speeds`; `length` is that of a leg [file units].
     """
     slow, least = speeds < STILL_SPEED * length, max(STILL_TIME / motion.frame_time, 2.0)
     holding = np.zeros_like(slow)

@@ -46,16 +46,10 @@ ALONG = 0.9  # a bone that points forward more than this is turned about by what
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """The segments of a body.
+    """The segments of a body; -1 for what is not part of it: joints above the hips, handles, props, hair and cloth."""
 
-    Attributes:
-        of_joint: (joints,), the number in `SEGMENTS` that each joint belongs to; -1 for what is not part of the body:
-            joints above the hips, handles, props, hair and cloth.
-        carriers: (joints,), the joint that carries the capsules of what each joint moves; -1 as there.
-    """
-
-    of_joint: Numbers
-    carriers: Numbers
+    of_joint: Numbers  # (joints,), the number in `SEGMENTS` that each joint belongs to
+    carriers: Numbers  # (joints,), the joint that carries the capsules of what each joint moves
 
     def joints(self, carrier: int) -> list[int]:
         """Return the joints whose capsules a joint carries."""
@@ -133,21 +127,13 @@ def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Where a part of a body is in the body's reference pose.
+    """Where a part of a body is in the body's reference pose."""
 
-    Attributes:
-        origin: (3,) [file units].
-        axes: (3, 3), unit vectors along it, to its side and up as columns.
-        length: what counts as 1 along it [file units].
-        breadth: what counts as 1 across it, and for radii [file units].
-        carriers: the joints that carry it, and how far along it each takes over; the first from the start.
-    """
-
-    origin: Array
-    axes: Array
-    length: float
-    breadth: float
-    carriers: Sequence[tuple[int, float]]
+    origin: Array  # (3,) [file units]
+    axes: Array  # (3, 3), unit vectors along it, to its side and up as columns
+    length: float  # what counts as 1 along it [file units]
+    breadth: float  # what counts as 1 across it, and for radii [file units]
+    carriers: Sequence[tuple[int, float]]  # joints, and how far along it each takes over; the first from the start
 
     @property
     def scales(self) -> Array:

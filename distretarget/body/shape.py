@@ -76,7 +76,7 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
         legs, arms = legs[::-1], arms[::-1]
     roles = trunk_roles(hips, spine, neck, head) | _roles(legs, arms)
     for side, leg, arm in zip(SIDES, legs, arms, strict=True):
-        roles |= {f"{side}Toes": joint for joint in _toes(skeleton, leg)}
+        roles |= {f"{side}Toes": joint for joint in _onward(skeleton, leg.end)}  # none where each toe has its own
         roles |= {f"{side}Shoulder": joint for joint in _collar(skeleton, arms, arm, x)}
     if any(skeleton.end_sites[joint] for joint in roles.values()):
         return None
@@ -186,25 +186,22 @@ def _like_chains(skeleton: Skeleton, tops: Sequence[int], least: int = 1) -> lis
 def _chain(skeleton: Skeleton, top: int) -> list[int]:
     """The joints down the longest branch to where it forks or ends, `MOST_JOINTS` at most, without End Sites."""
     chain = [top]
-    while len(chain) < MOST_JOINTS and not _forks(skeleton, chain[-1]):
-        below = max(skeleton.children[chain[-1]], key=partial(limb_length, skeleton), default=None)
-        if below is None or skeleton.end_sites[below]:
-            break
-        chain.append(below)
+    while len(chain) < MOST_JOINTS and (onward := _onward(skeleton, chain[-1])):
+        chain += onward
     return chain
+
+
+def _onward(skeleton: Skeleton, joint: int) -> list[int]:
+    """The joint in which the longest branch below a joint begins; empty where it forks or ends in End Sites."""
+    below = [] if _forks(skeleton, joint) else skeleton.children[joint]
+    longest = max(below, key=partial(limb_length, skeleton), default=None)
+    return [] if longest is None or skeleton.end_sites[longest] else [longest]
 
 
 def _forks(skeleton: Skeleton, joint: int) -> bool:
     """Whether two branches of comparable length leave a joint."""
     *_, second, longest = sorted([0.0, 0.0, *(limb_length(skeleton, child) for child in skeleton.children[joint])])
     return second > 0 and second >= FORK * longest
-
-
-def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
-    """The joint of a foot's toes; empty where each toe has its own joint."""
-    below = [] if _forks(skeleton, leg.end) else skeleton.children[leg.end]
-    longest = max(below, key=partial(limb_length, skeleton), default=None)
-    return [] if longest is None or skeleton.end_sites[longest] else [longest]
 
 
 def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> list[int]:

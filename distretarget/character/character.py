@@ -8,20 +8,18 @@ of the node r_j = Q_p^-1 q_j Q_p b_j. Uniform scales drop out, and so does mirro
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.joint_nodes import deform_tree
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, extent, lengths
-from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+from distretarget.skeleton import LARGEST, Skeleton
 
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 
@@ -153,101 +151,3 @@ def _continuous(rotations: Array) -> Array:
     flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
     signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
     return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])
-
-
-@dataclass(frozen=True, eq=False)
-class DeformCharacter(Character):
-    """A character whose bones that deform the mesh stand among controls: its skeleton is that of these bones alone.
-
-    Controls stay as the file shows them. So that the mesh does not tear, a bone that hangs from a control in the file
-    gets keys of its translation as well.
-    """
-
-    whole: Character  # with all nodes as joints
-    bones: NDArray[np.intp]  # (joints,), the joints of the whole character that are joints of this one
-
-    @property
-    def joint_nodes(self) -> NDArray[np.intp]:
-        """(joints,), the node of each joint of the skeleton."""
-        return self.whole.joint_nodes[self.bones]
-
-    @property
-    def bind_transforms(self) -> Mapping[int, Array]:
-        """The transform in the world, (4, 4), of each of the file's nodes that matter in the bind pose."""
-        return self.whole.bind_transforms
-
-    def motion(self, animation: Animation, size: int) -> Motion:
-        """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
-        whole = self.whole.motion(animation, size)
-        world, places = whole.world_rotations[:, self.bones], whole.positions[:, self.bones]
-        parents = self.skeleton.parents
-        is_below = (parents >= 0)[:, None]
-        above = Rotation.from_quat(np.where(is_below, world[:, parents], IDENTITY)).inv()
-        translations = above.apply(places - np.where(is_below, places[:, parents], 0.0))
-        rotations = (above * Rotation.from_quat(world)).as_quat()
-        return Motion.of_translations(self.skeleton, self._settled(translations), rotations, animation.frame_time_text)
-
-    def animation(self, motion: Motion, name: str) -> Animation:
-        """Return a motion of the skeleton as an animation of the nodes that turn or move."""
-        skeleton = self.whole.skeleton
-        above, places = self._above_in_file(motion)
-        rotations = np.tile(skeleton.unturned, (len(motion), 1, 1))
-        translations = np.tile(skeleton.offsets, (len(motion), 1, 1))
-        rotations[:, self.bones] = (above.inv() * Rotation.from_quat(motion.world_rotations)).as_quat()
-        translations[:, self.bones] = above.inv().apply(motion.positions - places)
-        moved = Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
-        return self.whole.animation(moved, name)
-
-    def _above_in_file(self, motion: Motion) -> tuple[Rotation, Array]:
-        """The rotation in the world of the node from which each bone hangs in the file, and its place, (frames, joints,
-        3); these nodes move with the nearest bone above them, or not at all.
-        """
-        skeleton = self.whole.skeleton
-        joints = {bone: joint for joint, bone in enumerate(self.bones.tolist())}
-        lines = [skeleton.line(bone)[1:] for bone in joints]
-        parents = np.array([line[0] if line else -1 for line in lines])
-        bearers = np.array([next((joints[bone] for bone in line if bone in joints), -1) for line in lines])
-        rest = np.vstack([skeleton.rest_positions + skeleton.offsets[0], np.zeros(3)])
-        offsets = rest[parents] - rest[np.append(self.bones, -1)[bearers]]
-        still = np.tile(IDENTITY, (len(motion), 1, 1))
-        above = Rotation.from_quat(np.concatenate([motion.world_rotations, still], axis=1)[:, bearers])
-        places = np.concatenate([motion.positions, np.zeros((len(motion), 1, 3))], axis=1)[:, bearers]
-        return above, places + above.apply(np.broadcast_to(offsets, places.shape))
-
-
-def with_deform_bones(character: Character) -> Character:
-    """Return the character whose skeleton is that of the bones that deform, where the file has them among controls;
-    else the same.
-    """
-    whole = character.skeleton
-    tree = {} if whole.humanoid else dict(deform_tree(whole.names, whole.parents.tolist()))
-    if not tree:
-        return character
-    if sum(parent < 0 for parent in tree.values()) > 1:
-        tree = {bone: max(parent, 0) for bone, parent in tree.items()} | {0: -1}
-    bones = _top_down(tree)
-    rest, joints = whole.rest_positions, {bone: joint for joint, bone in enumerate(bones)}
-    parents = np.array([joints.get(tree[bone], -1) for bone in bones])
-    offsets = rest[bones] - np.where((parents >= 0)[:, None], rest[bones][parents], -whole.offsets[0])
-    turns = [tuple(channel for channel in whole.channels[bone] if channel in ROTATION_CHANNELS) for bone in bones]
-    skeleton = replace(
-        whole,
-        names=tuple(whole.names[bone] for bone in bones),
-        parents=parents,
-        offsets=offsets,
-        channels=tuple(turn if joint else (*POSITION_CHANNELS, *turn) for joint, turn in enumerate(turns)),
-        end_sites=whole.end_sites[bones],
-    )
-    same = {entry.name: getattr(character, entry.name) for entry in fields(character)}
-    return DeformCharacter(**same | {"skeleton": skeleton}, whole=character, bones=np.array(bones))
-
-
-def _top_down(tree: Mapping[int, int]) -> list[int]:
-    """The bones of a tree, each after its parent."""
-    below: dict[int, list[int]] = defaultdict(list)
-    for bone in sorted(tree):
-        below[tree[bone]].append(bone)
-    bones = below[-1]
-    for upper in bones:
-        bones.extend(below[upper])
-    return bones

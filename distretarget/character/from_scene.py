@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.recognition import by_names
-from distretarget.character.bind_pose import are_regular, bind_poses
-from distretarget.character.character import Character, with_deform_bones
-from distretarget.character.joint_nodes import joint_nodes
+from distretarget.character.character import Character
+from distretarget.character.deform import with_deform_bones
+from distretarget.character.joints import are_regular, bind_poses, joint_nodes
 from distretarget.character.nodes import Nodes, Scene
 from distretarget.errors import FileError, SkeletonError, cut, quoted
 from distretarget.numerics.rotations import nearest_rotations
@@ -145,7 +145,11 @@ def _character(
 
 
 def _skeleton(scene: Scene, nodes: Sequence[int], places: Array) -> Skeleton:
-    """The skeleton of nodes that are at these places, (nodes, 3), in the bind pose."""
+    """The skeleton of nodes that are at these places, (nodes, 3), in the bind pose.
+
+    Position channels have the root, and if the hips hang below it the hips and all joints that are not of the body,
+    such as IK handles.
+    """
     own = scene.nodes.among(nodes)
     joints = {node: joint for joint, node in enumerate(nodes)}
     skeleton = Skeleton(
@@ -160,16 +164,11 @@ def _skeleton(scene: Scene, nodes: Sequence[int], places: Array) -> Skeleton:
         floor_at_zero=True,
         humanoid=tuple((bone, joints[node]) for bone, node in scene.humanoid.items()),
     )
-    return replace(skeleton, channels=_with_positions(skeleton))
-
-
-def _with_positions(skeleton: Skeleton) -> tuple[tuple[str, ...], ...]:
-    """The channels of the joints: positions for the root, and if the hips hang below it for the hips and all joints
-    that are not of the body, such as IK handles.
-    """
-    anatomy = by_names(skeleton)
-    body = set(skeleton.subtree(anatomy.roles["hips"])[1:]) if anatomy else set(range(1, len(skeleton)))
-    return tuple(USUAL_ROTATIONS if joint in body else USUAL_ROOT for joint in range(len(skeleton)))
+    if not (anatomy := by_names(skeleton)):
+        return skeleton
+    body = set(skeleton.subtree(anatomy.roles["hips"])[1:])
+    channels = [USUAL_ROTATIONS if joint in body else USUAL_ROOT for joint in range(len(nodes))]
+    return replace(skeleton, channels=tuple(channels))
 
 
 def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -> tuple[str, ...]:

@@ -19,25 +19,19 @@ from typing import Any, NoReturn
 
 import click
 
-from distretarget.errors import DistretargetError, shown
+from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
 from distretarget.numerics.interrupts import interrupts_kept
 
-COMMANDS = {  # by name: where the command is, and its short help
-    "audit": ("distretarget.cli.audit:audit_command", "Say what is wrong with the clips in a folder."),
-    "batch": ("distretarget.cli.batch:batch_command", "Retarget many clips to one or several targets."),
-    "contacts": ("distretarget.cli.contacts:contacts_command", "List the contacts that are found in CLIP."),
-    "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
-    "retarget": (
-        "distretarget.cli.retarget:retarget_command",
-        "Retarget the motion of SOURCE to the body of TARGET.",
-    ),
-    "scene": ("distretarget.cli.scene:scene_command", "Retarget performers who share a world."),
-    "skeleton": (
-        "distretarget.cli.skeleton:skeleton_group",
-        "Show, edit and match skeletons, and write skeleton files.",
-    ),
-    "view": ("distretarget.cli.view:view_command", "Look at motions and characters in the browser."),
+COMMANDS = {  # by name, with their short help; each is the function NAME_command in a module of its name
+    "audit": "Say what is wrong with the clips in a folder.",
+    "batch": "Retarget many clips to one or several targets.",
+    "contacts": "List the contacts that are found in CLIP.",
+    "diff": "Measure the motion of B against that of A, the reference.",
+    "retarget": "Retarget the motion of SOURCE to the body of TARGET.",
+    "scene": "Retarget performers who share a world.",
+    "skeleton": "Show, edit and match skeletons, and write skeleton files.",
+    "view": "Look at motions and characters in the browser.",
 }
 DEFAULT_COMMAND = "retarget"
 THREAD_TIMEOUT = 5.0  # the program waits this long for each remaining thread before it ends [s]
@@ -59,17 +53,12 @@ class DefaultGroup(click.Group):
 class ImportedCommand(click.Command):
     """A command that is imported when it runs, as its module is slow to import; until then it has only a short help."""
 
-    def __init__(self, name: str, place: str, short_help: str) -> None:
-        """Stand for the command at a place such as "package.module:command"."""
-        super().__init__(name, short_help=short_help)
-        self._place = place
-
     @cached_property
     def command(self) -> click.Command:
         """The command itself, imported without garbage collection, as modules stay anyway."""
         gc.disable()
         try:
-            command: click.Command = resolve_name(self._place)
+            command: click.Command = resolve_name(f"distretarget.cli.{self.name}:{self.name}_command")
         finally:
             gc.enable()
         gc.freeze()
@@ -104,8 +93,8 @@ def cli() -> None:
     click.get_current_context().with_resource(announced_compilation(lambda line: say(line, err=True)))
 
 
-for name, (place, short_help) in COMMANDS.items():
-    cli.add_command(ImportedCommand(name, place, short_help))
+for name, short_help in COMMANDS.items():
+    cli.add_command(ImportedCommand(name, short_help=short_help))
 
 
 def main() -> None:
@@ -196,8 +185,7 @@ def _leave(status: int) -> NoReturn:
 
 def _complain(message: str, status: int) -> int:
     """Print an error on one line and return the exit status."""
-    from distretarget.cli.outputs import as_options
+    from distretarget.cli.outputs import complain
 
-    line = as_options(" ".join(message.split("\n")))
-    click.echo(shown(f"distretarget: {line}"), err=True)
+    complain("distretarget: " + message.replace("\n", " "))
     return status

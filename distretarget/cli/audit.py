@@ -10,16 +10,12 @@ from pathlib import Path
 import click
 from tqdm import tqdm
 
-from distretarget.batch.audit import AuditedClip, audit, usual_limits
-from distretarget.batch.audit_page import audit_page, fault_text, summary_lines
+from distretarget.batch.audit import LIMITS, AuditedClip, audit, audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
-from distretarget.cli.options import OVERWRITE_OPTION, PATH, limit_of, quiet
+from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, limit_of, quiet
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest
 from distretarget.measure.clip_faults import KINDS
-
-HEAD = ("clip", "frames", "frames/s", "leg", "up", "faults")
-SIDES = "<>>><<"
 
 
 def of_kind(text: str) -> tuple[str, float]:
@@ -41,11 +37,9 @@ def of_kind(text: str) -> tuple[str, float]:
     help=f"The number above which a clip has this fault; KIND is one of {', '.join(KINDS)}. May be given "
     "several times.",
 )
-@click.option(
-    "--table", type=PATH, metavar="FILE", help="Write a CSV file with a row for each clip and the numbers of all kinds."
-)
-@click.option("--report", type=PATH, metavar="FILE", help="Write an HTML page with the worst frame of each fault.")
-@click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
+@file_option("--table", help="Write a CSV file with a row for each clip and the numbers of all kinds.")
+@file_option("--report", help="Write an HTML page with the worst frame of each fault.")
+@CLIP_OPTION
 @OVERWRITE_OPTION
 @quiet
 def audit_command(
@@ -76,19 +70,17 @@ def audit_command(
     found, unread = find_clips(sources)
     if not found:
         raise BatchError("there are no clips to audit")
-    with tqdm(total=len(found), unit=" clips", disable=is_quiet() or None, leave=False) as bar:
-        clips = audit([path for path, _ in found], lambda _path: bar.update(), clip, pictures=report is not None)
-    limits = usual_limits() | dict(given)
+    bar = tqdm([path for path, _ in found], unit=" clips", disable=is_quiet() or None, leave=False)
+    clips = audit(bar, clip, pictures=report is not None)
+    limits = LIMITS | dict(given)
     title = f"Audit of {', '.join(source.resolve().name for source in sources)}"
     write_outputs({table: lambda: _csv(clips, limits), report: lambda: audit_page(clips, limits, title)}, overwrite)
     faulty = [each for each in clips if each.faults(limits)]
     if faulty:
-        for line in aligned([HEAD, *(_row(each, limits) for each in faulty)], SIDES):
-            say(line)
-    for line in summary_lines(clips, limits):
-        say(line)
-    for error in unread:
-        complain(f"not searched: {error}")
+        head = ("clip", "frames", "frames/s", "leg", "up", "faults")
+        say(*aligned([head, *(_row(each, limits) for each in faulty)], "<>>><<"))
+    say(*summary_lines(clips, limits))
+    complain(*(f"not searched: {error}" for error in unread))
     if faulty or unread:
         click.get_current_context().exit(1)
 
@@ -105,8 +97,7 @@ def _csv(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("clip", "frames", "frame_time", "leg", "up", "faults", *KINDS))
     for clip in clips:
-        numbers = (clip.findings.get(kind) for kind in KINDS)
         size = (clip.frames, clip.frame_time, clip.leg, clip.up) if clip.rig else ("",) * 4
-        cells = ("" if found is None else f"{found.value:.6g}" for found in numbers)
+        cells = (f"{clip.findings[kind].value:.6g}" if kind in clip.findings else "" for kind in KINDS)
         writer.writerow((clip.name, *size, " ".join(clip.faults(limits)), *cells))
     return text.getvalue()

@@ -7,29 +7,27 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TextIO
 
 import click
 from tqdm import tqdm
 
-from distretarget.batch.batch import Batch, checked_contacts
-from distretarget.batch.keep import Condition
+from distretarget.batch.batch import Batch
+from distretarget.batch.job import TIME_LIMITS, Recipe
 from distretarget.batch.manifest import Manifest
-from distretarget.batch.merge import clips_folder
-from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.pages import Pages
-from distretarget.batch.plan import find_clips, load_targets, plan
-from distretarget.batch.recipe import Reading, Recipe
+from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.record import ManifestRecord
-from distretarget.batch.results import Results
-from distretarget.batch.tally import Tally
-from distretarget.batch.time_limit import TIME_LIMITS
-from distretarget.batch.workers import Processes, Workers
+from distretarget.batch.results import Condition, Results, clips_folder, write_merged
+from distretarget.batch.summary import Tally
+from distretarget.batch.workers import Cluster, Processes, Workers
 from distretarget.cli.options import (
     PATH,
-    SkinFiles,
+    Skins,
     contacts_option,
+    file_option,
+    load_builds,
     of_formats,
     of_reports,
     quiet,
@@ -91,8 +89,8 @@ def of_condition(text: str) -> Condition:
 @reading
 @retargeting
 @contacts_option(
-    "Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, such as "
-    "walk.contacts.json beside walk.bvh."
+    help="Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, "
+    "such as walk.contacts.json beside walk.bvh."
 )
 @click.option(
     "--format",
@@ -124,11 +122,9 @@ def of_condition(text: str) -> Condition:
     help="The longest time for a clip. One that takes longer fails, and the next run tries it again. Default: none.",
 )
 @click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
-@click.option(
+@file_option(
     "--report",
     "index",
-    type=PATH,
-    metavar="FILE",
     help="Write an HTML page on all clips to this file; reports on single clips go to a folder beside it.",
 )
 @click.option(
@@ -140,10 +136,8 @@ def of_condition(text: str) -> Condition:
     help="With --report, the clips that get a report of their own: worst:N for the N with the largest "
     f"{METRICS[0].label}, all or none.",
 )
-@click.option(
+@file_option(
     "--table",
-    type=PATH,
-    metavar="FILE",
     help="Write a table, .csv or .parquet, with a row for each clip: its metrics, verdict, warnings, and hashes.",
 )
 @click.option(
@@ -172,7 +166,7 @@ def batch_command(
     map_path: Path | None,
     rest_path: Path | None,
     options: Options,
-    skins: SkinFiles,
+    skins: Skins,
     contacts_path: Path | None,
     jobs: int | None,
     dask: str | None,
@@ -203,7 +197,7 @@ def batch_command(
         sources, targets = sources[:-1], sources[-1:]
         if is_folder(targets[0]):
             raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
-    texts = load_targets(list(dict.fromkeys(targets)))
+    files = [TargetFile.of(load_file(path)) for path in dict.fromkeys(targets)]
     sources = tuple(dict.fromkeys(sources))
     listed = [*dict.fromkeys(_listed(input_list))] if input_list else []
     if not sources and input_list is None:
@@ -222,41 +216,37 @@ def batch_command(
     if merge:
         if kinds or npz:
             raise click.UsageError("--merge writes what the name of -o says; leave out --format and --npz.")
-        results, kinds = _for_merge(folder, texts, overwrite, dry_run), ("bvh",)
+        results, kinds = _for_merge(folder, files, overwrite, dry_run), ("bvh",)
     elif npz:
         kinds = (*(kinds or ("own",)), "npz")
     try:
-        clips = plan(found, texts, results, sources, kinds or (), clip)
+        clips = plan(found, files, results, sources, kinds or (), clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     batch = Batch(
         clips,
         Results(results, overwrite and not merge, keep, read_only=dry_run),
-        Recipe(options, map_file, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds()),
+        Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, load_builds(skins)),
         Pages(about, index, reports, table),
-        checked_contacts(contacts_path),
+        contacts_path,
         load_file(joints_path) if joints_path else None,
         time_limit,
         fail_fast,
     )
-    for each in unread:
-        complain(f"not searched: {each}")
+    complain(*(f"not searched: {each}" for each in unread))
     if dry_run:
         _print_plan(batch)
         return
     batch.check()
     tally = Tally(clips=len(clips))
     stopped, status = _convert(batch, _workers(dask, jobs, options), tally)
-    for line in tally.lines:
-        say(line)
-    for line in tally.failures if is_quiet() else ():
-        complain(line)
-    for problem in batch.pages.problems.values():
-        complain(f"no report: {problem}")
+    say(*tally.lines)
+    complain(*(tally.failures if is_quiet() else ()))
+    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:
-        count = write_merged(folder, texts[0], batch.kept_clips, settings, overwrite)
+        count = write_merged(folder, files[0], batch.kept_clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
 
@@ -283,8 +273,6 @@ def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_r
 def _workers(dask: str | None, jobs: int | None, options: Options) -> Workers:
     if dask is None:
         return Processes(jobs or cores(), options.objective)
-    from distretarget.batch.cluster import Cluster
-
     return Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
 
 
@@ -326,8 +314,9 @@ def _print_plan(batch: Batch) -> None:
         except DistretargetError as error:
             say(f"fail     {error}")
         else:
-            beside = ", ".join([str(results.folder / clip.place), *clip.suffixes])
-            say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {beside}")
+            beside = (PurePath(output).suffix for output in clip.outputs[1:])
+            made = ", ".join([str(results.folder / clip.output), *beside])
+            say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {made}")
 
 
 def _print_broken(manifest: Manifest) -> None:

@@ -23,7 +23,7 @@ from distretarget.pipeline.found_contacts import find_contacts
 @click.option("-o", "--output", type=FileOrStandard(), help="Write the list to this file, which --contacts takes.")
 @OVERWRITE_OPTION
 @reading
-@map_option('A JSON file with {"target joint": "source joint"}, as in retarget.')
+@map_option(help='A JSON file with {"target joint": "source joint"}, as in retarget.')
 @quiet
 def contacts_command(
     source: Path,

@@ -10,13 +10,14 @@ import click
 
 from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over, over_limits
 from distretarget.cli.options import (
+    CLIP_OPTION,
     OVERWRITE_OPTION,
     FileOrStandard,
+    file_option,
     limit_of,
     map_option,
     positive,
     quiet,
-    report_option,
 )
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
@@ -50,13 +51,13 @@ def of_metric(text: str) -> tuple[str, float]:
 @click.command("diff")
 @click.argument("a", type=FileOrStandard())
 @click.argument("b", type=FileOrStandard())
-@report_option("Write an HTML report to this file: one file, no network.", None, "-o")
+@file_option("-o", "--report", type=FileOrStandard(), help="Write an HTML report to this file: one file, no network.")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all metrics to this file.")
 @click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the metrics to this file, a row for each frame.")
-@click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
+@CLIP_OPTION
 @map_option(
-    'A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names or '
-    "shape."
+    help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names '
+    "or shape."
 )
 @click.option("--fail-over", "limits", type=of_metric, multiple=True, metavar="METRIC=LIMIT", help=FAIL_OVER_HELP)
 @click.option(
@@ -110,8 +111,7 @@ def diff_command(
         account = _measure_clips(a, b, clip, map_path, limits, verbose)
     texts = {report: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
     write_outputs(texts, overwrite)
-    for line in account.lines:
-        say(line)
+    say(*account.lines)
     if account.faults:
         raise click.ClickException(f"{account.path}: {'; '.join(account.faults)}")
 

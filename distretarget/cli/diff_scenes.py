@@ -84,9 +84,7 @@ def read_scene(path: Path) -> SceneInput:
         files = {clip.name: clip.file for clip in setup.clips}
         return SceneInput(path, dict(zip(files, motions, strict=True)), files, setup)
     try:
-        found = sorted(
-            each for each in path.iterdir() if each.suffix.lower() in MOTION_SUFFIXES and each.name[0] != "."
-        )
+        found = sorted(one for one in path.iterdir() if one.suffix.lower() in MOTION_SUFFIXES and one.name[0] != ".")
     except OSError as error:
         raise FileError(path, reason_of(error)) from error
     if not found:

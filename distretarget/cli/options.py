@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,29 +16,18 @@ from click.core import ParameterSource
 from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.io.gltf_writer import Mode
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings
-from distretarget.io.npz import Precision
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, Precision
 from distretarget.io.target_file import load_build
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
 from distretarget.numerics.rotations import RotationKind
-from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
+from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
 from distretarget.skeleton import LARGEST, SMALLEST
 
-Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+Command = Callable[..., None]
+Decorator = Callable[[Command], Command]
+Skins = tuple[Path | None, Path | None]  # the builds, by name or file, of source and target; None for their own
 
 PATH = click.Path(path_type=Path)
-
-
-@dataclass(frozen=True)
-class SkinFiles:
-    """The builds, by name or file, of source and target; None for what their own files show."""
-
-    source: Path | None
-    target: Path | None
-
-    def builds(self) -> Builds:
-        """Return the builds in them; errors as in `load_build`."""
-        return Builds(*(load_build(path) if path else None for path in (self.source, self.target)))
 
 
 class FileOrStandard(click.Path):
@@ -61,38 +51,37 @@ quiet = click.option(
 OVERWRITE_OPTION = click.option(
     "--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced."
 )
+CLIP_OPTION = click.option(
+    "--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second."
+)
+
+
+def _number(text: str, least: float, most: float) -> float | None:
+    """The number in the text, if it is within bounds."""
+    with contextlib.suppress(ValueError):
+        if least <= (number := float(text)) <= most:
+            return number
+    return None
 
 
 def positive(text: str) -> float:
     """The number above 0 in the text."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = 0.0
-    if not SMALLEST <= number <= LARGEST:
+    if (number := _number(text, SMALLEST, LARGEST)) is None:
         raise click.BadParameter(f"expected a number above 0, from {SMALLEST:g} to {LARGEST:g}, found {text!r}")
     return number
 
 
-def limit_of(name: str, number: str) -> float:
+def limit_of(name: str, text: str) -> float:
     """The limit of what has a name, a number from 0 up."""
-    try:
-        limit = float(number)
-    except ValueError:
-        limit = -1.0
-    if not 0 <= limit <= LARGEST:
-        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {number!r}")
+    if (limit := _number(text, 0.0, LARGEST)) is None:
+        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {text!r}")
     return limit
 
 
 def of_rate(text: str) -> float:
     """The frame rate in the text [frames/s]."""
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = 0.0
-    if not 1 / LONGEST_FRAME <= rate <= 1 / SHORTEST_FRAME:
-        least, most = 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME
+    least, most = 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME
+    if (rate := _number(text, least, most)) is None:
         raise click.BadParameter(f"expected frames per second, from {least:g} to {most:g}, found {text!r}")
     return rate
 
@@ -115,39 +104,37 @@ def of_reports(text: str) -> int | None:
     return int(number)
 
 
-def _choice(name: str, text: str) -> Decorator:
-    """An option with the choices and the default of a field of `Options`."""
-    default = getattr(DEFAULT_OPTIONS, name)
-    kind = click.Choice([choice for choice in CHOICES[name] if choice is not None])
+def of_skin(text: str) -> SkinMode | Path:
+    """How thick a body is, in the text: a mode, or a build by its name or file."""
+    return next((mode for mode in get_args(SkinMode) if mode == text), Path(text))
+
+
+def load_builds(skins: Skins) -> Builds:
+    """Read the builds of source and target; errors as in `load_build`."""
+    return Builds(*(load_build(skin) if skin else None for skin in skins))
+
+
+def _choice(
+    name: str, text: str, choices: Sequence[str] = (), settings: Options | OutputSettings = DEFAULT_OPTIONS
+) -> Decorator:
+    """An option with the choices, by default those of `Options`, and the default of a field of some settings."""
+    default = getattr(settings, name)
+    kind = click.Choice(choices or [choice for choice in CHOICES[name] if choice is not None])
     flag = f"--{name.replace('_', '-')}"
     return click.option(flag, type=kind, default=default, show_default=default is not None, help=text)
 
 
-def map_option(text: str, kind: click.Path = PATH) -> Decorator:
-    """The option --map with this help."""
-    return click.option("--map", "map_path", type=kind, metavar="FILE", help=text)
-
-
-def contacts_option(text: str) -> Decorator:
-    """The option --contacts with this help."""
-    return click.option("--contacts", "contacts_path", type=PATH, metavar="FILE", help=text)
-
-
-def report_option(text: str, kind: click.Path | None = None, *names: str) -> Decorator:
-    """The option --report with this help."""
-    return click.option(*names, "--report", "report", type=kind or FileOrStandard(), metavar="FILE", help=text)
-
-
-def rest_option(kind: click.Path = PATH) -> Decorator:
-    """The option --rest."""
-    text = (
-        "A BVH file of SOURCE's rig that stands in its first frame, in T-pose, A-pose or with arms down: the pose in "
-        "which SOURCE is aligned with TARGET. For rigs whose rest pose does not stand; see 'skeleton match' to keep it "
-        "in a map."
-    )
-    return click.option("--rest", "rest_path", type=kind, metavar="FILE", help=text)
-
-
+file_option = functools.partial(click.option, type=PATH, metavar="FILE")
+map_option = functools.partial(file_option, "--map", "map_path")
+contacts_option = functools.partial(file_option, "--contacts", "contacts_path")
+rest_option = functools.partial(
+    file_option,
+    "--rest",
+    "rest_path",
+    help="A BVH file of SOURCE's rig that stands in its first frame, in T-pose, A-pose or with arms down: the pose in "
+    "which SOURCE is aligned with TARGET. For rigs whose rest pose does not stand; see 'skeleton match' to keep it in "
+    "a map.",
+)
 SUPPORTS_OPTION = _choice(
     "supports",
     "What stays in place while it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
@@ -164,10 +151,10 @@ STRIP_NAMESPACE_OPTION = click.option(
     is_flag=True,
     help="In BVH, write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
 )
-OPTIONS = (
+RETARGETING = (
     map_option(
-        'A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs overrule '
-        "those in the target's file; joints in neither are matched by names or shape."
+        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs '
+        "overrule those in the target's file; joints in neither are matched by names or shape."
     ),
     rest_option(),
     click.option(
@@ -200,6 +187,7 @@ OPTIONS = (
     ENVIRONMENT_OPTION,
     click.option(
         "--skin",
+        type=of_skin,
         metavar="[auto|average|BUILD|none|FILE]",
         default="auto",
         show_default=True,
@@ -218,72 +206,72 @@ OPTIONS = (
 )
 
 
-def reading(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options --clip, --fps and --skeleton to a command that reads a motion."""
-    clip = click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
-    fps = click.option(
+READING = (
+    CLIP_OPTION,
+    click.option(
         "--fps",
         type=of_rate,
         metavar="NUMBER",
         help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys. Of .npy, its frame rate.",
-    )
-    joints = click.option(
+    ),
+    file_option(
         "--skeleton",
         "--smpl-joints",
         "joints_path",
-        type=PATH,
-        metavar="FILE",
         help="For a SOURCE in .npz or .npy: the skeleton of its positions or SMPL parameters. It may be a skeleton "
         "file, BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
-    )
-    return clip(fps(joints(command)))
-
-
-def writing(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of writing to a command, which receives them as `settings`."""
-
-    def with_settings(
-        animations: Mode, in_place: bool, rotations: RotationKind, precision: Precision, **given: Any
-    ) -> None:
-        command(settings=OutputSettings(animations, in_place, rotations, precision), **given)
-
-    kept = click.option(
-        "--animations",
-        type=click.Choice(get_args(Mode)),
-        default="add",
-        show_default=True,
-        help="In a character file: whether the motion is added to the animations in it, or replaces them.",
-    )
-    in_place = click.option(
+    ),
+)
+WRITING = (
+    _choice(
+        "animations",
+        "In a character file: whether the motion is added to the animations in it, or replaces them.",
+        get_args(Mode),
+        DEFAULT_OUTPUT,
+    ),
+    click.option(
         "--in-place",
         is_flag=True,
         help="Leave out the root's path along the floor. Character files and .vrma keep it in the animation's extras.",
-    )
-    rotations = click.option(
-        "--rotations",
-        type=click.Choice(get_args(RotationKind)),
-        default=DEFAULT_OUTPUT.rotations,
-        show_default=True,
-        help="In .npz, what rotations are: quaternions x y z w, matrices, or the first two columns of these.",
-    )
-    precision = click.option(
-        "--precision",
-        type=click.Choice(get_args(Precision)),
-        default=DEFAULT_OUTPUT.precision,
-        show_default=True,
-        help="The precision of numbers in .npz.",
-    )
-    return kept(in_place(rotations(precision(functools.update_wrapper(with_settings, command)))))
+    ),
+    _choice(
+        "rotations",
+        "In .npz, what rotations are: quaternions x y z w, matrices, or the first two columns of these.",
+        get_args(RotationKind),
+        DEFAULT_OUTPUT,
+    ),
+    _choice("precision", "The precision of numbers in .npz.", get_args(Precision), DEFAULT_OUTPUT),
+)
 
 
-def retargeting(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, the files `skins`, and
-    the others as `options`.
+def _with(options: Sequence[Decorator], command: Command) -> Command:
+    """Add options to a command, in their order."""
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+reading = functools.partial(_with, READING)
+
+
+def writing(command: Command) -> Command:
+    """Add the options of writing to a command, which receives them as `settings`."""
+
+    def with_settings(**given: Any) -> None:
+        own = {field.name: given.pop(field.name) for field in fields(OutputSettings)}
+        command(settings=OutputSettings(**own), **given)
+
+    return _with(WRITING, functools.update_wrapper(with_settings, command))
+
+
+def retargeting(command: Command) -> Command:
+    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, the `skins` of source and
+    target, as `load_builds` takes them, and the others as `options`.
     """
 
-    def with_options(skin: str, source_skin: Path | None, **given: Any) -> None:
-        given["skin"] = skin if skin in CHOICES["skin"] else "auto"
-        skins = SkinFiles(source_skin, None if skin in CHOICES["skin"] else Path(skin))
+    def with_options(skin: SkinMode | Path, source_skin: Path | None, **given: Any) -> None:
+        given["skin"] = "auto" if isinstance(skin, Path) else skin
+        skins = (source_skin, skin if isinstance(skin, Path) else None)
         if skin == "none" and source_skin:
             raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
@@ -295,7 +283,4 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
             )
         command(options=options, skins=skins, **given)
 
-    decorated: Callable[..., None] = functools.update_wrapper(with_options, command)
-    for option in reversed(OPTIONS):
-        decorated = option(decorated)
-    return decorated
+    return _with(RETARGETING, functools.update_wrapper(with_options, command))

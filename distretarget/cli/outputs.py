@@ -51,20 +51,17 @@ def read_input(path: Path) -> InputFile:
         raise FileError(STANDARD_INPUT, reason_of(error)) from error
 
 
-def write_output(path: Path, content: Content, overwrite: bool) -> None:
-    """Write a content, text whole or in parts, to a file as `write_whole` does, or to standard output."""
-    if path != STANDARD:
-        write_whole(path, content, overwrite)
-        return
-    for part in encoded_parts(content):
-        click.echo(part, nl=False)
-
-
 def write_outputs(contents: Mapping[Path | None, Callable[[], Content]], overwrite: bool) -> None:
-    """Make the content of each output that is asked for, and then write them; skips None."""
+    """Make the content of each output that is asked for, text whole or in parts, and then write them to files as
+    `write_whole` does, or to standard output; skips None.
+    """
     made = {path: content() for path, content in contents.items() if path}
     for path, content in made.items():
-        write_output(path, content, overwrite)
+        if path == STANDARD:
+            for part in encoded_parts(content):
+                click.echo(part, nl=False)
+        else:
+            write_whole(path, content, overwrite)
 
 
 def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:
@@ -115,26 +112,23 @@ def _is_set(key: str) -> bool:
     return context is not None and bool(context.meta.get(key))
 
 
-def say(line: str, err: bool = False) -> None:
-    """Print a line, unless --quiet is given."""
+def say(*lines: str, err: bool = False) -> None:
+    """Print lines, unless --quiet is given."""
     if not is_quiet():
-        _print(line, err or _is_set(OUTPUT_TAKEN))
+        _print(lines, err or _is_set(OUTPUT_TAKEN))
 
 
-def complain(line: str) -> None:
-    """Print a line on standard error, even with --quiet."""
-    _print(line, err=True)
+def complain(*lines: str) -> None:
+    """Print lines on standard error, even with --quiet."""
+    _print(lines, err=True)
 
 
-def _print(line: str, err: bool) -> None:
-    click.echo(shown(as_options(line)), err=err)
-
-
-def as_options(text: str) -> str:
-    """Return a text in which arguments of Python functions are called as the options of the program."""
-    for argument, option in ARGUMENTS.items():
-        text = text.replace(argument, option)
-    return text
+def _print(lines: Sequence[str], err: bool) -> None:
+    """Print lines, in which arguments of Python functions are called as the options of the program."""
+    for line in lines:
+        for argument, option in ARGUMENTS.items():
+            line = line.replace(argument, option)
+        click.echo(shown(line), err=err)
 
 
 def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:

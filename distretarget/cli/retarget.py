@@ -17,11 +17,12 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     STRIP_NAMESPACE_OPTION,
     FileOrStandard,
-    SkinFiles,
+    Skins,
     contacts_option,
+    file_option,
+    load_builds,
     quiet,
     reading,
-    report_option,
     retargeting,
     writing,
 )
@@ -72,13 +73,17 @@ from distretarget.report.diff_document import metrics_json, metrics_line, summar
 @reading
 @retargeting
 @contacts_option(
-    "Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget contacts' lists "
-    "what is found, and writes such a file to edit."
+    help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget contacts' "
+    "lists what is found, and writes such a file to edit."
 )
 @writing
 @STRIP_NAMESPACE_OPTION
 @click.option("--json", "metrics", type=FileOrStandard(), help="Write the metrics of each frame to this file.")
-@report_option("Write an HTML report to this file: result and rotation copy, measured against the source.")
+@file_option(
+    "--report",
+    type=FileOrStandard(),
+    help="Write an HTML report to this file: result and rotation copy, measured against the source.",
+)
 @click.option(
     "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."
 )
@@ -96,7 +101,7 @@ def retarget_command(
     rest_path: Path | None,
     contacts_path: Path | None,
     options: Options,
-    skins: SkinFiles,
+    skins: Skins,
     metrics: Path | None,
     report: Path | None,
     strip_namespace: bool,
@@ -121,7 +126,7 @@ def retarget_command(
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
-    inputs = [source, target, joints_path, map_path, rest_path, contacts_path, skins.source, skins.target]
+    inputs = [source, target, joints_path, map_path, rest_path, contacts_path, *skins]
     check_outputs([output, metrics, report], inputs, overwrite)
     started = time.perf_counter()
     source_file, target_file = read_source(source, joints_path), read_input(target)
@@ -133,7 +138,7 @@ def retarget_command(
     if source_file.kind == "BVH":
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
-    builds = skins.builds() if options.skin == "none" else with_source(skins.builds(), source_file)
+    builds = load_builds(skins) if options.skin == "none" else with_source(load_builds(skins), source_file)
     reading = time.perf_counter() - started
     warm(options.objective, skin=has_skin(target_for(motion, body.target), body.target, options, builds))
     started = time.perf_counter()
@@ -148,10 +153,9 @@ def retarget_command(
             contacts=contacts,
             progress=bar.update,
         )
-    motion = result.motion
-    written = (
-        replace(motion, skeleton=motion.skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
-    )
+    written = result.motion
+    if strip_namespace and kind == "BVH":
+        written = replace(written, skeleton=written.skeleton.without_namespaces)
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
     named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
@@ -165,13 +169,11 @@ def retarget_command(
     write_outputs(contents, overwrite)
     content = ()  # frees its numbers before metrics are measured
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
-    for line in _account(result) if verbose else others:
-        say(line, err=True)
+    say(*(_account(result) if verbose else others), err=True)
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
-    for warning in (*parts_without_source(result.matching), *lost, *left_out, *result.warnings):
-        say(f"warning: {warning}", err=True)
-    for line in refusals(written.skeleton) if kind == "BVH" else ():
-        say(line, err=True)
+    warnings = (*parts_without_source(result.matching), *lost, *left_out, *result.warnings)
+    say(*(f"warning: {warning}" for warning in warnings), err=True)
+    say(*(refusals(written.skeleton) if kind == "BVH" else ()), err=True)
     say(summary_line(result, seconds))
 
 

@@ -5,26 +5,26 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from itertools import cycle
-from pathlib import Path, PurePath
-from typing import Any, get_args
+from pathlib import Path
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from distretarget.batch.plan import Clip
-from distretarget.batch.record import ManifestRecord, new_record
+from distretarget.batch.record import new_record
 from distretarget.batch.results import Results
 from distretarget.cli.options import (
     ENVIRONMENT_OPTION,
     OVERWRITE_OPTION,
     PATH,
     SUPPORTS_OPTION,
+    file_option,
+    of_skin,
     positive,
     quiet,
-    report_option,
 )
 from distretarget.cli.outputs import check_outputs, complain, say
 from distretarget.errors import DistretargetError, FileError, counted
@@ -43,10 +43,18 @@ from distretarget.io.input_file import MOTION_SUFFIXES, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.pipeline.compile_ahead import warm
-from distretarget.pipeline.options import SkinMode
 from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page
+from distretarget.scene.retargeting import SceneResult
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
+
+EACH = {  # what is given once for all performers or once for each, as in `PerformerFiles`; and how errors call it
+    "target": "targets",
+    "start": "starts",
+    "skin": "skins",
+    "source_skin": "source skins",
+    "contacts": "contact files",
+}
 
 
 @click.command("scene")
@@ -54,23 +62,21 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
 @click.option(
     "-t",
     "--target",
-    "targets",
     multiple=True,
     type=PATH,
     help="A performer's body, a character or a skeleton file: once for all, or once for each performer in order.",
 )
 @click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION
-@report_option(
-    "Write an HTML report to this file: all performers and props in one player. Of a folder of scenes each has one of "
-    "this name beside its results.",
-    PATH,
+@file_option(
+    "--report",
+    help="Write an HTML report to this file: all performers and props in one player. Of a folder of scenes each has "
+    "one of this name beside its results.",
 )
 @click.option("--cut", is_flag=True, help="Cut all clips to the length of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
 @click.option(
     "--start",
-    "starts",
     multiple=True,
     type=click.FloatRange(min=0.0),
     metavar="SECONDS",
@@ -87,37 +93,29 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
 @ENVIRONMENT_OPTION
 @click.option(
     "--skin",
-    "skins",
     multiple=True,
+    type=of_skin,
     metavar="[auto|average|BUILD|none|FILE]",
     help="How thick a target is, once for all performers, or once for each in order. auto, the default: as its mesh or "
     "the radii in its file show; others have no thickness of their own. average, BUILD, none and FILE: as in retarget.",
 )
 @click.option(
     "--source-skin",
-    "source_skins",
     multiple=True,
     type=PATH,
     metavar="[BUILD|FILE]",
     help="How thick the performer of a source is, once for all, or once for each in order, as in retarget. Default: "
     "what the mesh in the source shows, else an average adult, child or baby.",
 )
-@click.option(
+@file_option(
     "--contacts",
     multiple=True,
-    type=PATH,
-    metavar="FILE",
     help="Contacts to drop, make or change, as in retarget: once for all performers, or once for each in order. Frames "
     "count from the start of the scene.",
 )
 @quiet
 def scene_command(
-    sources: tuple[Path, ...],
-    targets: tuple[Path, ...],
-    output: Path,
-    overwrite: bool,
-    report: Path | None,
-    **options: Any,
+    sources: tuple[Path, ...], output: Path, overwrite: bool, report: Path | None, **options: Any
 ) -> None:
     """Retarget performers who share a world.
 
@@ -131,36 +129,16 @@ def scene_command(
     distretarget scene staff.json -o staff
     distretarget scene sample_bvh/scenes -o scenes
     """  # noqa: D301
-    if targets:
+    if options["target"]:
         if scene := next((path for path in sources if path.suffix.lower() == ".json" or is_folder(path)), None):
             raise click.UsageError(f"{scene} is a scene or a folder of scenes, which name their targets; leave out -t.")
-        _retarget(_setup(sources, targets, options), output, overwrite, report)
+        _retarget_scene(_setup(sources, options), output, overwrite, report)
         return
     path = _scene_path(sources, options)
     if is_folder(path):
-        _retarget_folder(path, output, overwrite, report)
+        _retarget_folder(path, Results(output, overwrite), report)
     else:
-        _retarget(load_scene(path), output, overwrite, report)
-
-
-def _retarget_folder(path: Path, output: Path, overwrite: bool, report: Path | None) -> None:
-    """Retarget all scenes of a folder; those that fail do not stop the others, those that are done are left out."""
-    files = sorted(path.rglob(SCENE_NAME))
-    if not files:
-        raise FileError(path, f"has no {SCENE_NAME} in it or below")
-    results, skipped, failures = Results(output, overwrite), 0, list[DistretargetError]()
-    for file in files:
-        try:
-            folder = output / file.parent.relative_to(path)
-            check_inside(folder, output)
-            skipped += not _retarget(load_scene(file), folder, overwrite, report, (file, results))
-        except DistretargetError as error:
-            failures.append(error)
-            complain(f"failed: {error}")
-    converted = len(files) - skipped - len(failures)
-    say(f"{counted(len(files), 'scene')}: {converted} converted, {skipped} done before, {len(failures)} failed")
-    if failures:
-        sys.exit(1)
+        _retarget_scene(load_scene(path), output, overwrite, report)
 
 
 def _scene_path(sources: Sequence[Path], options: dict[str, Any]) -> Path:
@@ -175,80 +153,89 @@ def _scene_path(sources: Sequence[Path], options: dict[str, Any]) -> Path:
     return path
 
 
-def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
+def _setup(sources: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
     """The scene that the command line describes."""
-    starts = options.pop("starts") or (0.0,)
-    skins, source_skins = options.pop("skins") or ("auto",), options.pop("source_skins") or (None,)
-    contacts = options.pop("contacts") or (None,)
-    lists = (targets, "targets"), (starts, "starts"), (skins, "skins"), (source_skins, "source skins")
-    for given, what in (*lists, (contacts, "contact files")):
-        if len(given) not in (1, len(sources)):
+    given = {field: values for field in EACH if (values := options.pop(field))}
+    for field, values in given.items():
+        if len(values) not in (1, len(sources)):
             raise click.UsageError(
-                f"{len(given)} {what} for {len(sources)} performers; give one for all, or one for each, in their order."
+                f"{len(values)} {EACH[field]} for {len(sources)} performers; give one for all, or one for each, in "
+                "their order."
             )
-    if "none" in skins and source_skins != (None,):
+    if "none" in given.get("skin", ()) and "source_skin" in given:
         raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
-    thick = [next((mode for mode in get_args(SkinMode) if mode == skin), Path(skin)) for skin in skins]
     performers = tuple(
-        PerformerFiles(
-            name=file.stem, file=file, target=target, start=start, skin=skin, source_skin=source_skin, contacts=asked
-        )
-        for file, target, start, skin, source_skin, asked in zip(
-            sources, cycle(targets), cycle(starts), cycle(thick), cycle(source_skins), cycle(contacts)
-        )
+        PerformerFiles(name=file.stem, file=file, **dict(zip(given, each, strict=True)))
+        for file, *each in zip(sources, *map(cycle, given.values()), strict=False)
     )
     return SceneSetup(performers=performers, **options)
 
 
-def _retarget(
-    setup: SceneSetup,
-    folder: Path,
-    overwrite: bool,
-    report: Path | None,
-    among: tuple[Path, Results] | None = None,
-) -> bool:
-    """Retarget a scene into a folder, and print how it went; return whether that was needed.
-
-    `among` is the scene's file and the folder of all results, for a scene of a folder of scenes.
-    """
-    targets = [TargetFile.of(load_file(performer.target)) for performer in setup.performers]
-    suffixes = [*map(suffix_of, targets), *[".bvh"] * (len(setup.names) - len(targets))]  # the others are props
-    outputs = [folder / f"{name}{suffix}" for name, suffix in zip(setup.names, suffixes, strict=True)]
-    if report and among:
-        report = folder / report.name
-    for path in [*outputs, *([report] if report and among else [])]:
-        check_inside(path, folder)
-    outputs += [report] if report else []
-    write: Callable[[Mapping[Path, Content]], None] = partial(_write_all, overwrite=overwrite)
-    if among:
-        file, results = among
-        names = [path.relative_to(results.folder).as_posix() for path in outputs]
-        record = _record(file, setup, targets[0], names[0])
-        if results.known(record, names):
-            return False
-        results.check_replaceable(record, names)
-        write = partial(_put_all, results, record)
+def _retarget_scene(setup: SceneSetup, folder: Path, overwrite: bool, report: Path | None) -> None:
+    """Retarget a scene into a folder, and print how it went."""
+    targets, outputs = _outputs(setup, folder)
     with _made(folder):
-        check_outputs(outputs, setup.inputs, overwrite or bool(among))
-        _write(setup, targets, outputs, write)
+        check_outputs([*outputs, report], setup.inputs, overwrite)
+        result, contents, seconds = _retargeted(setup, targets, outputs, report)
+        for path, content in contents.items():
+            write_whole(path, content, overwrite)
+    _say_how_it_went(setup, outputs, result, seconds)
+
+
+def _retarget_folder(path: Path, results: Results, report: Path | None) -> None:
+    """Retarget all scenes of a folder; those that fail do not stop the others, those that are done are left out."""
+    files = sorted(path.rglob(SCENE_NAME))
+    if not files:
+        raise FileError(path, f"has no {SCENE_NAME} in it or below")
+    skipped, failures = 0, 0
+    for file in files:
+        try:
+            folder = results.folder / file.parent.relative_to(path)
+            check_inside(folder, results.folder)
+            skipped += not _retarget_unless_done(file, folder, results, report)
+        except DistretargetError as error:
+            failures += 1
+            complain(f"failed: {error}")
+    converted = len(files) - skipped - failures
+    say(f"{counted(len(files), 'scene')}: {converted} converted, {skipped} done before, {failures} failed")
+    if failures:
+        sys.exit(1)
+
+
+def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Path | None) -> bool:
+    """Retarget the scene in a file into a folder in that of all results, unless it is done; return whether it was not.
+
+    The report has the name of `report`, in the same folder.
+    """
+    setup = load_scene(file)
+    targets, outputs = _outputs(setup, folder)
+    report = folder / report.name if report else None
+    if report:
+        check_inside(report, folder)
+    names = [path.relative_to(results.folder).as_posix() for path in (*outputs, report) if path]
+    inputs = hash_of(*(hash_of(read_bytes(path)).encode() for path in (file, *setup.inputs)))
+    record = new_record(Clip(file, targets[0], (names[0],), 0), {}, inputs)
+    record["status"] = "done"
+    if results.known(record, names):
+        return False
+    results.check_replaceable(record, names)
+    with _made(folder):
+        check_outputs([*outputs, report], setup.inputs, overwrite=True)
+        result, contents, seconds = _retargeted(setup, targets, outputs, report)
+        parts = ([*encoded_parts(content)] for content in contents.values())
+        results.put(record, dict(zip(names, parts, strict=True)))
+    _say_how_it_went(setup, outputs, result, seconds)
     return True
 
 
-def _write_all(contents: Mapping[Path, Content], overwrite: bool) -> None:
-    for path, content in contents.items():
-        write_whole(path, content, overwrite)
-
-
-def _put_all(results: Results, record: ManifestRecord, contents: Mapping[Path, Content]) -> None:
-    names = (path.relative_to(results.folder).as_posix() for path in contents)
-    results.put(record, {name: [*encoded_parts(each)] for name, each in zip(names, contents.values(), strict=True)})
-
-
-def _record(file: Path, setup: SceneSetup, target: TargetFile, output: str) -> ManifestRecord:
-    """What the manifest says of the scene in a file, whose first performer has this target, once it is done."""
-    record = new_record(Clip(file, target, PurePath(output), 0), {})
-    inputs = hash_of(*(hash_of(read_bytes(path)).encode() for path in (file, *setup.inputs)))
-    return {**record, "input_hash": inputs, "status": "done"}
+def _outputs(setup: SceneSetup, folder: Path) -> tuple[list[TargetFile], list[Path]]:
+    """The targets of a scene, and the paths of the results of performers and props in a folder."""
+    targets = [TargetFile.of(load_file(performer.target)) for performer in setup.performers]
+    suffixes = [*map(suffix_of, targets), *[".bvh"] * len(setup.props)]
+    outputs = [folder / f"{name}{suffix}" for name, suffix in zip(setup.names, suffixes, strict=True)]
+    for path in outputs:
+        check_inside(path, folder)
+    return targets, outputs
 
 
 @contextlib.contextmanager
@@ -264,25 +251,25 @@ def _made(folder: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
-def _write(
-    setup: SceneSetup,
-    targets: Sequence[TargetFile],
-    outputs: Sequence[Path],
-    write: Callable[[Mapping[Path, Content]], None],
-) -> None:
-    """Retarget a scene, write its results to these paths, the last a report if there is one more, and print how it
-    went.
-    """
+def _retargeted(
+    setup: SceneSetup, targets: Sequence[TargetFile], outputs: Sequence[Path], report: Path | None
+) -> tuple[SceneResult, dict[Path, Content], float]:
+    """Retarget a scene; return its result, the contents of its files, and the time that took [s]."""
     warm("contact")
     began = time.perf_counter()
     result = setup.retargeted()
     clips = [DEFAULT_OUTPUT.clip(motion, name) for motion, name in zip(result.motions, setup.names, strict=False)]
-    contents = [[*content_of(*each, DEFAULT_OUTPUT)] for each in zip(outputs, clips, targets, strict=False)]
+    contents: list[Content] = [
+        [*content_of(*each, DEFAULT_OUTPUT)] for each in zip(outputs, clips, targets, strict=False)
+    ]
     contents += [[*bvh_parts(prop.motion)] for prop in result.props]
     seconds = time.perf_counter() - began
-    if len(outputs) > len(contents):
-        contents.append([scene_page(result, setup.names)])
-    write(dict(zip(outputs, contents, strict=True)))
+    files = dict(zip(outputs, contents, strict=True))
+    return result, files | ({report: scene_page(result, setup.names)} if report else {}), seconds
+
+
+def _say_how_it_went(setup: SceneSetup, outputs: Sequence[Path], result: SceneResult, seconds: float) -> None:
+    """Print what is to be said of each performer, and of the contacts between them."""
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from distretarget.cli.options import (
     quiet,
     rest_option,
 )
-from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_output
+from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_outputs
 from distretarget.errors import FileError, closest, counted, cut
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
@@ -48,12 +48,12 @@ def of_bone(text: str) -> tuple[str, float]:
 
 
 @click.group("skeleton")
-def skeleton_group() -> None:
+def skeleton_command() -> None:
     """Show, edit and match skeletons, and write skeleton files. - means standard input or output."""
     click.get_current_context().with_resource(uncompiled())
 
 
-@skeleton_group.command("show")
+@skeleton_command.command("show")
 @click.argument("file", type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="An .obj file for the capsules that approximate the skin.")
 @OVERWRITE_OPTION
@@ -75,16 +75,13 @@ def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
     legs = f", legs {body.leg_length:.6g}{unit}" if body.legs else ""
     size = f"height {body.height:.6g}{unit}{legs}"
     say(f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}")
-    for line in _tree(skeleton):
-        say(line)
+    say(*_tree(skeleton))
     capsules = target_capsules(target)
-    for line in _thickness(target, capsules, body.height):
-        say(line)
-    if output:
-        write_output(output, capsules_to_obj(capsules, skeleton), overwrite)
+    say(*_thickness(target, capsules, body.height))
+    write_outputs({output: lambda: capsules_to_obj(capsules, skeleton)}, overwrite)
 
 
-@skeleton_group.command("export")
+@skeleton_command.command("export")
 @click.argument("file", type=FileOrStandard())
 @click.option(
     "-o",
@@ -108,10 +105,10 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     if strip_namespace:
         skeleton = skeleton.without_namespaces
         joint_map = {skeleton.keys[target.skeleton.index(key)]: driver for key, driver in joint_map.items()}
-    write_output(output, skeleton_to_json(skeleton, name, joint_map, _radii(target)), overwrite)
+    write_outputs({output: lambda: skeleton_to_json(skeleton, name, joint_map, _radii(target))}, overwrite)
 
 
-@skeleton_group.command("edit")
+@skeleton_command.command("edit")
 @click.argument("file", type=FileOrStandard())
 @click.option("--scale", type=positive, metavar="FACTOR", help="The factor for all bones and the root's offset.")
 @click.option(
@@ -156,25 +153,21 @@ def edit_command(
     check_suffix(output, ".json")
     given = read_input(file)
     name, target = _target_in(given)
-    options = [("--length", *each) for each in lengths] + [("--factor", *each) for each in factors]
-    chosen = _bones(given.path, target.skeleton, options)
-    new_lengths, new_factors = (
-        {key: number for key, (by, _, number) in chosen.items() if by == option} for option in ("--length", "--factor")
-    )
-    edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, given.path)
+    chosen = _bones(given.path, target.skeleton, {"--length": lengths, "--factor": factors})
+    edit = SkeletonEdit(1.0 if scale is None else scale, chosen["--length"], chosen["--factor"], given.path)
     radii = {joint: edit.scale * radius for joint, radius in _radii(target).items()}
     edited = edit.apply(target.skeleton)
-    write_output(output, skeleton_to_json(edited, name, target.map, radii), overwrite)
+    write_outputs({output: lambda: skeleton_to_json(edited, name, target.map, radii)}, overwrite)
     changed = counted(int(np.sum(edited.lengths != target.skeleton.lengths)), "bone")
     unit = f" {edited.units}" if edited.units else ""
     say(f"{changed} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
 
 
-@skeleton_group.command("match")
+@skeleton_command.command("match")
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
-@map_option("A map file whose pairs overrule all others.", FileOrStandard())
-@rest_option(FileOrStandard())
+@map_option(type=FileOrStandard(), help="A map file whose pairs overrule all others.")
+@rest_option(type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The map file to write.")
 @OVERWRITE_OPTION
 @quiet
@@ -206,14 +199,10 @@ def match_command(
         map_file.rest.on(source_body.skeleton)
     pairs = joint_map(source_body.skeleton, whole_target, target_file.path, map_file)
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
-    for line in (*headline(matching), "", *rows(matching), ""):
-        say(line)
-    for parts in parts_without_source(matching):
-        say(parts)
+    say(*headline(matching), "", *rows(matching), "", *parts_without_source(matching))
     say(f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}")
     say(f"joints of the source not used: {', '.join(unused(matching)) or 'none'}")
-    if output:
-        write_output(output, map_to_json(matching, map_file.rest), overwrite)
+    write_outputs({output: lambda: map_to_json(matching, map_file.rest)}, overwrite)
     if reason := refusal(matching):
         map_name = str(output) if output else "a map, which -o MAP.json writes,"
         raise FileError(target_file.path, f"{reason}; fill in {map_name} and give it with --map")
@@ -240,24 +229,24 @@ def _body_in(file: InputFile) -> Body:
 
 
 def _bones(
-    file: str | Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
-) -> dict[str, tuple[str, str, float]]:
-    """For each bone that an option names: the option, the name or pattern, and the number.
+    file: str | Path, skeleton: Skeleton, given: Mapping[str, Sequence[tuple[str, float]]]
+) -> dict[str, dict[str, float]]:
+    """The numbers of the bones that options name, by option and bone; `given` are names or patterns, and numbers.
 
     It is an error if an option names no bone, or a second one the same bone.
     """
-    chosen: dict[str, tuple[str, str, float]] = {}
-    for option, name, number in options:
-        bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
+    bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
+    chosen: dict[str, dict[str, float]] = {option: {} for option in given}
+    named_by: dict[str, str] = {}
+    for option, name, number in ((option, *each) for option, pairs in given.items() for each in pairs):
         named = [name] if name in skeleton.keys else [key for key in bones if fnmatchcase(key, name)]
         if not named:
             raise FileError(file, f"{option} {name}: no such bone; {closest(name, bones)}")
         for key in named:
-            if key in chosen:
-                other, pattern, _ = chosen[key]
-                both = f"{other} {pattern} and {option} {name}"
+            if key in named_by:
+                both = f"{named_by[key]} and {option} {name}"
                 raise FileError(file, f"{both} are both for the bone {key!r}; each bone may be named only once")
-            chosen[key] = option, name, number
+            named_by[key], chosen[option][key] = f"{option} {name}", number
     return chosen
 
 
@@ -271,10 +260,9 @@ def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[st
     yield f"thickness of {source}{unit}, and in % of the height:"
     names = [SEGMENTS[segment].removeprefix("left ").removeprefix("right ") for segment in capsules.segments]
     rows = []
-    for name in dict.fromkeys((*LIMB_SEGMENTS, *SEGMENTS)):
-        own = capsules.radii[[each == name for each in names]]
-        if len(own):
-            thick = 2.0 * float(own.mean())
+    for name in (*LIMB_SEGMENTS, *SEGMENTS):
+        if name in names:
+            thick = 2.0 * float(capsules.radii[[each == name for each in names]].mean())
             rows.append((f"  {name}", f"{thick:.4g}", f"{100.0 * thick / height:.1f} %"))
     yield from aligned(rows, "<>>")
 

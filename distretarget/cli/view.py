@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, quiet
-from distretarget.cli.outputs import STANDARD, check_outputs, read_input, say, write_output
+from distretarget.cli.outputs import STANDARD, check_outputs, read_input, say, write_outputs
 from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.files import is_folder
 from distretarget.io.input_file import KINDS
@@ -48,7 +48,7 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
     first = min(len(shown[0]), len(actors)) - 1
     page = view_page(actors, Path(chosen[0]).name if len(shown) == 1 else counted(len(shown), "file"), first)
     if output:
-        write_output(output, page, overwrite)
+        write_outputs({output: lambda: page}, overwrite)
         return
     with tempfile.NamedTemporaryFile("wb", prefix="distretarget_", suffix=".html", delete=False) as file:
         file.write(page.encode("utf-8"))

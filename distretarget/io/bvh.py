@@ -19,11 +19,11 @@ from distretarget.io.files import read_text
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
 from distretarget.numerics.vectors import Array, extent, lengths
-from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+from distretarget.skeleton import ALL_CHANNELS, LARGEST, POSITION_CHANNELS, Skeleton
 
 NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
 MAX_DEPTH = 400  # joints above a joint; bodies have about 40
-CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
+CHANNELS = {name.upper(): name for name in ALL_CHANNELS}
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
 
 
@@ -180,7 +180,7 @@ def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Arra
 
 def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values: Array) -> Array:
     """(frames, joints, 4), the local rotations in the `values`, (frames, channels)."""
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(values), len(skeleton), 1))
+    rotations = np.tile(skeleton.unturned, (len(values), 1, 1))
     orders: defaultdict[str, list[int]] = defaultdict(list)
     for joint in range(len(skeleton)):
         orders[skeleton.rotation_axes(joint)].append(joint)

@@ -64,7 +64,7 @@ def parse_fbx(
 
 def fbx_mesh(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart]]:
     """Return the nodes of an FBX file and the meshes at them; errors as in `parse_fbx`."""
-    return _parsed(content, path, {"clip": None, "fps": None, "with_animation": False, "with_mesh": True}, _mesh)
+    return _parsed(content, path, {"with_mesh": True}, _mesh)
 
 
 def _parsed(

@@ -46,15 +46,15 @@ def main() -> None:
     os.dup2(2, 1)  # nothing else gets between the arrays
     data = sys.stdin.buffer.read()
     _limit_memory(len(data))
-    arrays: dict[str, Any]
     try:
-        arrays, header = _content(data, **json.loads(sys.argv[1]))
+        content = _content(data, **json.loads(sys.argv[1]))
     except FileError as error:
-        arrays, header = {}, {"fault": error.reason}
+        content = {"fault": error.reason}
     except MemoryError:
-        arrays, header = {}, {"fault": "needs more memory than a file of its size should"}
-    header_bytes = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    np.savez(output, allow_pickle=False, header=header_bytes, **arrays)
+        content = {"fault": "needs more memory than a file of its size should"}
+    arrays = {name: value for name, value in content.items() if isinstance(value, np.ndarray)}
+    header = json.dumps({name: value for name, value in content.items() if name not in arrays})
+    np.savez(output, allow_pickle=False, header=np.frombuffer(header.encode(), np.uint8), **arrays)
     output.flush()
     os._exit(0)  # without freeing what ufbx holds
 
@@ -76,25 +76,25 @@ def _limit_memory(size: int) -> None:
 
 
 def _content(
-    data: bytes, clip: str | None, fps: float | None, with_animation: bool, with_mesh: bool = False
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The arrays and the header of a file, or a FileError: it is not valid, its animation is not chosen, or has too
-    many frames.
+    data: bytes,
+    clip: str | None = None,
+    fps: float | None = None,
+    with_animation: bool = False,
+    with_mesh: bool = False,
+) -> dict[str, Any]:
+    """The arrays, and the values of the header, of a file, or a FileError: it is not valid, its animation is not
+    chosen, or has too many frames.
     """
     scene = _load(data, with_mesh)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if next(_curves(stack), None) is not None]
-    arrays, header = _still(scene, nodes)
-    header["animations"] = [stack.name for stack in stacks]
-    if with_animation:
-        chosen = choose_animation("", header["animations"], clip)
-        if chosen is not None:
-            most = max(FREE_SAMPLES, len(data))
-            arrays["moving"], arrays["frames"], step = _sampled(scene, nodes, stacks[chosen], fps, most)
-            header |= {"chosen": chosen, "step": step}
-    if with_mesh:
-        arrays |= _meshes(nodes)
-    return arrays, header
+    names = [stack.name for stack in stacks]
+    content = _still(scene, nodes) | {"animations": names}
+    chosen = choose_animation("", names, clip) if with_animation else None
+    if chosen is not None:
+        most = max(FREE_SAMPLES, len(data))
+        content |= {"chosen": chosen} | _sampled(scene, nodes, stacks[chosen], fps, most)
+    return content | (_meshes(nodes) if with_mesh else {})
 
 
 def _load(data: bytes, with_mesh: bool) -> ufbx.Scene:
@@ -129,7 +129,7 @@ def _each(elements: Any) -> Iterator[Any]:
     return (_held(elements[index]) for index in range(len(elements)))
 
 
-def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
     """What does not move: the nodes, the skins, and the matrices of the bind poses."""
     import ufbx
 
@@ -140,7 +140,11 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
     poses = [pose for pose in _each(scene.poses) if pose.is_bind_pose]
     posed = [(_held(bone.bone_node), bone.bone_to_world) for pose in poses for bone in _each_part(pose.bone_poses)]
     found = [(number[node.typed_id], matrix) for node, matrix in posed if node.typed_id in number]
-    arrays = {
+    settings = scene.settings
+    return {
+        "names": [node.name for node in nodes],
+        "unit": settings.unit_meters if settings.props.find_prop("UnitScaleFactor") else None,
+        "up": int(settings.axes.up),
         "parents": np.array([number.get(parent.typed_id, -1) if parent else -1 for parent in parents], np.int64),
         "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
         "pivots": np.array([_pivot(node) for node in nodes]).reshape(-1, 3),
@@ -152,13 +156,6 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
         "posed": np.array([node for node, _ in found], np.int64),
         "poses": _matrices(matrix for _, matrix in found),
     }
-    settings = scene.settings
-    header = {
-        "names": [node.name for node in nodes],
-        "unit": settings.unit_meters if settings.props.find_prop("UnitScaleFactor") else None,
-        "up": int(settings.axes.up),
-    }
-    return arrays, header
 
 
 def _clusters(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int, ufbx.SkinCluster]]:
@@ -272,9 +269,9 @@ def _curves(stack: ufbx.AnimStack) -> Iterator[tuple[ufbx.Node, ufbx.AnimCurve]]
 
 def _sampled(
     scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None, most: int
-) -> tuple[NDArray[np.int64], Array, float]:
-    """The nodes that move, their translations, rotations and scales (frames, nodes, 10), and the step [s]; a FileError
-    if there are more than `most` keys or samples.
+) -> dict[str, Any]:
+    """The nodes that move, their translations, rotations and scales in "frames", (frames, nodes, 10), and the step [s];
+    a FileError if there are more than `most` keys or samples.
     """
     import ufbx
 
@@ -294,7 +291,7 @@ def _sampled(
     for frame, time in enumerate(times.tolist()):
         row = [_ten(ufbx.evaluate_transform(anim, node, time)) for node in parts]
         samples[frame] = np.reshape(row, (-1, 10))
-    return np.array(chosen, np.int64), samples, 1.0 / rate
+    return {"moving": np.array(chosen, np.int64), "frames": samples, "step": 1.0 / rate}
 
 
 def _follows_scale(node: ufbx.Node) -> bool:

@@ -141,16 +141,14 @@ def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
     key = next((key for key in HUMANOIDS if key in extensions), "")
     if not key:
         return "", {}
-    bones = extensions[key].entries().inner("humanoid").get("humanBones")
-    found = {} if not bones else dict(_vrm_0(gltf, bones) if key == "VRM" else _vrm_1(gltf, bones))
+    bones, found = extensions[key].entries().inner("humanoid").get("humanBones"), {}
+    if bones and key == "VRM":
+        found = dict(_vrm_0(gltf, bones))
+    elif bones:
+        found = {bone: gltf.index("nodes", each.entries().need("node")) for bone, each in bones.entries().items()}
     if not found:
         extensions[key].fail("has no humanoid bones")
     return key, found
-
-
-def _vrm_1(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
-    for bone, entry in bones.entries().items():
-        yield bone, gltf.index("nodes", entry.entries().need("node"))
 
 
 def _vrm_0(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:

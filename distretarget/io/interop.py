@@ -6,25 +6,23 @@ channels replace, and a rotation, both in float32.
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from collections.abc import Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.checks import check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
 from distretarget.io.bvh import add_offsets, joint_names
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import extent
+from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import Skeleton
 
 if TYPE_CHECKING:
     import bvhio
-
-Array = NDArray[np.float64]
 
 LARGEST_FLOAT32 = float(np.finfo(np.float32).max)  # the largest coordinate that bvhio holds [file units]
 
@@ -51,7 +49,7 @@ def from_bvhio(container: bvhio.BvhContainer) -> Motion:
     nodes = list(_nodes(container.Root))
     skeleton = _skeleton(nodes)
     translations = np.tile(skeleton.offsets, (container.FrameCount, 1, 1))
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (container.FrameCount, len(skeleton), 1))
+    rotations = np.tile(skeleton.unturned, (container.FrameCount, 1, 1))
     for number in np.flatnonzero(~skeleton.end_sites):
         translations[:, number], rotations[:, number] = _poses(nodes[number][0], container.FrameCount)
     add_offsets(skeleton, np.arange(len(skeleton)), translations)
@@ -94,13 +92,11 @@ def _bvhio() -> ModuleType:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PendingDeprecationWarning)  # its pyglm announces a new name
-            import bvhio
+            return importlib.import_module("bvhio")
     except ImportError as error:
         raise MissingPackageError(
             "this needs the package bvhio: pip install bvhio, with Python 3.13 or older (it has no builds for 3.14)"
         ) from error
-    module: ModuleType = bvhio
-    return module
 
 
 def _check_container(container: bvhio.BvhContainer) -> None:

@@ -14,8 +14,7 @@ from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import DistretargetError, FileError, MotionError, quoted
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.input_file import InputFile, load_file
-from distretarget.io.npz import ArraysFile
+from distretarget.io.input_file import ArraysFile, InputFile, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
 from distretarget.io.target_file import parse_full_target, read_scene
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, is_frame_time

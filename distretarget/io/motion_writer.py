@@ -4,13 +4,16 @@ arrays.
 
 from __future__ import annotations
 
+import io
+import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import NoneType
-from typing import Literal, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from distretarget.character.nodes import Animation
 from distretarget.checks import brief, check_choice, check_kind
@@ -21,7 +24,6 @@ from distretarget.io.gltf import inside
 from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
-from distretarget.io.npz import Arrays, Precision, npz
 from distretarget.io.smpl import smpl_parameters
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
@@ -29,6 +31,8 @@ from distretarget.motion import Motion
 from distretarget.numerics.rotations import RotationKind
 from distretarget.numerics.vectors import Array, level
 
+Arrays = Mapping[str, NDArray[Any] | float]
+Precision = Literal["float64", "float32"]
 Y_UP = np.array([0.0, 1.0, 0.0])
 OutputKind = Literal["BVH", "character", "VRMA", "arrays"]
 
@@ -43,6 +47,7 @@ OUTPUTS: dict[str, OutputKind] = {
 FORMATS = ("own", *(suffix[1:] for suffix in OUTPUTS))  # of results; "own" is the target's own
 NAMES = {"BVH": "BVH", "FBX": "FBX", "skeleton": "a skeleton file"}
 NO_FBX = "FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read"
+WITHOUT_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip file knows
 PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
 
 
@@ -133,6 +138,23 @@ def write_npz(
     check_choice("precision", precision, get_args(Precision))
     settings = OutputSettings(rotations=rotations, precision=precision)
     write_whole(path, settings.arrays(NamedClip(motion, "", {})), overwrite)
+
+
+def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
+    """Return the content of an npz file with some arrays by name, whose numbers have this precision.
+
+    Single numbers, such as the frame time, stay float64. Equal arrays make equal files: they do not say when they were
+    made.
+    """
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
+        for name, values in arrays.items():
+            array = np.asarray(values)
+            if array.ndim and array.dtype == np.float64:
+                array = array.astype(precision)
+            with archive.open(zipfile.ZipInfo(f"{name}.npy", WITHOUT_TIME), "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)
+    return content.getvalue()
 
 
 @dataclass(frozen=True)

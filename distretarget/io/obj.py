@@ -16,7 +16,7 @@ from distretarget.errors import BvhError
 from distretarget.io.bvh_text import NUMBER
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, spread_out
-from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+from distretarget.skeleton import ALL_CHANNELS, LARGEST, Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules, surface_of
 
 CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which others may follow, as in 3/1/2
@@ -42,11 +42,10 @@ def parse_obj(text: str, path: str | Path) -> Motion:
         names=(Path(path).stem, *(f"point{number}" for number in range(1, len(order)))),
         parents=np.append(-1, parents),
         offsets=offsets,
-        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * (len(order) - 1)),
+        channels=(ALL_CHANNELS, *[()] * (len(order) - 1)),
         end_sites=leaves,
     )
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
-    return Motion(skeleton, points[:1], rotations, "1")
+    return Motion(skeleton, points[:1], skeleton.unturned[None], "1")
 
 
 def parse_obj_mesh(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:

@@ -10,22 +10,12 @@ import numpy as np
 from distretarget.errors import SkeletonError, closest, entry_place, quoted
 from distretarget.io.json_node import Fields, Node, described
 from distretarget.io.json_text import on_lines
-from distretarget.skeleton import (
-    AXES,
-    POSITION_CHANNELS,
-    ROTATION_CHANNELS,
-    UNITS,
-    USUAL_ROOT,
-    USUAL_ROTATIONS,
-    JointMap,
-    Skeleton,
-)
+from distretarget.skeleton import ALL_CHANNELS, AXES, UNITS, USUAL_ROOT, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import LoadedTarget, SkeletonEdit, Target, with_bones
 
 HEADER: dict[str, object] = {"format": "distretarget-skeleton", "version": 1}
 FULL_KEYS = ("joints", "units", "up", "map")
 SHORT_KEYS = ("scale", "lengths", "factors")
-ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 
 
 def skeleton_target(document: Node) -> LoadedTarget:

@@ -23,7 +23,7 @@ from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of
 from distretarget.body.reference_pose import t_pose
 from distretarget.errors import FileError, SkeletonError, quoted
-from distretarget.io.npz import ArraysFile
+from distretarget.io.input_file import ArraysFile
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import METRES, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
@@ -149,7 +149,8 @@ class SmplBody:
         """Return the motion of parameters, turned so that Y is up; those of joints that the body lacks are left out."""
         names, skeleton = MODELS[poses.shape[1] // 3], self.skeleton
         turns = dict(zip(names, poses.reshape(len(poses), -1, 3).swapaxes(0, 1), strict=True))
-        to_y_up = _to_y_up(turns[PELVIS])
+        cosines = Rotation.from_rotvec(turns[PELVIS]).apply([0.0, 1.0, 0.0])[:, 1] if len(poses) else np.zeros(1)
+        to_y_up = Rotation.identity() if cosines.mean() > UPRIGHT else TO_Y_UP
         rest = Rotation.from_quat(self.turns)
         rotations = np.tile(skeleton.unturned, (len(poses), 1, 1))
         for joint, parent in enumerate(skeleton.parents.tolist()):
@@ -196,12 +197,6 @@ def _joints_of(skeleton: Skeleton, anatomy: Anatomy) -> dict[str, int]:
     if len(spine) > 2:
         joints |= zip(("spine1", "spine2", "spine3"), (spine[0], spine[(len(spine) - 1) // 2], spine[-1]), strict=True)
     return joints | {name: skeleton.index(name) for name in (*FACE, *STUBS) if name in skeleton.keys}
-
-
-def _to_y_up(turns: Array) -> Rotation:
-    """The rotation to a world with Y up, from the rotation vectors of the pelvis, (frames, 3) [rad]."""
-    cosines = Rotation.from_rotvec(turns).apply([0.0, 1.0, 0.0])[:, 1] if len(turns) else np.zeros(1)
-    return Rotation.identity() if cosines.mean() > UPRIGHT else TO_Y_UP
 
 
 def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) -> Motion:

@@ -153,10 +153,9 @@ class Matching:
 
     def shared_bones(self, x: Array, y: Array) -> tuple[Numbers, Array, Array]:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
-        the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
-        A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
-        on either body are left out, and so are bones to joints that are not part of the body (jaw, eye, hair, prop),
-        which do not show how the body is turned.
+        the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`. They join a
+        driven joint, from the hips down, to the nearest driven joint above it. Bones of length 0 are left out, and so
+        are those to joints that are not part of the body (jaw, eye, hair, prop), which do not show how it is turned.
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False
@@ -228,10 +227,8 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
     """Match as many joints of two bodies as possible: those in `joint_map` by it, the others by names or by shape, but
-    not IK handles, which copy the joints they are named after.
-
-    Raises:
-        MapError: `joint_map` names joints that do not exist.
+    not IK handles, which copy the joints they are named after. A MapError if `joint_map` names joints that do not
+    exist.
     """
     crossed = False  # whether left and right are swapped in the names of one body
     if source.left_is_left is not None and target.left_is_left is not None:

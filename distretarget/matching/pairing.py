@@ -47,11 +47,7 @@ def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
 
 
 def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> JointPairs:
-    """Pair joints by a map; joints that nothing drives get the driver -1.
-
-    Raises:
-        MapError: the map names a joint that does not exist.
-    """
+    """Pair joints by a map, with -1 for no driver. A MapError if it names a joint that does not exist."""
     pairs: JointPairs = {}
     for key, driver in joint_map.items():
         if key not in target.keys:

@@ -172,11 +172,9 @@ def _lowest_vertex(mesh: SkinnedMesh | None, on: Numbers, lowest_of: LowestOf) -
 
 def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
     """Return the function that gives the height of the lowest of some balls in each frame of a motion, (frames,), from
-    their centres while no joint is turned, (balls, 3), the joints that move them with their weights, (balls, n) each,
-    and their radii, (balls,).
-
-    With joints at x, turned by R, at `rest` before: sum of w (x + R (point - rest)) . up, which is linear in x . up and
-    R^T up.
+    their centres while no joint is turned, (balls, 3), the joints that move them and their weights, (balls, n) each,
+    and radii. With joints at x, turned by R, at `rest` before: sum of w (x + R (point - rest)) . up, linear in x . up
+    and R^T up.
     """
 
     @cache

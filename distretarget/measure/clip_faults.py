@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
@@ -17,11 +16,7 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, steps_along
 from distretarget.numerics.time_series import Shots, spans_of
-from distretarget.numerics.vectors import lengths, level
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 
 MOST = 0.3  # at a cut the median step of the joints is at least this share of their mean step
 LONE = 0.25  # frames before a cut are a pose by themselves if they last up to this [s]
@@ -114,7 +109,7 @@ def find_faults(motion: Motion) -> Findings:
     return findings
 
 
-def _at(found: Finding, frames: Joints) -> Finding:
+def _at(found: Finding, frames: Numbers) -> Finding:
     """A finding in some frames of a clip, whose numbers are given."""
     return found if found.frame is None else replace(found, frame=int(frames[found.frame]))
 
@@ -157,7 +152,7 @@ def _cuts(shots: Shots, frame_time: float) -> Findings:
     return {"first_pose": Finding(begins, 0 if begins else None), "cuts": Finding(len(later), first)}
 
 
-def _of_steps(motion: Motion, body: Body, joints: Joints, shots: Shots) -> Findings:
+def _of_steps(motion: Motion, body: Body, joints: Numbers, shots: Shots) -> Findings:
     """Joints that jump or flip, in a motion without repeated frames."""
     if len(motion) < 2:
         return {"jumps": Finding(0.0), "flips": Finding(0.0)}
@@ -171,7 +166,7 @@ def _of_steps(motion: Motion, body: Body, joints: Joints, shots: Shots) -> Findi
     }
 
 
-def _sudden(steps: Array, far: float, inside: Flags, joints: Joints, body: Body) -> Finding:
+def _sudden(steps: Array, far: float, inside: Flags, joints: Numbers, body: Body) -> Finding:
     """The number of frames to which a joint goes farther than `far`, and `SUDDEN` times as far as around; `steps` are
     (frames - 1, joints), those at cuts are not `inside`.
     """
@@ -203,7 +198,7 @@ def _stretching(motion: Motion, body: Body, leg: float) -> Finding:
     return Finding(100.0 * float(changes[frame, bone]) / leg, int(frame), body.skeleton.keys[moving[some[bone]]])
 
 
-def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Joints) -> Findings:
+def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Numbers) -> Findings:
     """What is wrong with feet, and with how a body, which has some `joints`, stands on the floor."""
     if body.legs is None:
         return {}
@@ -236,7 +231,7 @@ def _skates(motion: Motion, body: Body, foot: Leg, shots: Shots) -> Flags:
     return skates
 
 
-def _below_floor(motion: Motion, body: Body, joints: Joints) -> Finding | None:
+def _below_floor(motion: Motion, body: Body, joints: Numbers) -> Finding | None:
     """How deep joints go below the floor on which feet rest, while no foot stands lower; None if no foot rests, or if
     they rest at several heights.
     """
@@ -266,7 +261,7 @@ def _rests(motion: Motion, body: Body) -> Iterator[tuple[float, float, float]]:
                 yield float(low), float(usual), float(high)
 
 
-def _ends(*feet: Leg) -> Joints:
+def _ends(*feet: Leg) -> Numbers:
     """Ankles and toes, each once."""
     return np.array(sorted({joint for foot in feet for joint in (foot.ankle, foot.toe)}), np.intp)
 

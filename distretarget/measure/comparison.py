@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
@@ -26,10 +25,10 @@ from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
 
-Array = NDArray[np.float64]
-Joints = NDArray[np.intp]
+OF_FEET = ("hips_height", "foot_pitch", "ankle_height", "foot_height")  # errors of `Feet` that are metrics
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,30 +61,27 @@ class Comparison:
     skin: SkinMeasured
     feet: Feet
     supports: SupportsMeasured
-    posture: Mapping[str, tuple[Joints, Array]]
+    posture: Mapping[str, tuple[Numbers, Array]]
     skeleton: Skeleton
     distance_error: Array
-    bones: Joints
+    bones: Numbers
     direction_error: Array
     bone_error: Array
     jerk_source: Array
     jerk: Array
-    turned: Joints
+    turned: Numbers
     turn: Array
 
     @property
     def tracks(self) -> Tracks:
         """The values of the result's metrics, without those that only a run has: stress, pops, frames not converged."""
-        feet, supports = self.feet, self.supports
+        feet, supports, ankles = self.feet, self.supports, self.feet.joints[::2]
         return {
             "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
             "contact_gap": Track(self.contact_gap, self.contacts.counts > 0),
             **self.skin.tracks,
             "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
-            "hips_height": self._of_feet(feet.hips_height),
-            "foot_pitch": self._of_feet(feet.foot_pitch),
-            "ankle_height": self._of_feet(feet.ankle_height),
-            "foot_height": self._of_feet(feet.foot_height),
+            **{key: self._track(getattr(feet, key), ankles, np.isfinite(getattr(feet, key))) for key in OF_FEET},
             "foot_skate": self._track(feet.skate, feet.joints, feet.stance),
             "support_skate": self._track(supports.skate, supports.joints, supports.rest),
             "support_height": self._track(supports.height, supports.joints, supports.on_floor),
@@ -96,12 +92,8 @@ class Comparison:
             "bone_error": Track(self.bone_error),
         }
 
-    def _track(self, values: Array, joints: Joints, counts: NDArray[np.bool_] | None = None) -> Track:
+    def _track(self, values: Array, joints: Numbers, counts: Flags | None = None) -> Track:
         return Track(values, counts, tuple(self.skeleton.keys[joint] for joint in joints))
-
-    def _of_feet(self, values: Array) -> Track:
-        """The track of values (frames, legs), nan where nothing was measured, named by the ankles."""
-        return self._track(values, self.feet.joints[::2], np.isfinite(values))
 
     @property
     def source_tracks(self) -> Tracks:
@@ -149,7 +141,7 @@ class Reference:
         further[self._cuts] = 0.0
         return Comparison(
             contacts=contacts,
-            contact_gap=_contact_gap(contacts, self.matching),
+            contact_gap=contacts.largest_gaps(0.5 * self.matching.source.unit, 0.5 * self.matching.target.unit),
             skin=self._skin.in_result(result),
             feet=self._feet.in_result(result, supports.carry(result.frame_time)),
             supports=supports,
@@ -175,15 +167,3 @@ class Reference:
         of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
         of_result = result.positions, points, np.where(share > 0, tau, 1.0)
         return differences_of_distances(of_source, of_result, share, 1)
-
-
-def _contact_gap(contacts: Contacts, matching: Matching) -> Array:
-    """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame; 0
-    where none are farther [% of leg length].
-    """
-    found, nearest = contacts.candidates, contacts.nearest
-    before = contacts.distance_source * found.tau_source[nearest] / (0.5 * matching.source.unit)
-    after = contacts.distance_result * found.tau[nearest] / (0.5 * matching.target.unit)
-    farthest = np.zeros(len(contacts.strides))
-    np.maximum.at(farthest, contacts.frame, 100.0 * (after - before))
-    return farthest

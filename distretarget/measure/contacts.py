@@ -9,10 +9,8 @@ walks: they pass each other in every stride.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.limbs import hanging_distances, passing_regions
 from distretarget.distances import MOST_POINTS
@@ -20,10 +18,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, contiguous
 from distretarget.numerics.time_series import largest
-from distretarget.numerics.vectors import lengths
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
 LEAST_DISTANCE = 0.01  # ... or below this where they touch in that pose, too ...
@@ -32,40 +27,21 @@ STRIDE = 0.2  # a body stands or walks in frames within this time of one in whic
 FAR_ALONG = 5  # ... and at least this many joints on the path between them
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Candidates:
     """The pairs of target joints that may touch, ordered by their pairs of regions."""
 
     # the joints and End Sites with a driver; of coinciding ones, only the first; of more than `MOST_POINTS`, those on
     # the longest branches
     points: Numbers  # (points,)
-    region_names: tuple[str, ...]  # of the target's body
-    pairs: Numbers  # (pairs of regions, 2), those that may touch, the most interesting first
-    passing: NDArray[np.bool_]  # (pairs of regions,), whether the two regions pass each other in a stride
+    names: tuple[str, ...]  # (pairs of regions,), as "left hand - hips", the most interesting first
+    passing: Flags  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
     v: Numbers  # (pairs of joints,)
     tau_source: Array  # (pairs of joints,), path lengths on the source, between their drivers [source file units]
     tau: Array  # (pairs of joints,), path lengths on the target [target file units]
     limits: Array  # (pairs of joints,), they touch while D in the source is below this
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """The pairs of regions, such as "left hand - right hand"."""
-        return tuple(f"{self.region_names[a]} - {self.region_names[b]}" for a, b in self.pairs)
-
-    def touching(self, source: Motion, drivers: Numbers, strides: NDArray[np.bool_]) -> Numbers:
-        """Each contact in a source: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
-
-        `drivers`, (target joints,), is the joint of the source for each joint of the target; `strides` is that of
-        `Contacts`.
-        """
-        u, v = drivers[self.u], drivers[self.v]
-        nearest = np.empty((len(source), len(self.first)), np.int32)
-        ends = np.append(self.first, len(u))
-        _write_nearest(contiguous(source.positions), u, v, (self.limits * self.tau_source) ** 2, ends, nearest)
-        rows = np.stack([*np.nonzero(nearest >= 0), nearest[nearest >= 0]])
-        return np.asarray(rows[:, ~(self.passing[rows[1]] & strides[rows[0]])])
 
 
 @compiled()
@@ -98,12 +74,12 @@ class Touch:
     v: int
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Contacts:
     """The contacts of a source and their distances in a result: a row for each contact in each frame."""
 
     candidates: Candidates
-    strides: NDArray[np.bool_]  # (frames,), whether a foot of the source rests within `STRIDE`
+    strides: Flags  # (frames,), whether a foot of the source rests within `STRIDE`
     frame: Numbers  # (rows,), ascending
     regions: Numbers  # (rows,), which pair of regions touches, as an index of `candidates.names`
     nearest: Numbers  # (rows,), the pair of target joints that is nearest in the source, a number among `candidates.u`
@@ -141,42 +117,51 @@ class Contacts:
         sums = np.bincount(self.frame, self.error, minlength=len(self.strides))
         return np.asarray(sums / np.maximum(self.counts, 1))
 
+    def largest_gaps(self, source_leg: float, leg: float) -> Array:
+        """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame;
+        0 where none are farther [% of leg length]. The lengths of legs are in file units.
+        """
+        before = self.distance_source * self.candidates.tau_source[self.nearest] / source_leg
+        after = self.distance_result * self.candidates.tau[self.nearest] / leg
+        farthest = np.zeros(len(self.strides))
+        np.maximum.at(farthest, self.frame, 100.0 * (after - before))
+        return farthest
+
     @property
     def touches(self) -> tuple[Touch, ...]:
         """The contacts of each pair of regions that touches in the source, the most interesting first."""
-        return tuple(self._touch(int(k)) for k in np.unique(self.regions))
-
-    def _touch(self, k: int) -> Touch:
-        rows = np.flatnonzero(self.regions == k)
-        worst = rows[self.error[rows].argmax()]
-        source, result, error = (
-            float(values[rows].mean()) for values in (self.distance_source, self.distance_result, self.error)
-        )
-        return Touch(
-            name=self.candidates.names[k],
-            frames=self.frame[rows],
-            distance_source=source,
-            distance_result=result,
-            error=error,
-            worst_frame=int(self.frame[worst]),
-            u=int(self.u[worst]),
-            v=int(self.v[worst]),
-        )
+        found = []
+        for k in np.unique(self.regions).tolist():
+            rows = np.flatnonzero(self.regions == k)
+            worst = rows[self.error[rows].argmax()]
+            touch = Touch(
+                name=self.candidates.names[k],
+                frames=self.frame[rows],
+                distance_source=float(self.distance_source[rows].mean()),
+                distance_result=float(self.distance_result[rows].mean()),
+                error=float(self.error[rows].mean()),
+                worst_frame=int(self.frame[worst]),
+                u=int(self.u[worst]),
+                v=int(self.v[worst]),
+            )
+            found.append(touch)
+        return tuple(found)
 
 
-def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool_]) -> Contacts:
-    """Find the contacts of a source. Until `in_result`, their distances in the result are those in the source.
-
-    `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
+def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
+    """Find the contacts of a source, which is its own result until `in_result`. `feet_rest`, (frames, foot joints), is
+    whether each foot joint rests in the source; without legs it has no columns.
     """
-    candidates, drivers = find_candidates(matching), matching.drivers
-    reach = round(STRIDE / source.frame_time)
+    candidates, reach = find_candidates(matching), round(STRIDE / source.frame_time)
     strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
-    frame, regions, nearest = candidates.touching(source, drivers, strides)
-    u, v = candidates.u[nearest], candidates.v[nearest]
-    D = _apart(source, frame, drivers[u], drivers[v]) / candidates.tau_source[nearest]
-    rows = {"frame": frame, "regions": regions, "nearest": nearest, "distance_source": D, "distance_result": D}
-    return Contacts(candidates=candidates, strides=strides, **rows)
+    u, v = (matching.drivers[joints] for joints in (candidates.u, candidates.v))
+    limits, ends = (candidates.limits * candidates.tau_source) ** 2, np.append(candidates.first, len(u))
+    nearest = np.empty((len(source), len(candidates.first)), np.int32)
+    _write_nearest(contiguous(source.positions), u, v, limits, ends, nearest)
+    frame, regions = np.nonzero((nearest >= 0) & ~(candidates.passing & strides[:, None]))
+    pair = nearest[frame, regions].astype(np.intp)
+    D = _apart(source, frame, u[pair], v[pair]) / candidates.tau_source[pair]
+    return Contacts(candidates, strides, frame, regions, pair, D, D)
 
 
 def find_candidates(matching: Matching) -> Candidates:
@@ -199,18 +184,10 @@ def find_candidates(matching: Matching) -> Candidates:
     hanging = hanging_distances(matching.source.hanging, drivers[u], drivers[v], tau_source)
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
     passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
-    return Candidates(
-        points=points,
-        region_names=tuple(regions.names),
-        pairs=pairs,
-        passing=passing[tuple(pairs.reshape(-1, 2).T)],
-        first=first,
-        u=u,
-        v=v,
-        tau_source=tau_source,
-        tau=tau,
-        limits=np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE),
-    )
+    names = tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs)
+    passing = passing[tuple(pairs.reshape(-1, 2).T)]
+    limits = np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE)
+    return Candidates(points, names, passing, first, u, v, tau_source, tau, limits)
 
 
 def _apart(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:

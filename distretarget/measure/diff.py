@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import find_root_scale, followed_scale, longest_strides
 from distretarget.baseline.world import World, find_root_offset, find_world, on_own_soles, with_root_offset
@@ -22,10 +21,8 @@ from distretarget.measure.gaps import Gap, ScenePart, body_part, measure_gaps
 from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
 from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, check_reach, same_time
-from distretarget.numerics.vectors import extent
+from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap
-
-Array = NDArray[np.float64]
 
 SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled ...
 LATE = 0.25  # ... or frames by which one lags behind the other in the end
@@ -198,9 +195,12 @@ def diff_scenes(
     for each in performers:
         a, b, regions = each.a.positions[:frames], each.b.positions[:frames], range(len(each.matching.regions.names))
         bodies.append([body_part(each.matching, a, b, region) for region in regions])
-    parts = [ScenePart(a=a.positions, b=b.positions, keys=a.skeleton.keys) for a, b in placed]
-    sizes = [_size_ratio(a, b) or scale for a, b in placed]
-    found = [gap for _, gap in measure_gaps(bodies, [*zip(parts, sizes, strict=True)], scale)]
+    parts = []
+    for in_a, in_b in placed:
+        size, own_size = (motion.rigid_skeleton.longest_path for motion in (in_a, in_b))
+        own_scale = float(own_size / size) if size > 0.0 and own_size > 0.0 else scale  # a point has no size
+        parts.append((ScenePart(a=in_a.positions, b=in_b.positions, keys=in_a.skeleton.keys), own_scale))
+    found = [gap for _, gap in measure_gaps(bodies, parts, scale)]
     gaps = sorted(filter(None, found), key=lambda gap: (-gap.frames, gap.between, gap.regions))
     return SceneDiff(performers=tuple(performers), props=placed, world_scale=scale, gaps=tuple(gaps))
 
@@ -244,9 +244,3 @@ def _check_scenes(
             raise MotionError(f"prop {number} has {in_a} joints in A and {in_b} in B; expected the same")
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
-
-
-def _size_ratio(a: Motion, b: Motion) -> float:
-    """The size of a prop in B over that in A; 0 for a single point."""
-    size = a.rigid_skeleton.longest_path
-    return float(b.rigid_skeleton.longest_path / size) if size > 0 else 0.0

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.skin import TOUCHING, Skin
 from distretarget.measure.skin_depths import find_depths
-from distretarget.measure.skin_points import LIMBS
+from distretarget.measure.skin_shapes import LIMBS
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, lengths
 from distretarget.skin.capsules import PLACE, SEGMENTS
-
-Array = NDArray[np.float64]
 
 TOUCH_DISTANCE = 0.07  # joints touch where they are nearer than this in the source, or in scene A [leg lengths]
 
@@ -37,9 +34,7 @@ class ScenePart:
 
 
 def body_part(matching: Matching, a: Array, b: Array, region: int | None = None) -> ScenePart:
-    """Return the driven joints of a body, or of one of its regions; `a` and `b`, (frames, joints, 3), are the positions
-    of source and target.
-    """
+    """Return the driven joints of a body, or of one of its regions, at positions `a` of source and `b` of target."""
     joints, regions = matching.body_joints, matching.regions
     if region is not None:
         joints = joints[regions.of_joint[joints] == region]
@@ -112,7 +107,6 @@ def measure_gaps(
     bodies: Sequence[Sequence[ScenePart]], props: Sequence[tuple[ScenePart, float]], scale: float
 ) -> Iterator[tuple[tuple[int, int], Gap | None]]:
     """Measure the gaps between each two bodies, and between each body and each prop, with the numbers of the two.
-
     `bodies` are given as their parts, `props` with scales of their own; bodies are counted before props.
     """
     pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]
@@ -124,18 +118,12 @@ def measure_gaps(
 
 
 class Touch(NamedTuple):
-    """A hand or forearm of one performer that touches the other in the source.
+    """A hand or forearm of one performer that touches the other in the source."""
 
-    Attributes:
-        frame: of the clip.
-        error: the difference of the gap in the result to the source's, 0 or more there, in proportion to heights [% of
-            height].
-        parts: the parts of the first and the second performer that touch.
-    """
-
-    frame: int
+    frame: int  # of the clip
+    # the difference of the gap in the result to the source's, 0 or more there, in proportion to heights [% of height]
     error: float
-    parts: tuple[str, str]
+    parts: tuple[str, str]  # the parts of the first and the second performer that touch
 
 
 @dataclass(frozen=True)
@@ -206,5 +194,5 @@ def _gaps(
         np.concatenate([each.positions[frames] for each in both], axis=1),
         np.concatenate([each.world_rotations_in(frames) for each in both], axis=1),
     )
-    depths, _ = find_depths(skins[one].patches, replace(clusters, groups=groups), posed, reach)
+    depths, _ = find_depths(skins[one].patches, clusters._replace(groups=groups), posed, reach)
     return np.where(there, -100.0 / height * depths, np.inf)

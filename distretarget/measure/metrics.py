@@ -14,9 +14,9 @@ from importlib.resources import files
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array, Flags, Numbers
+
 Variant = Literal["source", "rotation_copy", "result"]
 
 # What follows a key where the metrics of several motions stand in one list.
@@ -37,11 +37,11 @@ class Track:
     """What was measured over the frames of a clip."""
 
     values: Array  # (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does
-    counts: NDArray[np.intp] | NDArray[np.bool_] | None = None  # the measurements in each value; None for one in each
+    counts: Numbers | Flags | None = None  # the measurements in each value; None for one in each
     parts: tuple[str, ...] = ()  # the names of the columns, such as joints
 
     @property
-    def weights(self) -> NDArray[np.intp]:
+    def weights(self) -> Numbers:
         """The number of measurements in each value, in the shape of `values`."""
         return np.ones(self.values.shape, np.intp) if self.counts is None else self.counts.astype(np.intp)
 
@@ -137,18 +137,17 @@ class Metric:
     def of_clip(self, tracks: Tracks) -> float | None:
         """The metric of the whole clip; None where nothing was to be measured."""
         track = tracks[self.track or self.key]
-        counted = track.values.size if track.counts is None else track.counts.sum()
         values = track.values if track.counts is None else track.values[track.counts > 0]
         if not values.size:
             return None
         if self.reduction == "frames":
-            positive = (track.values > 0.0) & (True if track.counts is None else track.counts > 0)
+            positive = (track.values > 0.0) & (track.weights > 0)
             return float(np.count_nonzero(positive.reshape(len(positive), -1).any(axis=1)))
         if self.reduction == "largest":
             return float(values.max(initial=0.0))
         if self.reduction == "percentile 99":
             return float(np.percentile(values, 99))
-        return float(values.sum() / counted)
+        return float(values.sum() / (values.size if track.counts is None else track.counts.sum()))
 
     def over_time(self, tracks: Tracks, frames: int) -> Array:
         """(frames,), the metric of each frame; nan where nothing was to be measured, as in rows that are missing."""
@@ -191,23 +190,20 @@ class Metric:
 
     def over_limit(self, metrics: Metrics) -> bool:
         """Whether the result's value is above the limit; false where either is missing, or another metric judges."""
-        if self._is_judged_by_another(metrics):
-            return False
-        value = metrics["result"].get(self.key)
-        limit = self.limit.value(self.key, metrics) if self.limit else None
+        value, limit = self._judged(metrics), self.limit.value(self.key, metrics) if self.limit else None
         return value is not None and limit is not None and value > limit
 
     def worse_than_copy(self, metrics: Metrics) -> bool:
         """Whether the result is clearly worse than the rotation copy though it should not be; false if unknown, or if
         another metric judges.
         """
-        if self._is_judged_by_another(metrics):
-            return False
-        value, copy = (metrics.get(side, {}).get(self.key) for side in ("result", "rotation_copy"))
+        value, copy = self._judged(metrics), metrics.get("rotation_copy", {}).get(self.key)
         return self.rivals_copy and value is not None and copy is not None and value > copy + self.least
 
-    def _is_judged_by_another(self, metrics: Metrics) -> bool:
-        return metrics["result"].get(self.instead) is not None
+    def _judged(self, metrics: Metrics) -> float | None:
+        """The result's value; None where it is missing, or another metric judges."""
+        of_result = metrics["result"]
+        return of_result.get(self.key) if of_result.get(self.instead) is None else None
 
     def brief(self, value: float | None) -> str:
         """The number as the line of a run has it."""
@@ -223,8 +219,6 @@ def _metric(key: str, entry: dict[str, Any]) -> Metric:
 _REGISTRY = tomllib.loads(files(__package__).joinpath("metrics.toml").read_text("utf-8"))
 METRICS = tuple(_metric(key, entry) for key, entry in _REGISTRY.items())  # the most telling first
 BY_KEY = {metric.key: metric for metric in METRICS}
-
-
 # The metrics of all sides in one list, by these names: `jerk_source`, `jerk_copy`, `jerk`.
 COLUMNS: dict[str, tuple[Variant, Metric]] = {
     metric.key + suffix: (side, metric)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import rest_alignment
@@ -13,13 +12,12 @@ from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, contiguous, inlined
-from distretarget.numerics.joint_paths import angles_to_bones, stretch_of, thirds_along, turns_along
+from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along
 from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import blocks_of, in_blocks
 from distretarget.numerics.time_series import Shots
+from distretarget.numerics.vectors import Array, Numbers, lengths
 
-Array = NDArray[np.float64]
-Joints = NDArray[np.intp]
 Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
 
 # Roles whose bones point differently in every build: of trunk, collar bones, hands, head and feet.
@@ -31,7 +29,7 @@ SUDDEN = 4.0  # ... or if its deviation from the copy goes as far, and this many
 NEAR = 2  # how many steps before and after it show its usual way
 
 
-def shared_bones(matching: Matching) -> Joints:
+def shared_bones(matching: Matching) -> Numbers:
     """(bones,), the lower joints of the target's bones that both bodies have, with a length on both."""
     source, skeleton, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     upper = skeleton.parents
@@ -41,10 +39,8 @@ def shared_bones(matching: Matching) -> Joints:
     return np.asarray(lower[source.places[drivers[lower]] != source.places[drivers[upper[lower]]]])
 
 
-def direction_error(expected: Expected, result: Motion, lower: Joints) -> Array:
-    """(frames, bones), the angle between the bones above the joints `lower`, (bones,), and their `expected` directions
-    [degrees].
-    """
+def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array:
+    """(frames, bones), the angle of the bones above the joints `lower` to their `expected` directions [degrees]."""
     upper = result.skeleton.parents[lower]
 
     def angles(block: slice) -> Array:
@@ -53,7 +49,7 @@ def direction_error(expected: Expected, result: Motion, lower: Joints) -> Array:
     return in_blocks(angles, len(result))
 
 
-def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Expected:
+def expected_directions(source: Motion, matching: Matching, lower: Numbers) -> Expected:
     """Return where the target's bones above the joints `lower`, from `shared_bones`, should point.
 
     A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
@@ -107,7 +103,13 @@ def bone_error(result: Motion, body: Body) -> Array:
     """(frames,), the largest relative error of the length of a bone of the body."""
     skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
     lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
-    return stretch_of(result.positions, skeleton.parents[lower], lower, skeleton.lengths[lower])
+    upper, known = skeleton.parents[lower], skeleton.lengths[lower]
+
+    def errors(block: slice) -> Array:
+        x = result.positions[block]
+        return np.asarray(np.abs(lengths(x[:, lower] - x[:, upper]) / known - 1.0).max(axis=1, initial=0.0))
+
+    return in_blocks(errors, len(result))
 
 
 def jerk(motion: Motion, body: Body) -> Array:
@@ -116,7 +118,7 @@ def jerk(motion: Motion, body: Body) -> Array:
     return np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size)
 
 
-def turns(motion: Motion, joints: Joints) -> Array:
+def turns(motion: Motion, joints: Numbers) -> Array:
     """(frames - 1, joints), the angle from each frame's world rotation to the next [rad]."""
     return turns_along(motion.skeleton.parents, motion.rotations, joints)
 

@@ -7,12 +7,11 @@ the positions of joints.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
@@ -23,14 +22,10 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import turned_by
-from distretarget.numerics.vectors import angles_between, cross, level, normalised
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, level, normalised
 
 UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
 STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
-UNKNOWN = np.zeros(3)
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
 
 
@@ -51,6 +46,7 @@ class Held:
 
 Axes = tuple[Array, Array]
 """Up and forward, (3,) each, in the axes of a joint; zero where unknown."""
+UNKNOWN: Axes = (np.zeros(3), np.zeros(3))
 Posture = Mapping[str, Sequence[Held]]  # by the key of the metric
 
 
@@ -91,7 +87,7 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
     return held
 
 
-def errors_of(held: Sequence[Held], result: Motion) -> tuple[NDArray[np.intp], Array]:
+def errors_of(held: Sequence[Held], result: Motion) -> tuple[Numbers, Array]:
     """The joints that name the parts, (parts,), and their errors in a result, (frames, parts) [degrees]."""
     joints = np.array([each.joint for each in held], np.intp)
     return joints, np.reshape([each.error(result) for each in held], (len(held), len(result))).T
@@ -102,48 +98,42 @@ def _head_axes(body: Body, head: int) -> Axes:
     if body.up_at_rest:
         return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
     if body.moving is None:
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     return _mean_axes(body, head, np.asarray(body.moving.trunk @ body.up_vector > UPRIGHT))
 
 
 def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
-    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average. The
-    legs have a `length` [file units].
-    """
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average."""
     if leg.toe == leg.ankle:
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     if body.up_at_rest:
         up = axis_vector(body.up_at_rest)
         if abs(direction(body.rest.positions, leg.ankle, leg.toe) @ up) <= STEEPEST:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     rests = feet_at_rest(body.motion, leg, body.up_vector, length)
     return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
 
 
 def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
-    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames of its motion;
-    unknown without frames.
-    """
+    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames; or unknown."""
     if body.motion is None or body.moving is None or not frames.any():
-        return UNKNOWN, UNKNOWN
+        return UNKNOWN
     turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()
     up, forward = body.up_vector, level(body.moving.axes[frames, :, 2], body.up_vector)
     return normalised(turns.apply(up).sum(axis=0)), normalised(turns.apply(forward).sum(axis=0))
 
 
-def _hands(matching: Matching) -> list[tuple[tuple[int, int, int], tuple[int, int, int]]]:
+def _hands(matching: Matching) -> Iterator[list[list[int]]]:
     """For each hand whose palm both bodies show: wrist, knuckle of the index finger and of an outer one, of each."""
     roles = [body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target)]
-    hands = []
     for side in SIDES:
-        fingers = [f for f in OUTER_FINGERS if all({f"{side}{f}1", f"{side}Index1"} <= own.keys() for own in roles)]
-        if fingers and all(f"{side}Hand" in own for own in roles):
-            parts = ("Hand", "Index1", f"{fingers[0]}1")
-            source, target = ((own[side + parts[0]], own[side + parts[1]], own[side + parts[2]]) for own in roles)
-            hands.append((source, target))
-    return hands
+        for finger in OUTER_FINGERS:
+            names = [side + part for part in ("Hand", "Index1", f"{finger}1")]
+            if all({*names} <= own.keys() for own in roles):
+                yield [[own[name] for name in names] for own in roles]
+                break
 
 
 def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Array:
@@ -152,7 +142,7 @@ def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Arr
     return axes if along is None else level(axes, along)
 
 
-def _palm(joints: tuple[int, int, int], motion: Motion) -> Array:
+def _palm(joints: Sequence[int], motion: Motion) -> Array:
     """(frames, 3), the normal of the palm: across the wrist and two knuckles."""
     wrist, index, outer = (motion.positions[:, joint] for joint in joints)
     return normalised(cross(index - wrist, outer - wrist))

@@ -7,7 +7,6 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
@@ -15,24 +14,24 @@ from distretarget.body.limbs import raised
 from distretarget.body.segments import find_segments
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.skin_depths import find_depths
-from distretarget.measure.skin_points import (
+from distretarget.measure.skin_shapes import (
     LIMBS,
+    Clusters,
     Patches,
     SkinPoints,
+    clusters_of,
+    inner_balls,
     patches_of,
     points_of_capsules,
     points_of_mesh,
 )
-from distretarget.measure.solid_parts import Clusters, clusters_of, inner_balls
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of, over_blocks
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import PLACE, PLACES, SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
 GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
@@ -56,26 +55,16 @@ HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The skin of a body: points on its hands and forearms, and the solid parts that they may sink into.
+    """The skin of a body: points on its hands and forearms, and the solid parts that they may sink into."""
 
-    Attributes:
-        patches: the points, in the order of limbs.
-        clusters: capsules, or many more balls inside a mesh.
-        height: of the body [file units].
-        can_touch: (limbs, segments), whether the body has both, and they are no neighbours.
-    """
-
-    patches: Patches
-    clusters: Clusters
-    height: float
-    can_touch: NDArray[np.bool_]
+    patches: Patches  # the points, in the order of limbs
+    clusters: Clusters  # capsules, or many more balls inside a mesh
+    height: float  # of the body [file units]
+    can_touch: Flags  # (limbs, segments), whether the body has both, and they are no neighbours
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
-    """Return the skin of a body, by its mesh if it has one, else by its capsules.
-
-    Points that are inside in the bind pose are left out.
-    """
+    """Return the skin of a body, by its mesh, or else by its capsules, without points inside in the bind pose."""
     if mesh is not None:
         return _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()), body.height)
     return _skin(points_of_capsules(capsules), capsules, body.skeleton.rest_positions, body.height)
@@ -111,20 +100,14 @@ def _skin(points: SkinPoints, solid: Capsules, rest: Array, height: float) -> Sk
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SkinMeasured:
-    """The skin of hands and forearms of a result. Arrays have no frames where its thickness is not known.
+    """The skin of hands and forearms of a result. Arrays have no frames where its thickness is not known."""
 
-    Attributes:
-        deepest: (frames, limbs), how deep each is inside other parts of the body [% of height].
-        inside: (frames,), how much of them is [% of the vertices].
-        gap_error: (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the
-            heights; what overlaps there may just touch; a forearm's gap is the least of forearm and hand [% of height].
-        touching: (frames, limbs), the number of parts of the body that it touches there.
-    """
-
-    deepest: Array
-    inside: Array
+    deepest: Array  # (frames, limbs), how deep each is inside other parts of the body [% of height]
+    inside: Array  # (frames,), how much of them is [% of the vertices]
+    # (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the heights; what
+    # overlaps there may just touch; a forearm's gap is the least of forearm and hand [% of height]
     gap_error: Array
-    touching: Numbers
+    touching: Numbers  # (frames, limbs), the number of parts of the body that it touches there
 
     @property
     def tracks(self) -> Tracks:
@@ -138,17 +121,11 @@ class SkinMeasured:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SourceSkin:
-    """What touches in a source, which the skin of results is measured against.
+    """What touches in a source, which the skin of results is measured against."""
 
-    Attributes:
-        target: the skin of results.
-        touches: (3, contacts), frame, limb and segment, by frames.
-        gaps: (contacts,), how far apart they are, negative where they overlap [% of height].
-    """
-
-    target: Skin
-    touches: Numbers
-    gaps: Array
+    target: Skin  # the skin of results
+    touches: Numbers  # (3, contacts), frame, limb and segment, by frames
+    gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""
@@ -179,7 +156,7 @@ class SourceSkin:
         errors = np.bincount(cell, np.maximum(np.maximum(too_far, too_near), 0.0), minlength=frames * len(LIMBS))
         return SkinMeasured(
             deepest=to_percent * deepest,
-            inside=100.0 * vertices / max(skin.patches.points.counts.sum(), 1.0),
+            inside=100.0 * vertices / max(skin.patches.counts.sum(), 1.0),
             gap_error=(errors / np.maximum(counts, 1)).reshape(shape),
             touching=counts.reshape(shape),
         )
@@ -221,7 +198,7 @@ def _of_first(of_limbs: Array) -> Array:
     return of_limbs
 
 
-def _hanging(motion: Motion, body: Body, up: Array) -> NDArray[np.bool_]:
+def _hanging(motion: Motion, body: Body, up: Array) -> Flags:
     """(frames, limbs), whether the arm of each limb hangs."""
     hanging, hips = np.zeros((len(motion), len(LIMBS)), bool), [leg.hip for leg in body.legs or ()]
     for side in SIDES:

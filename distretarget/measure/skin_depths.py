@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from distretarget.measure.skin_points import LIMBS, Patches
-from distretarget.measure.solid_parts import Clusters
+from distretarget.measure.skin_shapes import LIMBS, Clusters, Patches
 from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.kinematics import turned
+from distretarget.numerics.vectors import Array
 from distretarget.skin.capsules import SEGMENTS
-
-Array = NDArray[np.float64]
 
 
 def find_depths(
@@ -26,16 +23,11 @@ def find_depths(
     `posed` are the positions and world rotations of the joints, (frames, joints, 3 and 4); `reach`, (frames or 1,
     limbs, segments), is how far from a segment to look [file units], negative infinity for not at all.
     """
-    points, frames = patches.points, len(posed[0])
-    depths, inside = np.array(np.broadcast_to(-reach, (frames, len(LIMBS), len(SEGMENTS)))), np.zeros(frames)
-    bound = np.concatenate([points.offsets, points.weights[..., None]], axis=2)
-    of_points = patches.limbs, patches.patches, patches.balls, points.joints, bound, points.counts
-    of_body = clusters.groups, clusters.first, clusters.balls, clusters.capsules
-    near, placed = np.empty((4, len(clusters.balls)), np.intp), np.empty((len(clusters.balls), 4))
-    scratch = near, placed, np.empty((len(patches.balls) + 2, 4))
-    fixed = (contiguous(each) for each in (*posed, *of_points, *of_body))
-    given: list[Any] = [*fixed, grazing, *scratch, depths, inside]
-    _find(*given)
+    depths = np.array(np.broadcast_to(-reach, (len(posed[0]), len(LIMBS), len(SEGMENTS))))
+    inside, near = np.zeros(len(depths)), np.empty((4, len(clusters.balls)), np.intp)
+    placed, placed_patches = np.empty((len(clusters.balls), 4)), np.empty((len(patches.balls) + 2, 4))
+    given: list[Any] = [*map(contiguous, posed), patches, clusters, grazing, near, placed, placed_patches]
+    _find(*given, depths, inside)  # type: ignore[call-arg]
     return np.where(depths == np.inf, -np.inf, depths), inside
 
 
@@ -122,36 +114,19 @@ def _enclose(ball, balls, first, end):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _find(  # type: ignore[no-untyped-def]
-    positions,
-    rotations,
-    limbs,
-    patches,
-    patch_balls,
-    joints,
-    bound,
-    counts,
-    groups,
-    first,
-    balls,
-    capsules,
-    grazing,
-    near,
-    placed,
-    placed_patches,
-    depths,
-    inside,
-):
+def _find(positions, rotations, skin, body, grazing, near, placed, placed_patches, depths, inside):  # type: ignore[no-untyped-def]
     """Write depths and counts of vertices inside; `near`, (4, balls), `placed`, (balls, 4), and `placed_patches`,
     (patches + 2, 4), are scratch: the near groups, and the near clusters and their groups; and balls in the world.
     """
+    groups, first, balls, capsules = body.groups, body.first, body.balls, body.capsules
+    limbs, patches = skin.limbs, skin.patches
     all_groups, all_patches = len(groups) - 1, len(patches) - 1
     place, around = placed_patches[all_patches], placed_patches[all_patches + 1]
     for frame in range(len(positions)):
         x, q = positions[frame], rotations[frame]
         for patch in range(all_patches):
             joint = patches[patch, 0]
-            _set(placed_patches[patch], x[joint], q[joint], patch_balls[patch])
+            _set(placed_patches[patch], x[joint], q[joint], skin.balls[patch])
         for group in range(all_groups):
             joint = groups[group, 0]
             _set(placed[group], x[joint], q[joint], balls[group])
@@ -186,7 +161,7 @@ def _find(  # type: ignore[no-untyped-def]
                 if found == 0:
                     continue
                 for point in range(patches[patch, 1], patches[patch + 1, 1]):
-                    a, b, c = _posed(x, q, joints[point], bound[point])
+                    a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
                     place[0], place[1], place[2] = a, b, c
                     is_inside = False
                     for n in range(found):
@@ -205,4 +180,4 @@ def _find(  # type: ignore[no-untyped-def]
                         if deepest > deepest_of[segment]:
                             deepest_of[segment] = deepest
                     if is_inside:
-                        inside[frame] += counts[point]
+                        inside[frame] += skin.counts[point]

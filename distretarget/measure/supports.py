@@ -13,23 +13,18 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.body.soles import Sole, floor_height, level_on_floor
 from distretarget.matching.matching import Matching
-from distretarget.matching.undersides import Underside, Undersides
+from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.kinematics import turned_by
 from distretarget.numerics.time_series import largest, over_runs
-from distretarget.numerics.vectors import lengths, level
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Joints = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 
 SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
 LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
@@ -50,7 +45,7 @@ class FlatFoot:
     """A foot, and how it stands on its flat sole."""
 
     leg: Leg
-    points: Joints  # (points,), the ankle and all joints below it; only the ankle if there is no toe
+    points: Numbers  # (points,), the ankle and all joints below it; only the ankle if there is no toe
     flat_pitch: float = np.nan  # elevation of the bone from ankle to toe on the flat sole [degrees]; nan if unknown
     flat_height: float = np.nan  # of the ankle over the lowest point on the flat sole [file units]; nan if unknown
     normal: Array | None = None  # (3,), the unit vector up from the flat sole in the ankle's axes; None if unknown
@@ -86,12 +81,11 @@ class FlatFoot:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Feet:
-    """The feet of a result against those of its source. All arrays have no columns if the bodies have no legs.
-
-    Errors are nan in frames in which nothing is to be measured.
+    """The feet of a result against those of its source. Arrays have no columns if the bodies have no legs; errors are
+    nan in frames in which nothing is to be measured.
     """
 
-    joints: Joints  # (foot joints,), the target's left ankle and toe, then the right ones
+    joints: Numbers  # (foot joints,), the target's left ankle and toe, then the right ones
     stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
     skate_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
     skate: Array  # the same of the result
@@ -138,7 +132,10 @@ class SourceFeet:
         """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
         ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
         source, own = self.tracks, _FootTracks.of(result, self.feet, self.leg, self.up)
-        sole = own.sole if self.undersides is None else self._lowest_skin(result, self.undersides)
+        sole = own.sole
+        if self.undersides is not None:  # of the lowest vertices, less what is below a flat foot
+            lowest = [self.undersides.target.lowest_of_foot(result, foot.leg.ankle, self.up) for foot in self.feet]
+            sole = (np.stack(lowest, axis=1) + self.undersides.soles[1]) / self.leg
         on_sole = ankle_rests & toe_rests & source.level
         flat = on_sole & (np.abs(source.pitch) <= FLAT)
         alone = ankle_rests & ~others_carry[:, None]
@@ -152,11 +149,6 @@ class SourceFeet:
             ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
             hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
         )
-
-    def _lowest_skin(self, result: Motion, undersides: Undersides) -> Array:
-        """(frames, legs), the height of the lowest vertex of each foot, less that below a flat foot [leg lengths]."""
-        lowest = [undersides.target.lowest_of_foot(result, foot.leg.ankle, self.up) for foot in self.feet]
-        return (np.stack(lowest, axis=1) + undersides.soles[1]) / self.leg
 
 
 def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None) -> SourceFeet:
@@ -184,9 +176,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersi
 
 
 def _on_floor(soles: Array, rests: Flags) -> Array:
-    """(frames, legs), the heights at which soles belong that are at these heights in the source, (frames, legs), and
-    rest or not.
-    """
+    """(frames, legs), the heights at which soles belong that rest, or not, at these heights in the source."""
     if not rests.any():
         return soles
     means = [over_runs(sole[:, None], rest.astype(float))[:, 0] for sole, rest in zip(soles.T, rests.T, strict=True)]
@@ -206,7 +196,7 @@ def _foot_paths(motion: Motion, feet: Sequence[FlatFoot], length: float) -> Arra
     return motion.positions[:, _foot_joints(feet)] / length
 
 
-def _foot_joints(feet: Sequence[FlatFoot]) -> Joints:
+def _foot_joints(feet: Sequence[FlatFoot]) -> Numbers:
     """Ankle and toe of each foot in turn."""
     return np.array([joint for foot in feet for joint in (foot.leg.ankle, foot.leg.toe)], np.intp)
 
@@ -215,7 +205,7 @@ def _foot_joints(feet: Sequence[FlatFoot]) -> Joints:
 class SupportsMeasured:
     """The joints that rest on the world in a source, apart from feet, and how they do so in a result."""
 
-    joints: Joints  # (joints,), of the target, that rest in some frame of the source
+    joints: Numbers  # (joints,), of the target, that rest in some frame of the source
     on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
     holds: Flags  # (frames, joints), whether each holds on to something that stands still
     skate_source: Array  # (frames, joints), horizontal speed in the source [leg lengths / s]
@@ -225,8 +215,7 @@ class SupportsMeasured:
     skin_source: Array  # (frames, joints), how far the skin reaches below each, less than below soles [leg lengths]
     up: Array  # (3,), the unit vector up
     leg: float  # the length of the target's leg [file units]; 1 without legs
-    underside: Underside | None  # the target's skin; None if it is not known
-    soles: float  # how far the target's skin reaches below the lowest joint of a foot that stands flat [file units]
+    undersides: Undersides | None  # the skins of source and target; None if they are not known, or without legs
 
     @property
     def rest(self) -> Flags:
@@ -248,8 +237,9 @@ class SupportsMeasured:
         paths = result.positions[:, self.joints] / self.leg
         skate = speeds_along(level(paths, self.up), result.frame_time)
         off = paths @ self.up - self.height_source
-        if self.underside is not None:
-            thicker = (self.underside.below(result, self.joints, self.up) - self.soles) / self.leg - self.skin_source
+        if self.undersides is not None:
+            below = self.undersides.target.below(result, self.joints, self.up) - self.undersides.soles[1]
+            thicker = below / self.leg - self.skin_source
             off -= np.clip(off, np.minimum(thicker, 0.0), np.maximum(thicker, 0.0)) * self.on_floor
         return replace(self, skate=skate, height=100.0 * np.abs(off))
 
@@ -257,10 +247,7 @@ class SupportsMeasured:
 def find_supports(
     source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None
 ) -> SupportsMeasured:
-    """Find the joints that rest in a source, which is its own result until `in_result`.
-
-    `up`, (3,), is the unit vector up in source and results; `undersides` are the skins of both bodies, if known.
-    """
+    """Find the joints that rest in a source, which is its own result until `in_result`; arguments as in `find_feet`."""
     joints = matching.joints_but_feet()
     drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
@@ -270,10 +257,9 @@ def find_supports(
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
     skate = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
-    soles, skin, underside = 0.0, np.zeros_like(skate), None
-    if undersides is not None and matching.legs:
-        underside, (source_sole, soles) = undersides.target, undersides.soles
-        skin = (undersides.source.below(source, drivers[some], up) - source_sole) / source_leg
+    known, skin = undersides if matching.legs else None, np.zeros_like(skate)
+    if known is not None:
+        skin = (known.source.below(source, drivers[some], up) - known.soles[0]) / source_leg
     return SupportsMeasured(
         joints=joints[some],
         on_floor=on_floor[:, some],
@@ -285,12 +271,11 @@ def find_supports(
         skin_source=skin,
         up=up,
         leg=leg,
-        underside=underside,
-        soles=soles,
+        undersides=known,
     )
 
 
-def _holds(source: Motion, matching: Matching, joints: Joints, leg: float) -> Flags:
+def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> Flags:
     """(frames, joints), whether each keeps its place while the base of its limb moves."""
     names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)

@@ -17,9 +17,7 @@ LEAST_BOUND = 0.1  # the least error that is given for the height of the hips [%
 
 def limit_warnings(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[str]:
     """Yield a warning for each metric of the result above its limit, with value, worst frame and likely cause; and one
-    warning that names the other metrics that are worse than the rotation copy's.
-
-    `metrics` are of the whole clip, computed from `tracks`.
+    that names the other metrics that are worse than the rotation copy's. `metrics` are those of `tracks`.
     """
     for metric in METRICS:
         if metric.limit and metric.over_limit(metrics):
@@ -30,15 +28,13 @@ def limit_warnings(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterat
             frame, part = metric.worst(tracks["result"])
             worst = f"worst in frame {frame}" + (f", {part}" if part else "")
             yield f"{value}{better}, limit {limit:.3g}; {worst}; likely cause: {metric.limit.cause}"
-    worse = [metric for metric in METRICS if metric.worse_than_copy(metrics) and not metric.over_limit(metrics)]
+    worse = []
+    for metric in METRICS:
+        if metric.worse_than_copy(metrics) and not metric.over_limit(metrics):
+            result, copy = (_number(metric, metrics, side) for side in ("result", "rotation_copy"))
+            worse.append(f"{metric.label} ({result} against {copy} {metric.unit}".rstrip() + ")")
     if worse:
-        yield f"worse than the rotation copy in {', '.join(_against_copy(metric, metrics) for metric in worse)}"
-
-
-def _against_copy(metric: Metric, metrics: Metrics) -> str:
-    """The metric, and its values of result and rotation copy."""
-    result, copy = (_number(metric, metrics, side) for side in ("result", "rotation_copy"))
-    return f"{metric.label} ({result} against {copy} {metric.unit}".rstrip() + ")"
+        yield f"worse than the rotation copy in {', '.join(worse)}"
 
 
 def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
@@ -47,9 +43,7 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
     """Return a sentence on contacts, skin, feet, other supports, hips and the largest direction error, and the names of
-    the metrics over their limits or worse than copied rotations.
-
-    `metrics` are of the whole clip, computed from `tracks`.
+    the metrics over their limits or worse than copied rotations. `metrics` are those of `tracks`.
     """
     of_result = tracks["result"]
     parts = [_contacts(metrics), *_skin(metrics, of_result), _feet(metrics), *_supports(metrics)]

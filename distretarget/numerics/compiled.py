@@ -90,11 +90,9 @@ def runs_as_python(numbers: int) -> bool:
 
 
 def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
-    """Decorate a function that compiled functions call. Its code becomes a part of theirs; Python that calls it runs it
-    as it is written.
-
-    If its code did not become a part of theirs, a process that compiles would run another copy of it than a process
-    that loads its callers from the folder of compiled code, and results could differ in their last bits.
+    """Decorate a function that compiled functions call. Its code becomes a part of theirs, or a process that compiles
+    would run another copy of it than one that loads kept code, and results could differ in their last bits. Python that
+    calls it runs it as it is written.
     """
 
     def decorate(function: Function) -> Function:
@@ -106,9 +104,8 @@ def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
 
 def merged(function: Function) -> Function:
     """Decorate a function that one compiled function calls. Its source becomes a part of that one's, with the same
-    options, and is compiled there alone; Python that calls it runs it as it is written.
-
-    An `inlined` function is compiled by itself first, which a large one takes long for.
+    options: an `inlined` function is compiled by itself first, which a large one takes long for. Python runs it as it
+    is written.
     """
     _merged[function] = None
     return function

@@ -19,18 +19,12 @@ NEARLY_LOCKED = 1e-4  # below this the noise would reach the first two angles wh
 
 
 def euler_angles(rotations: Array, axes: str) -> Array:
-    """Return the intrinsic Euler angles of rotations: R = R_axes[0] R_axes[1] R_axes[2].
+    """Return the intrinsic Euler angles, (frames, len(axes)) [rad], of rotations, (frames, 4): R = R_axes[0] R_axes[1]
+    R_axes[2], with up to three different `axes` in the order of the channels: "ZXY", "ZX", "Y", "".
 
     Of all angles of a rotation, each frame takes those nearest to the previous frame's, and the first frame the
     smallest. At gimbal lock the first angle keeps its value. Two axes give the first two of three angles, which point
     the third axis as the rotation does; one axis gives the twist about it.
-
-    Args:
-        rotations: (frames, 4), unit quaternions x y z w.
-        axes: up to three different axes, intrinsic, in the order of the channels: "ZXY", "ZX", "Y", "".
-
-    Returns:
-        (frames, len(axes)) [rad].
     """
     if not axes:
         return np.empty((len(rotations), 0))
@@ -85,9 +79,8 @@ def _write_angles(halves, parity, state, unit, columns, values):  # type: ignore
     """Write the angles of a block of frames, continued from frame to frame.
 
     `halves`, (6, frames, joints), are the total and the difference of the half angles, half of the middle angle, and
-    from row 4 on the sine and the cosine of `_half_sums`. `state`, (joints, 11), is that of the last frame: its
-    angles, those of the chosen twin before and after whole turns are added, the first angle, and whether the twin is
-    chosen.
+    from row 4 on the sine and the cosine of `_half_sums`. `state`, (joints, 11), is that of the last frame: its angles,
+    those of the chosen twin before and after whole turns are added, the first angle, and whether the twin is chosen.
 
     At gimbal lock the first angle is held. Of each triple and its twin (a + pi, pi - b, c + pi), whichever is nearer to
     the previous choice is taken. Two neighbours either change sides or not, so the choice is a running parity.

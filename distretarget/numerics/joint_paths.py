@@ -50,27 +50,8 @@ def _write_steps(paths: Array, joints: Numbers, lag: int, steps: Array) -> None:
             steps[frame, n] = np.sqrt(x * x + y * y + z * z)
 
 
-def stretch_of(positions: Array, upper: Numbers, lower: Numbers, lengths: Array) -> Array:
-    """(frames,), the largest relative difference from their `lengths`, (bones,), of the bones from joints `upper` to
-    `lower`, (bones,) each; 0 without bones.
-    """
-    largest = np.empty(len(positions))
-    _write_stretch(contiguous(positions), upper, lower, lengths, largest)
-    return largest
-
-
-@compiled()
-def _write_stretch(positions, upper, lower, lengths, largest):  # type: ignore[no-untyped-def]
-    for frame in range(len(positions)):
-        largest[frame] = 0.0
-        for n in range(len(lower)):
-            a, b = positions[frame, upper[n]], positions[frame, lower[n]]
-            bone = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
-            largest[frame] = max(largest[frame], abs(bone / lengths[n] - 1.0))
-
-
 def angles_to_bones(vectors: Array, positions: Array, upper: Numbers, lower: Numbers) -> Array:
-    """(frames, bones), the angles of `vectors`, (frames, bones, 3), to bones [rad], as `vectors.angles_between`."""
+    """(frames, bones), the angles of `vectors`, (frames, bones, 3), to bones from joints `upper` to `lower` [rad]."""
     angles = np.empty(vectors.shape[:2])
     _write_half_tangents(contiguous(vectors), contiguous(positions), upper, lower, angles)
     np.arctan(angles, out=angles)

@@ -111,11 +111,7 @@ def represented(quaternions: Array, kind: RotationKind) -> Array:
 
 
 def from_represented(values: Array) -> Array:
-    """Return the unit quaternions (..., 4) of rotations in any representation (`represented`), by its shape.
-
-    Raises:
-        ValueError: they are no rotations.
-    """
+    """Return the quaternions (..., 4) of rotations in any representation (`represented`); a ValueError for others."""
     if values.shape[-2:] == (3, 3) and values.ndim > 3:
         return Rotation.from_matrix(values.reshape(-1, 3, 3)).as_quat().reshape(*values.shape[:-2], 4)
     if values.shape[-1] == 6:

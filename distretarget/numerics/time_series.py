@@ -83,10 +83,8 @@ def spans_of(flags: Flags) -> Numbers:
 
 
 def over_runs(values: Array, weights: Array) -> Array:
-    """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0.
-
-    Means are interpolated between runs, and constant before the first and after the last. Without runs the result is
-    the mean of all frames.
+    """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0; interpolated
+    between runs, constant before the first and after the last, and that of all frames without runs.
     """
     frames = np.flatnonzero(weights)
     if not len(frames):
@@ -100,13 +98,10 @@ def over_runs(values: Array, weights: Array) -> Array:
 
 def smoothed(values: Array, weights: Array, frames: float) -> Array:
     """The series x, (frames, n), with the least sum of weight |x - value|^2 and `frames`^4 |second difference of x|^2:
-    where the weights, (frames,), are 1 it bends over about `frames`.
+    where the weights, (frames,), are 1 it bends over about `frames`. Frames of weight 0 take the nearest other values,
+    interpolated, with a small weight; without any others, the result is the values.
 
-    Frames of weight 0 take the nearest other values, interpolated, with a small weight. Without any others, the result
-    is the values.
-
-    Source: E. T. Whittaker, "On a New Method of Graduation", Proceedings of the Edinburgh Mathematical Society 41
-    (1923) 63-75.
+    Source: E. T. Whittaker, "On a New Method of Graduation", Proc. Edinburgh Mathematical Society 41 (1923) 63-75.
     """
     known, count = np.flatnonzero(weights), len(values)
     if not len(known):
@@ -134,11 +129,10 @@ def steadied(values: Array, weights: Array, stiffness: Array) -> Array:
 
 
 def find_shots(positions: Array, joints: Numbers, length: float, frame_time: float) -> Shots:
-    """Return the number of each frame's shot, (frames,), counted from 0.
-
-    `positions` are (frames, all joints, 3), `joints` the body's, `length` is a length of the body, such as its legs',
-    in the same unit, and `frame_time` is in [s]. Frames at the beginning or the end from which the body leaves faster
-    than anybody can, such as a T-pose before the motion, are shots of their own, until the body has slowed down.
+    """Return the number of each frame's shot, (frames,), counted from 0, by the `joints` of a body among `positions`,
+    (frames, all joints, 3), and a length of the body in the same unit, such as its legs'; `frame_time` is in [s].
+    Frames at the beginning or the end from which the body leaves faster than anybody can, such as a T-pose before the
+    motion, are shots of their own, until the body has slowed down.
     """
     steps = steps_along(positions, joints).mean(axis=1)
     before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
@@ -172,19 +166,12 @@ def by_shot(function: Callable[..., NDArray[Value]], shots: Shots, *values: NDAr
 
 @dataclass(frozen=True, eq=False)
 class KeyFrames:
-    """The key frames of a clip. Slicing selects frames, whose first is then a key frame as well.
-
-    Attributes:
-        shots: (frames,), the number of each frame's shot.
-        are_keys: (frames,), whether each frame is one; the first of each shot is.
-        frame_time: the time between frames [s].
-        time: that between key frames [s].
-    """
+    """Frames, evenly apart, between which values are interpolated. Slices begin with a key frame as well."""
 
     shots: Shots
-    are_keys: Flags
-    frame_time: float
-    time: float
+    are_keys: Flags  # (frames,), whether each frame is one; the first of each shot is
+    frame_time: float  # between frames [s]
+    time: float  # between key frames [s]
 
     @classmethod
     def of(cls, shots: Shots, frame_time: float, rate: float) -> KeyFrames:

@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.body.axes import perpendicular
-from distretarget.body.limbs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks, subtree_lengths
@@ -149,7 +148,7 @@ def part_stiffness(clip: Clip) -> Array:
     stiffness[np.setdiff1d(firm, clip.loose_parts)] *= END_FACTOR
     stiffness[clip.loose_parts] *= LOOSE_FACTOR
     if legs:
-        pelvis = pelvis_joint(skeleton, legs)
+        pelvis = skeleton.meet(leg.hip for leg in legs)
         above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
         stiffness[parts[above]] = FIXED_STIFFNESS
     return np.append(stiffness, ROOT_STIFFNESS)

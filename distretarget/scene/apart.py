@@ -15,21 +15,16 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, read_only
 from distretarget.numerics.time_series import averaged, by_shot, over_runs, smoothstep, widened
-from distretarget.numerics.vectors import lengths, level, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
-from distretarget.scene.seats import moved_by
-from distretarget.scene.sweeps import SceneContacts
+from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, moved_by
 from distretarget.skin.capsules import SEGMENTS
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 BALLS = 5  # along each capsule
 FLESH = 0.02  # bodies give way, and capsules stand off from the skin, by this together [body units]
@@ -63,11 +58,6 @@ class Core:
         centres = np.einsum("fcei,eb->fcbi", ends, shares).reshape(len(ends), -1, 3)
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
-    @property
-    def middle(self) -> Array:
-        """(frames, 3), the mean of the balls."""
-        return np.asarray(self.centres.mean(axis=1))
-
     def way_from(self, other: Core, along: Array, give: float, ahead: float = 0.5) -> Array:
         """(frames,), how far this body has to move along unit vectors, (frames, 3), until it overlaps the other by no
         more than `give`; only balls count that are apart in a direction whose cosine to these is above `ahead`.
@@ -77,10 +67,6 @@ class Core:
         arrays: list[Any] = [*(read_only(np.ascontiguousarray(each)) for each in given), give, ahead, ways]
         _write_ways(*arrays)
         return ways
-
-    def moved(self, by: Array) -> Core:
-        """Return the body moved by vectors, (frames, 3)."""
-        return Core(self.centres + by[:, None], self.radii)
 
 
 @compiled(fastmath=True)
@@ -101,9 +87,7 @@ def _write_ways(centres, radii, others, other_radii, along, give, ahead, ways): 
 
 
 def kept_apart(contacts: SceneContacts, skins: Sequence[Skins | None]) -> SceneContacts:
-    """Return the scene with performers moved apart whose skins would be in each other; `skins` are theirs, None for no
-    thickness.
-    """
+    """Return the scene with performers apart whose skins would be in each other; `skins` have None for no thickness."""
     known = [number for number, skin in enumerate(skins) if skin]
     ways = [way for both in combinations(known, 2) for way in _ways_between(contacts, skins, both)]
     moves = np.zeros((len(skins), len(contacts.performers[0].clip), 3))
@@ -125,13 +109,14 @@ class _Way:
     allowed: Array  # (frames,), the way for which they may stay in each other
     shares: Array  # (frames, 2), of each in the way
     speed: Array  # (frames,), how fast they may part [per frame]
-    shots: NDArray[np.intp]  # (frames,)
+    shots: Numbers  # (frames,)
     soft: float  # frames over which their speed changes
 
     def add_to(self, moves: Array) -> None:
         """Add to how far performers are moved, (performers, frames, 3), what these two lack [target file units]."""
         one, other = (
-            core.moved(moves[number] / self.unit) for number, core in zip(self.numbers, self.cores, strict=True)
+            replace(core, centres=core.centres + (moves[number] / self.unit)[:, None])
+            for number, core in zip(self.numbers, self.cores, strict=True)
         )
         lack = np.maximum(one.way_from(other, self.along, FLESH) - self.allowed, 0.0)
         if lack.any():
@@ -144,32 +129,31 @@ def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], number
     """The ways in which two performers part: along the floor; or upwards, where one is on the trunk or the lap of the
     other, which then stays.
     """
-    clips, up = [contacts.performers[number].clip for number in numbers], contacts.performers[0].clip.up
-    pelvises = [clip.source.positions[:, clip.drivers[clip.pelvis]] @ up for clip in clips]
+    up, both = contacts.performers[0].clip.up, [contacts.performers[number] for number in numbers]
+    pelvises = [one.clip.source.positions[:, one.clip.drivers[one.clip.pelvis]] @ up for one in both]
     if np.mean(np.subtract(*pelvises)) < 0.0:  # the first is the one that is higher
-        numbers, clips = numbers[::-1], clips[::-1]
-    both = [(clip, skin) for clip, number in zip(clips, numbers, strict=True) if (skin := skins[number])]
-    time, shots = clips[0].frame_time, np.sum([clip.shots for clip in clips], axis=0)
-    units = [float(np.mean([getattr(skin, side).unit for _, skin in both])) for side in ("source", "target")]
-    copies = [replace(clip.copy, root_positions=clip.root) for clip in clips]
+        numbers, both = numbers[::-1], both[::-1]
+    own = [skin for number in numbers if (skin := skins[number])]
+    source_unit, unit = (float(np.mean([getattr(skin, side).unit for skin in own])) for side in ("source", "target"))
 
     def cores(*parts: Flags) -> tuple[list[Core], list[Core]]:
         """Those of the sources, and those of the targets."""
-        each = [*zip(both, copies, parts, strict=True)]
+        each = [*zip(both, own, parts, strict=True)]
         return (
-            [Core.of(skin.source, clip.source, units[0], some) for (clip, skin), _, some in each],
-            [Core.of(skin.target, copy, units[1], some) for (_, skin), copy, some in each],
+            [Core.of(skin.source, one.clip.source, source_unit, some) for one, skin, some in each],
+            [Core.of(skin.target, copy_on_path(one), unit, some) for one, skin, some in each],
         )
 
+    shots, time = common_shots(both), both[0].clip.frame_time
     sources, targets = cores(IS_CORE, IS_CORE)
-    between = level(targets[0].middle - targets[1].middle, up)
+    between = level(np.subtract(*(core.centres.mean(axis=1) for core in targets)), up)
     between = by_shot(partial(averaged, reach=round(SOFT / time)), shots, between)
     aside = normalised(between) * smoothstep(lengths(between) / BESIDE)[:, None]
     upwards = np.broadcast_to(up, aside.shape)
     free = np.stack([_is_free(contacts, number) for number in numbers], axis=1).astype(float)
-    steps = np.max([_steps(contacts.performers[number].supports) for number in numbers], axis=0)
+    steps = np.max([_steps(one.supports) for one in both], axis=0)
     speed = SPEED * time * np.maximum(steps, STANDING)
-    way = partial(_Way, numbers, unit=units[1], speed=speed, shots=shots, soft=SOFT / time)
+    way = partial(_Way, numbers, unit=unit, speed=speed, shots=shots, soft=SOFT / time)
     for of_source, of_target in ((sources, targets), cores(IS_SEAT, IS_THIGH)):
         to_part = [of_source[0].way_from(of_source[1], along, -TOUCH, -1.0) for along in (aside, upwards)]
         rests = by_shot(over_runs, shots, np.subtract(*to_part)[:, None], np.min(to_part, axis=0))[:, 0] > 0.0

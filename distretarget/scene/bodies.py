@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import median_of_three
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.skin import BodySkin, limb_places
 from distretarget.scene.prop_surface import Surface, nearest_places
 from distretarget.skin.balls import NEVER, Balls
@@ -22,9 +22,6 @@ from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.limbs import bent
 from distretarget.skin.meetings import segment_gaps
 from distretarget.skin.tangents import Displaced
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
 FARTHEST = 0.2  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
@@ -41,17 +38,13 @@ class PropShape:
     """A prop whose shape is known: by its surface, or, without one, by its bones."""
 
     surface: Surface | None
-    follows: NDArray[np.bool_]  # (bodies, segments), the segments that it follows and does not keep off
-    is_within: NDArray[np.bool_]  # (bodies, segments), those that may enclose it as in the source
+    follows: Flags  # (bodies, segments), the segments that it follows and does not keep off
+    is_within: Flags  # (bodies, segments), those that may enclose it as in the source
 
     @property
     def radius(self) -> float:
         """That of its balls [body units]."""
         return WITHIN if self.surface else 0.0
-
-    def nearest(self, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
-        """`nearest_places` on it."""
-        return nearest_places(self.surface, motion, x, farthest)
 
 
 class Bodies:
@@ -98,11 +91,9 @@ class Bodies:
         of_ball, of_capsule = _starts([b.of_ball for b in own], balls), _starts([b.of_capsule for b in own], capsules)
         to_props = [capsules[-1] + k * balls[-1] + of_ball[1:] for k in range(len(shapes))]
         between = sum(map(len, pairs))
-        pairs += [
-            _pairs_with_prop(b, i, len(own) * (k + 1) + i, ~shape.follows[i])
-            for k, shape in enumerate(shapes)
-            for i, b in enumerate(own)
-        ]
+        for (k, shape), (i, b) in product(enumerate(shapes), enumerate(own)):  # limbs, each with that of the prop
+            kept_off = np.flatnonzero((np.diff(b.of_ball) > 0) & ~shape.follows[i])
+            pairs.append(kept_off[:, None] + COUNT * np.array([i, len(own) * (k + 1) + i]))
         self.balls = Balls(
             carriers=np.concatenate([b.carriers + first for b, first in zip(own, capsules, strict=False)]),
             places=np.concatenate([b.places for b in own]),
@@ -118,15 +109,13 @@ class Bodies:
         )
         self.parts = self.balls.pairs % COUNT
         self.parts[between:, 1] = HARD
-        within = [shape.is_within.ravel() for shape in shapes]
+        within = np.reshape([shape.is_within for shape in shapes], (len(shapes), len(own) * COUNT))
         body, prop = self.balls.pairs[between:, 0], self.balls.pairs[between:, 1] // COUNT // len(own) - 1
-        self.encloses = np.zeros(len(self.balls.pairs), bool)
-        self.encloses[between:] = np.array([within[k][segment] for k, segment in zip(prop, body, strict=True)], bool)
+        self.encloses = np.append(np.zeros(between, bool), np.asarray(within[prop, body], bool))
         shares = [skin.displaced for skin in skins]
+        moving = [np.where(m.limbs < 0, -1, m.limbs + first) for m, first in zip(shares, limbs, strict=False)]
         self.displaced = Displaced(
-            limbs=np.concatenate(
-                [*(_shifted(m.limbs, by) for m, by in zip(shares, limbs, strict=False)), np.full(len(radii), -1)]
-            ),
+            limbs=np.concatenate([*moving, np.full(len(radii), -1)]),
             shares=np.concatenate([*(m.shares for m in shares), np.zeros((len(radii), 2, 2))]),
             mutual=np.equal(*np.isin(self.parts, np.flatnonzero(RANK > 2)).T),  # as of one body
         )
@@ -161,7 +150,7 @@ class Bodies:
         `centres`, (frames, balls, 3); out of reach for those that are far off [mean body units].
         """
         far = FARTHEST + self.balls.radii.max(initial=0.0)
-        feet, out = shape.nearest(motion, self.unit * centres, self.unit * far)
+        feet, out = nearest_places(shape.surface, motion, self.unit * centres, self.unit * far)
         within = feet / self.unit - shape.radius * out
         within = np.where(np.isfinite(within), within, centres + 4.0 * far)
         return np.repeat(within[:, :, None], 2, axis=2)
@@ -174,18 +163,7 @@ def _pairs_between(own: Sequence[Balls], i: int, j: int) -> Numbers:
     return np.asarray(np.array(pairs, np.intp).reshape(-1, 2) + COUNT * np.array([i, j]))
 
 
-def _pairs_with_prop(own: Balls, i: int, prop: int, is_met: NDArray[np.bool_]) -> Numbers:
-    """(pairs, 2), the segments of the limbs of body i that a prop keeps off, each with that of the prop."""
-    limbs = np.flatnonzero((np.diff(own.of_ball) > 0) & is_met)
-    return np.asarray(np.stack([limbs + i * COUNT, limbs + prop * COUNT], axis=1))
-
-
 def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
     """Joined lists of where segments begin, the last of each being its end."""
     starts = [own[:-1] + first for own, first in zip(numbers, firsts, strict=False)]
     return np.asarray(np.concatenate([*starts, firsts[-1:]]))
-
-
-def _shifted(limbs: Numbers, by: int) -> Numbers:
-    """The numbers of limbs, plus `by`; -1, which is none, stays."""
-    return np.asarray(np.where(limbs < 0, limbs, limbs + by))

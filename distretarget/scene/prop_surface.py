@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -20,10 +19,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import cross, lengths, normalised
-
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
 
 MOST_POINTS = 4000  # into which faces are divided, about
 MOST_PARTS = 60  # into which a side of a triangle is divided
@@ -33,21 +29,14 @@ LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The surface of a rigid prop: triangles, or points that stand alone.
-
-    Attributes:
-        corners: (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point is there three
-            times [file units].
-        normals: (triangles, 3), unit vectors out of the prop; 0 for a point.
-        closed: (triangles,), whether each belongs to triangles that enclose a volume.
-
-    Raises:
-        SettingsError: the arrays do not fit each other, or there is no triangle.
+    """The surface of a rigid prop: triangles, or points that stand alone. Raises a SettingsError if the arrays do not
+    fit each other, or there is no triangle.
     """
 
-    corners: Array
-    normals: Array
-    closed: NDArray[np.bool_]
+    # (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point is there three times
+    corners: Array  # [file units]
+    normals: Array  # (triangles, 3), unit vectors out of the prop; 0 for a point
+    closed: Flags  # (triangles,), whether each belongs to triangles that enclose a volume
 
     def __post_init__(self) -> None:
         for name in ("corners", "normals", "closed"):
@@ -91,9 +80,8 @@ class Surface:
         return KDTree(np.concatenate(points)), np.concatenate(of_triangle)
 
     def nearest(self, x: Array, farthest: float) -> tuple[Array, Array]:
-        """Return the places on the surface nearest to points x, (points, 3), and the directions out of it there.
-
-        Where no place is nearer than `farthest`, they are nan. The triangles of the `CANDIDATES` nearest samples count.
+        """Return the places on the surface nearest to points x, (points, 3), by the triangles of the `CANDIDATES`
+        nearest samples, and the directions out of it there; nan where no place is nearer than `farthest`.
         """
         tree, of_triangle = self._samples
         count = min(CANDIDATES, len(of_triangle))
@@ -101,25 +89,20 @@ class Surface:
         near = np.isfinite(np.reshape(distances, (-1, count))[:, 0])
         found = np.asarray(numbers, np.intp).reshape(-1, count)[near]
         found = of_triangle[np.where(found < len(of_triangle), found, found[:, :1])]
-        points = x[near]
+        points, same = x[near], 1e-6 * farthest
         best, height = np.full(len(points), np.inf), np.zeros(len(points))
         foot, normal, closed = points.copy(), np.zeros_like(points), np.zeros(len(points), bool)
         for each in found.T:
             place = _nearest_on_triangles(self.corners[each], self.normals[each], points)
             distance, over = lengths(points - place), ((points - place) * self.normals[each]).sum(axis=1)
-            alike = np.abs(distance - best) <= 1e-6 * farthest  # along an edge, the triangle that faces the point
+            alike = np.abs(distance - best) <= same  # along an edge, the triangle that faces the point
             better = np.where(alike, np.abs(over) > np.abs(height), distance < best)
-            best, height, closed = (
-                np.where(better, new, old)
-                for new, old in ((distance, best), (over, height), (self.closed[each], closed))
-            )
-            foot, normal = (np.where(better[:, None], *both) for both in ((place, foot), (self.normals[each], normal)))
-        side = np.where(height < 0.0, -1.0, 1.0)[:, None]
-        inward = np.where(closed[:, None], side, 1.0)
-        apart = inward * normalised(points - foot)
-        out = np.where(best[:, None] > 1e-6 * farthest, apart, normal)
+            best[better], height[better], closed[better] = distance[better], over[better], self.closed[each][better]
+            foot[better], normal[better] = place[better], self.normals[each][better]
+        inward = np.where(closed & (height < 0.0), -1.0, 1.0)[:, None]
         feet, ways = np.full_like(x, np.nan), np.full_like(x, np.nan)
-        feet[near], ways[near] = foot, out
+        feet[near] = foot
+        ways[near] = np.where(best[:, None] > same, inward * normalised(points - foot), normal)
         return feet, ways
 
 
@@ -149,7 +132,7 @@ def _shares(count: int) -> Array:
     return np.column_stack([both, 1.0 - both.sum(axis=1)])
 
 
-def _parts(corners: Array, areas: Array, size: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
     """(triangles,) each, whether the connected part that a triangle belongs to is closed, every edge being that of two
     triangles that face the same way, and whether its triangles face inwards.
     """
@@ -170,9 +153,8 @@ def _parts(corners: Array, areas: Array, size: float) -> tuple[NDArray[np.bool_]
 
 
 def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Array, Array]:
-    """Return the places on the bones nearest to points x, (frames, points, 3), and the directions from there to them.
-
-    `positions`, (frames, joints, 3), are the joints, `parents`, (joints,), theirs, the first having none.
+    """Return the places on bones nearest to points x, (frames, points, 3), and the directions from there to them; the
+    joints are at `positions`, (frames, joints, 3), the first without a parent.
     """
     feet, out = np.empty_like(x), np.empty_like(x)
     for block in blocks_of(len(x)):
@@ -191,27 +173,13 @@ def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Arra
     return feet, out
 
 
-def has_bones(motion: Motion) -> bool:
-    """Whether any bone of a prop's skeleton has a length."""
-    return bool(motion.skeleton.lengths[1:].max(initial=0.0) > 0.0)
-
-
 def nearest_places(surface: Surface | None, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
     """Return the places on a prop that moves like `motion` nearest to points x, (frames, points, 3), and the directions
     out of it there: on its surface, where nan is farther than `farthest`, or without one on its bones.
     """
     if surface is None:
         return nearest_on_bones(motion.positions, motion.skeleton.parents, x)
-    return in_world(surface, motion, x, farthest)
-
-
-def in_world(surface: Surface, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
-    """Return the nearest places and directions of `Surface.nearest` for points x, (frames, points, 3), about a prop
-    that moves like `motion`.
-    """
     turn = Rotation.from_quat(motion.world_rotations[:, 0]).as_matrix()
-    local = (x - motion.positions[:, :1]) @ turn
-    feet, out = (
-        each.reshape(x.shape) @ turn.swapaxes(1, 2) for each in surface.nearest(local.reshape(-1, 3), farthest)
-    )
+    local = ((x - motion.positions[:, :1]) @ turn).reshape(-1, 3)
+    feet, out = (each.reshape(x.shape) @ turn.swapaxes(1, 2) for each in surface.nearest(local, farthest))
     return feet + motion.positions[:, :1], out

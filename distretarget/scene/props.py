@@ -1,7 +1,6 @@
-"""Props that performers touch, hold or sit on: where they go, and the joints that touch them.
+"""Props that performers touch, hold or sit on, and where they go.
 
-A prop keeps its shape: in each frame, a similarity takes it and the source's world around it to the target's world. A
-joint that touches a prop belongs where this similarity takes the joint's driver.
+A prop keeps its shape: in each frame, a similarity takes it and the source's world around it to the target's world.
 """
 
 from __future__ import annotations
@@ -12,24 +11,16 @@ from types import NoneType
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.baseline.rotation_copy import RootScale
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
-from distretarget.ik.springs import Springs
 from distretarget.motion import Motion, check_reach
-from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import nearest_rotations
-from distretarget.numerics.vectors import extent, lengths
-from distretarget.objectives.activation import ContactSettings, activation
-from distretarget.objectives.contact_pairs import pair_stiffness, share_across
-from distretarget.scene.performer_contacts import ContactPoints, firmness
+from distretarget.numerics.vectors import Array, extent
 from distretarget.scene.prop_surface import Surface
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
-Array = NDArray[np.float64]
 PropScale = Literal["world"] | int | float
 
 FREE_WEIGHT = 1e-6  # least weight of a prop's free place against the joints that hold it
@@ -176,20 +167,11 @@ class Placement:
 class PlacedProp:
     """A prop in the world of the performers."""
 
+    name: str
     motion: Motion  # in the source, in the target's axes
     free: Placement  # where it goes while nobody holds it
     grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
     surface: Surface | None = None  # None for its bones
-
-
-def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:
-    """Place a prop that nobody holds: along the floor with the world's scale `level`, and upwards with its own `scale`.
-
-    `points`, (frames, points, 3), are the prop in the source.
-    """
-    centre = points.mean(axis=1)
-    turn = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-    return Placement(centre, RootScale(level, scale).places(centre, up), turn, scale)
 
 
 class Hold(NamedTuple):
@@ -216,66 +198,3 @@ def held_placement(free: Placement, holds: Sequence[Hold]) -> Placement:
         H += (hold.lever**2 * hold.weight)[:, None, None] * hold.turn
     turn = nearest_rotations(H)
     return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", turn, middle_a), turn, free.scale)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PropContacts:
-    """The joints of a performer that come near a prop."""
-
-    joints: NDArray[np.intp]  # (joints,), of the target
-    source: Array  # (frames, joints, 3), where their drivers are [source file units]
-    distances: Array  # (frames, joints), of the drivers from the nearest point of the prop [source file units]
-    f: Array  # (frames, joints), the activation, 0 to 1
-    A: Array  # (frames, joints, 3, 3), the stiffness
-    rises: Array  # (frames, joints, 3), how far a thick body's joints are from where the prop takes the source's
-
-    def places(self, placement: Placement) -> Array:
-        """(frames, joints, 3), where the joints belong on the prop [target file units]."""
-        return placement(self.source) + self.rises
-
-    def springs(self, placement: Placement, copy: Array, unit: float) -> Springs:
-        """The springs that draw the joints to their places on the prop, frames first.
-
-        `copy`, (frames, joints, 3), are the joints of the rotation copy [target file units]; `unit` is the body unit.
-        """
-        copied = copy[:, self.joints]
-        places = copied + self.f[..., None] * (self.places(placement) - copied)
-        return Springs(self.joints, np.full(len(self.joints), -1), places / unit, self.A)
-
-    def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
-        """(frames, joints) each, the joints' distances from the nearest point of the prop, and what they should be.
-
-        `now` and `prop`, (frames, joints, 3), are the positions of the performer's joints and of the prop's points.
-        """
-        return _nearest_distances(now[:, self.joints], prop), scale * self.distances + lengths(self.rises)
-
-
-def find_prop_contacts(
-    points: ContactPoints, prop: Array, leg: float, free: Array, frame_time: float, settings: ContactSettings
-) -> PropContacts:
-    """Return the joints of a performer that come near the points of a prop, (frames, points, 3).
-
-    No path leads from a joint to the prop: its normalised distance is that from the nearest point over the length of a
-    `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 while a joint
-    rests elsewhere.
-    """
-    distances = _nearest_distances(points.source, prop)
-    D = distances / leg
-    f = activation(D, points.shots, settings.blend / frame_time, settings.reach) * free
-    on = np.flatnonzero(f.any(axis=0))
-    ends = np.arange(len(on)), len(on) + points.regions[on]
-    f, D, distances = f[:, on], D[:, on], distances[:, on]
-    count = len(on) + int(points.regions.max(initial=0)) + 1
-    w = firmness(D, settings) * pair_stiffness(f, D, ends, count, settings)
-    w *= share_across((distances / (2.0 * leg)) ** 2)
-    A = w[..., None, None] * np.eye(3)
-    source = points.source[:, on]
-    return PropContacts(joints=points.joints[on], source=source, distances=distances, f=f, A=A, rises=0.0 * source)
-
-
-def _nearest_distances(joints: Array, prop: Array) -> Array:
-    """(frames, joints), the distance of each joint from the nearest point of a prop, (frames, points, 3)."""
-    distances = np.empty(joints.shape[:2])
-    for block in blocks_of(len(joints)):
-        distances[block] = lengths(joints[block][:, :, None] - prop[block][:, None]).min(axis=-1)
-    return distances

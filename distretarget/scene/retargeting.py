@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import NoneType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,14 +29,15 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult
-from distretarget.scene.asking import solve_scene
-from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
+from distretarget.scene.props import PlacedProp, Placement, Prop, PropResult
+from distretarget.scene.scene_contacts import SceneContacts
 from distretarget.scene.skin import skins_in_company
-from distretarget.scene.sweeps import SceneContacts
+from distretarget.scene.sweeps import solve_scene
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
-from distretarget.target import AnyTarget, LoadedTarget, SkeletonEdit, Target
+from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]
+Value = TypeVar("Value")
 
 SAME_UNITS = 5.0  # if root scales differ by more than this factor, the files have different units
 
@@ -139,22 +140,16 @@ def retarget_scene(
     _check_each("sources", sources, Motion)
     _check_each("targets", targets, Motion, Skeleton, Target, SkeletonEdit)
     _check_each("props", props, Prop)
-    maps = [None] * len(sources) if joint_maps is None else joint_maps
-    _check_each("joint_maps", maps, Mapping, NoneType)
-    stances = [None] * len(sources) if rests is None else rests
-    _check_each("rests", stances, Motion, NoneType)
-    modes = [skin] * len(sources) if isinstance(skin, str) else skin
-    _check_each("skin", modes, str)
-    thick = [OWN_BUILDS] * len(sources) if builds is None else builds
-    _check_each("builds", thick, Builds)
-    asked = [NO_CONTACTS] * len(sources) if contacts is None else contacts
-    _check_each("contacts", asked, ContactList)
+    count = len(sources)
+    maps = _of_each("joint_maps", joint_maps, None, count, Mapping, NoneType)
+    stances = _of_each("rests", rests, None, count, Motion, NoneType)
+    modes = _of_each("skin", None if isinstance(skin, str) else skin, skin, count, str)
+    thick = _of_each("builds", builds, OWN_BUILDS, count, Builds)
+    asked = _of_each("contacts", contacts, NO_CONTACTS, count, ContactList)
     counts = [*map(len, (sources, targets, maps, stances, modes, thick, asked))]
     if not sources or len({*counts}) > 1:
-        numbers = "{} sources, {} targets, {} maps, {} rest poses, {} skins, {} builds and {} contact lists".format(
-            *counts
-        )
-        raise SettingsError(f"{numbers}; expected one for each source")
+        numbers = "{} sources, {} targets, {} maps, {} rest poses, {} skins, {} builds and {} contact lists"
+        raise SettingsError(f"{numbers.format(*counts)}; expected one for each source")
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
     check_kind("settings", settings, ContactSettings)
@@ -164,13 +159,7 @@ def retarget_scene(
     options = Options(supports=supports, environment=environment)
     _check_times(sources, props)
     sources, targets, props = _looking_alike(sources, targets, props)
-    given = maps, stances, thick
-    performers = _matched(modes, sources, targets, *given)
-    units = _units_of(performers)
-    if len({*units}) > 1:
-        targets = _in_one_unit(sources, targets, units)
-        performers = _matched(modes, sources, targets, *given)
-    heights = _root_scales(performers)
+    performers, heights, units = _in_one_unit(modes, sources, targets, maps, stances, thick)
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
@@ -178,21 +167,20 @@ def retarget_scene(
         performer.performer(RootScale(level, height), options).with_supports(options, settings)
         for performer, height in zip(performers, heights, strict=True)
     ]
-    names, company = [prop.name for prop in props], skins_in_company(performers, modes)
-    solved = solve_scene(prepared, placed, names, company, asked, mapper, progress)
+    company = skins_in_company(performers, modes)
+    solved = solve_scene(prepared, placed, company, asked, mapper, progress)
     results, touching = list[RetargetResult](), solved.contacts
     each = zip(touching.performers, solved.poses, solved.motions, asked, solved.unmet, strict=True)
     for number, (one, pose, posed, said, found) in enumerate(each):
         with _performer(number):
             results.append(replace(one.result(pose, posed=posed), asked=said, unmet=found))
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
+    moved = zip(placed, touching.placements(motions), touching.placements(copies), strict=True)
     return SceneResult(
         results=tuple(results),
         props=tuple(
-            PropResult(prop.name, place.moved(each.motion), each.motion, place.scale, copied.moved(each.motion))
-            for prop, each, place, copied in zip(
-                props, placed, touching.placements(motions), touching.placements(copies), strict=True
-            )
+            PropResult(prop.name, place.moved(prop.motion), prop.motion, place.scale, copied.moved(prop.motion))
+            for prop, place, copied in moved
         ),
         world_scale=level,
         longest_strides=tuple(longest),
@@ -205,6 +193,32 @@ def retarget_scene(
     )
 
 
+def _of_each(name: str, given: Sequence[Value] | None, usual: Any, count: int, *kinds: type) -> Sequence[Value]:
+    """What is given for each of `count` performers, or else what is usual for all."""
+    values = [usual] * count if given is None else given
+    _check_each(name, values, *kinds)
+    return values
+
+
+def _check_each(name: str, values: Sequence[object], *kinds: type) -> None:
+    check_kind(name, values, Sequence)
+    for number, value in enumerate(values):
+        check_kind(f"{name}[{number}]", value, *kinds)
+
+
+def _check_times(sources: Sequence[Motion], props: Sequence[Prop]) -> None:
+    count, time = len(sources[0]), sources[0].frame_time
+    moving = [(repr(prop.name), prop.motion) for prop in props if len(prop.motion) != 1]
+    for name, motion in [*((f"performer {number}", each) for number, each in enumerate(sources, 1)), *moving]:
+        frames, own = len(motion), motion.frame_time
+        if frames != count:
+            raise MotionError(f"{name} has {frames} frames and performer 1 has {count}; cut them to the same frames")
+        if not same_time(time, own):
+            raise MotionError(
+                f"{name} has a frame time of {own:g} s and performer 1 of {time:g} s; resample one of them"
+            )
+
+
 def _matched(modes: Sequence[SkinMode], *given: Sequence[Any]) -> list[Match]:
     """The performers, in the axes of the first; of each are given source, target, map, rest pose and builds."""
     performers, axes = list[Match](), Options()
@@ -215,34 +229,28 @@ def _matched(modes: Sequence[SkinMode], *given: Sequence[Any]) -> list[Match]:
     return performers
 
 
-def _root_scales(performers: Sequence[Match]) -> list[float]:
-    """The root scales of performers, which are of a like size in one unit."""
-    heights = [find_root_scale(performer.matching) for performer in performers]
+def _in_one_unit(
+    modes: Sequence[SkinMode], sources: Sequence[Motion], targets: Sequence[AnyTarget], *given: Sequence[Any]
+) -> tuple[list[Match], list[float], tuple[float, ...]]:
+    """The performers, of a like size in the unit of the first target; their root scales; and `SceneResult.units`."""
+    performers = _matched(modes, sources, targets, *given)
+    heights, units = [find_root_scale(one.matching) for one in performers], [1.0] * len(performers)
+    if max(heights) > SAME_UNITS * min(heights):
+        cm = [centimetres(one.matching.target.unit) for one in performers]
+        units = [cm[0] / each for each in cm]
+        scaled = [
+            (goal if isinstance(goal, SkeletonEdit) else target_for(source, goal)).scaled(1.0 / unit)
+            for source, goal, unit in zip(sources, targets, units, strict=True)
+        ]
+        performers = _matched(modes, sources, scaled, *given)
+        heights = [find_root_scale(one.matching) for one in performers]
     if max(heights) > SAME_UNITS * min(heights):
         with _performer(int(np.argmax(heights)), of_target=True):
             raise MotionError(
                 f"the root scale of this target is {max(heights):.3g}, that of another {min(heights):.3g}: their files "
                 "seem to be in different units; scale one of the targets"
             )
-    return heights
-
-
-def _units_of(performers: Sequence[Match]) -> tuple[float, ...]:
-    """How many units of each target one of the first's is; 1 where all bodies are of a like size as they are."""
-    heights = [find_root_scale(performer.matching) for performer in performers]
-    if max(heights) <= SAME_UNITS * min(heights):
-        return (1.0,) * len(performers)
-    cm = [centimetres(performer.matching.target.unit) for performer in performers]
-    return tuple(cm[0] / each for each in cm)
-
-
-def _in_one_unit(sources: Sequence[Motion], targets: Sequence[AnyTarget], units: Sequence[float]) -> list[LoadedTarget]:
-    """The targets in the unit of the first."""
-    each = zip(sources, targets, units, strict=True)
-    return [
-        (given if isinstance(given, SkeletonEdit) else target_for(source, given)).scaled(1.0 / unit)
-        for source, given, unit in each
-    ]
+    return performers, heights, tuple(units)
 
 
 @contextmanager
@@ -271,7 +279,9 @@ def _looking_alike(
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
-    """A prop in the target's axes, and the joints of targets that hold it."""
+    """A prop in the target's axes, and the joints of targets that hold it. While nobody does, it goes along the floor
+    with the world's scale, `level`, and upwards with its own.
+    """
     matching = performers[0].matching
     scale = level if prop.scale == "world" else prop.scale
     if isinstance(scale, int):
@@ -289,55 +299,32 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
         grips[grip.performer] = (*grips.get(grip.performer, ()), int(driven[0]))
     source = matching.source_motion
     motion = prop_in_world(prop.motion, performers[0].world, len(source), source.frame_time_text)
-    free = free_placement(motion.positions, scale, level, matching.source.up_vector)
+    centre, turn = motion.positions.mean(axis=1), np.broadcast_to(np.eye(3), (len(motion), 3, 3))
+    free = Placement(centre, RootScale(level, scale).places(centre, matching.source.up_vector), turn, scale)
     prop.check_size(scale, extent(free(motion.positions)))
-    return PlacedProp(motion, free, grips, prop.surface)
+    return PlacedProp(prop.name, motion, free, grips, prop.surface)
 
 
 def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:
     """The gaps while performers move like this and props follow them."""
-    bodies = [
-        [body_part(one.matching, one.source.positions, motion.positions)]
-        for one, motion in zip(results, motions, strict=True)
+    each = zip(results, motions, strict=True)
+    bodies = [[body_part(one.matching, one.source.positions, motion.positions)] for one, motion in each]
+    moved = zip([prop.motion for prop in contacts.props], contacts.placements(motions), strict=True)
+    props = [
+        (ScenePart(a=prop.positions, b=place(prop.positions), keys=prop.skeleton.keys), place.scale)
+        for prop, place in moved
     ]
-    props = []
-    for prop, place in zip(contacts.props, contacts.placements(motions), strict=True):
-        points, keys = prop.motion.positions, prop.motion.skeleton.keys
-        props.append((ScenePart(a=points, b=place(points), keys=keys), place.scale))
     return dict(measure_gaps(bodies, props, contacts.performers[0].clip.scale.level))
 
 
 def _skin_gaps(results: Sequence[RetargetResult]) -> dict[tuple[int, int], SkinGap | None]:
     """The gaps between the skins of performers that have skins."""
-    known = {
-        number: (
-            find_skin(one.matching.source, one.skins.source.capsules),
-            find_skin(one.matching.target, one.skins.target.capsules, one.mesh),
-        )
-        for number, one in enumerate(results)
-        if one.skins
-    }
-    gaps = {}
-    for both in combinations(known, 2):
-        sources, motions = ([getattr(results[n], side) for n in both] for side in ("source", "motion"))
-        gaps[both] = measure_skin_gap(sources, motions, *zip(*(known[n] for n in both), strict=True))
+    known, gaps = {}, {}
+    for number, one in enumerate(results):
+        if one.skins:
+            of_source = find_skin(one.matching.source, one.skins.source.capsules)
+            known[number] = of_source, find_skin(one.matching.target, one.skins.target.capsules, one.mesh)
+    for i, j in combinations(known, 2):
+        sources, motions = ([getattr(results[n], side) for n in (i, j)] for side in ("source", "motion"))
+        gaps[i, j] = measure_skin_gap(sources, motions, *zip(known[i], known[j], strict=True))
     return gaps
-
-
-def _check_each(name: str, values: Sequence[object], *kinds: type) -> None:
-    check_kind(name, values, Sequence)
-    for number, value in enumerate(values):
-        check_kind(f"{name}[{number}]", value, *kinds)
-
-
-def _check_times(sources: Sequence[Motion], props: Sequence[Prop]) -> None:
-    count, time = len(sources[0]), sources[0].frame_time
-    moving = [(repr(prop.name), prop.motion) for prop in props if len(prop.motion) != 1]
-    for name, motion in [*((f"performer {number}", each) for number, each in enumerate(sources, 1)), *moving]:
-        frames, own = len(motion), motion.frame_time
-        if frames != count:
-            raise MotionError(f"{name} has {frames} frames and performer 1 has {count}; cut them to the same frames")
-        if not same_time(time, own):
-            raise MotionError(
-                f"{name} has a frame time of {own:g} s and performer 1 of {time:g} s; resample one of them"
-            )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
@@ -12,7 +13,7 @@ from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import DistretargetError, MotionError, closest, counted
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text, safe_file_name
-from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
@@ -60,11 +61,6 @@ class PerformerFiles(SceneClip):
     skin: SkinMode | Path | None = None
     source_skin: Path | None = None
     contacts: Path | None = None
-
-    @property
-    def other_files(self) -> list[Path | None]:
-        """The paths of all files but the motion's; None for those that are not given."""
-        return [self.target, self.map_path, self.contacts, *self.skin_files]
 
     @property
     def skin_files(self) -> list[Path]:
@@ -126,8 +122,8 @@ class SceneSetup:
     @property
     def inputs(self) -> list[Path]:
         """The paths of all files of the scene."""
-        others = [path for each in self.performers for path in each.other_files if path]
-        return [*(clip.file for clip in self.clips), *others]
+        given = [(each.target, each.map_path, each.contacts, *each.skin_files) for each in self.performers]
+        return [*(clip.file for clip in self.clips), *filter(None, chain(*given))]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
         """Read the motions of the performers, and the props, and synchronise them as `cut` and `resample` say.
@@ -136,22 +132,23 @@ class SceneSetup:
             DistretargetError: a file cannot be read, ends before its start, or has no such prop.
         """
         own = [prop for prop in self.props if prop.part_of is None]
-        motions: dict[SceneClip, Motion] = {clip: _read(clip) for clip in (*self.performers, *own)}
-        surfaces = {prop: _surface(prop) for prop in own}
-        moving = [*self.performers, *(prop for prop in own if len(motions[prop]) != 1)]
+        read = {clip: _read(clip) for clip in (*self.performers, *own)}
+        motions, moving = {clip: motion for clip, (motion, _) in read.items()}, list[SceneClip](self.performers)
+        moving += [prop for prop in own if len(motions[prop]) != 1]
         clips = synchronised([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
         motions |= zip(moving, clips, strict=True)
         sources = [motions[performer] for performer in self.performers]
+        surfaces = {clip: surface for clip, (_, surface) in read.items()}
         return sources, [_made(prop, motions, surfaces.get(prop), sources) for prop in self.props]
 
     def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
         sources, props = self.read()
-        targets, maps, rests = [], [], []
+        targets, maps, rests, skins, builds = [], [], [], list[SkinMode](), []
         contacts = [load_contacts(each.contacts) if each.contacts else NO_CONTACTS for each in self.performers]
-        skins = [self._skin_of(performer) for performer in self.performers]
-        builds = [performer.builds(skin) for performer, skin in zip(self.performers, skins, strict=True)]
         for performer, source in zip(self.performers, sources, strict=True):
+            skins.append("auto" if isinstance(performer.skin, Path) else performer.skin or self.skin)
+            builds.append(performer.builds(skins[-1]))
             skeleton, map_file = source.rigid_skeleton, load_map(performer.map_path)
             targets.append(load_target(performer.target))
             maps.append(joint_map(skeleton, targets[-1].for_source(skeleton), performer.target, map_file))
@@ -174,38 +171,23 @@ class SceneSetup:
             files = self.performers[error.performer or 0]
             raise error.in_file(error.path or (files.target if error.of_target else files.file)) from None
 
-    def _skin_of(self, performer: PerformerFiles) -> SkinMode:
-        """How a performer is thick; "auto" where a file says it."""
-        return "auto" if isinstance(performer.skin, Path) else performer.skin or self.skin
 
-
-def _read(clip: SceneClip) -> Motion:
-    """The motion in a file from its start; a prop's file may be BVH or OBJ, and a prop of one frame has no start."""
-    if isinstance(clip, PerformerFiles):
-        motion, _ = parse_motion(load_file(clip.file))
+def _read(clip: SceneClip) -> tuple[Motion, Surface | None]:
+    """The motion in a file from its start, and the surface in an OBJ file, which a prop may have; a prop of one frame
+    has no start.
+    """
+    file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
+    if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
+        motion, (vertices, triangles) = parse_obj(file.text, clip.file), parse_obj_mesh(file.text, clip.file)
+        surface = Surface.of_mesh(vertices - motion.positions[0, 0], triangles)
     else:
-        file = load_file(clip.file)
-        motion = parse_obj(file.text, clip.file) if _is_obj(file) else parse_motion(file)[0]
-        if len(motion) == 1:
-            return motion
+        motion, _ = parse_motion(file)
+    if is_prop and len(motion) == 1:
+        return motion, surface
     try:
-        return started(motion, clip.start)
+        return started(motion, clip.start), surface
     except MotionError as error:
         raise error.in_file(clip.file) from None
-
-
-def _is_obj(file: InputFile) -> bool:
-    return file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY")
-
-
-def _surface(prop: PropFiles) -> Surface | None:
-    """The surface in a prop's OBJ file; None for files of other kinds."""
-    file = load_file(prop.file)
-    if not _is_obj(file):
-        return None
-    root = parse_obj(file.text, prop.file).positions[0, 0]
-    vertices, triangles = parse_obj_mesh(file.text, prop.file)
-    return Surface.of_mesh(vertices - root, triangles)
 
 
 def started(motion: Motion, start: float) -> Motion:
@@ -217,10 +199,8 @@ def started(motion: Motion, start: float) -> Motion:
 
 
 def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest.
-
-    Raises:
-        MotionError: a motion that is resampled and not cut has not as many frames as the first.
+    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest; raise a
+    MotionError if one that is resampled and not cut has not as many frames as the first.
     """
     time = motions[0].frame_time_text
     counts = [motion.resampled_frames(time) if resample else len(motion) for motion in motions]
@@ -272,20 +252,22 @@ def load_scene(path: str | Path) -> SceneSetup:
 
 
 def _performer(node: Node, folder: Path) -> PerformerFiles:
+    def path(node: Node) -> Path:
+        return folder / node.text()
+
     fields = node.fields(("source", "target"), ("name", "map", "start", "skin", "source_skin", "contacts"))
-    file = folder / fields["source"].text()
-    skin = fields.read("skin", lambda node: _skin(node, folder), None)
+    file, skin = path(fields["source"]), fields.read("skin", lambda node: _skin(node, folder), None)
     if skin == "none" and "source_skin" in fields:
         fields["source_skin"].fail('"skin": "none" leaves out all thickness; leave out "source_skin"')
     return PerformerFiles(
         name=fields.read("name", _name, file.stem),
         file=file,
         start=fields.read("start", _start, 0.0),
-        target=folder / fields["target"].text(),
-        map_path=fields.read("map", lambda node: folder / node.text(), None),
+        target=path(fields["target"]),
+        map_path=fields.read("map", path, None),
         skin=skin,
         source_skin=fields.read("source_skin", lambda node: _build(node, folder), None),
-        contacts=fields.read("contacts", lambda node: folder / node.text(), None),
+        contacts=fields.read("contacts", path, None),
     )
 
 

@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.build import average_for
 from distretarget.ik.poses import Poses
@@ -20,7 +19,7 @@ from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import KeyFrames, averaged, by_shot, smoothstep, widened
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.objectives.skin import (
     APART,
     RATE,
@@ -34,17 +33,12 @@ from distretarget.objectives.skin import (
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape
-from distretarget.scene.prop_surface import has_bones
-from distretarget.scene.props import PropContacts
-from distretarget.scene.sweeps import SceneContacts
+from distretarget.scene.contacts import PropContacts
+from distretarget.scene.scene_contacts import SceneContacts, common_shots
 from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb
 from distretarget.skin.meetings import segment_gaps
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Numbers = NDArray[np.intp]
 
 WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
 TRIES = 4  # to find the frames in which it stays
@@ -99,14 +93,13 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
 
 
 def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
-    """The shapes of the props, by their numbers, for performers with these skins.
-
-    A prop follows a hand that alone holds it, and does not keep that hand off. A stick, of which only the line is
-    known, may be within hands that hold it.
+    """The shapes of the props, by their numbers, for performers with these skins. A prop follows a hand that alone
+    holds it, and does not keep that hand off. A stick, of which only the line is known, may be within hands that hold
+    it.
     """
     shapes = {}
     for k, prop in enumerate(contacts.props):
-        if prop.surface is None and not has_bones(prop.motion):
+        if prop.surface is None and not prop.motion.skeleton.lengths[1:].any():  # no bone has a length
             continue
         holds = np.zeros((len(skins), COUNT), bool)
         for row, (i, skin) in enumerate(skins.items()):
@@ -145,7 +138,7 @@ def _apart(
     soft, own = np.maximum(softness(balls, bodies.parts, in_source), -least), np.equal(*(balls.pairs // COUNT).T)
     of_each = zip(performers, bodies.skins, strict=True)
     free = np.concatenate([how_free(one.clip, body, one.supports, one.settings) for one, body in of_each], axis=1)
-    shots, time = np.sum([clip.shots for clip in clips], axis=0), clips[0].frame_time  # a new shot at any one's cuts
+    shots, time = common_shots(performers), clips[0].frame_time
 
     ends, gaps = bodies.posed(posed), bodies.gaps(posed)
     firmness = _touching(balls.pairs, bodies.parts, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
@@ -170,7 +163,7 @@ def _where_it_helps(
     """The motions `after` limbs are bent, with each limb as `before` where it is deeper in others than then, blended
     over time: between a body and a wall that leave it no room, it is not displaced.
     """
-    shots, time = np.sum([one.clip.shots for one in performers], axis=0), performers[0].clip.frame_time
+    shots, time = common_shots(performers), performers[0].clip.frame_time
     on = bodies.displaced.limbs[bodies.balls.carriers[bodies.balls.of_ball[bodies.balls.pairs[:, 0]]]]
     limbs = range(sum(len(skin.limbs) for skin in bodies.skins))
 

@@ -1,7 +1,8 @@
 """Solve a scene in sweeps: each performer by itself, drawn to the present places of the others and of props.
 
 In the first sweep nobody is drawn to other performers. It decides where hips and feet are: from then on the hips stay
-there, and limbs and trunk do what contacts ask. How much they do changes smoothly in time.
+there, and limbs and trunk do what contacts ask. How much they do changes smoothly in time. Where a user asks for
+contacts, the scene is solved without what is made, and again with it, and blended where it sets in and lets go.
 
 A body of finite stiffness stops short of the places that its springs draw it to. The next sweep draws it further by as
 much, as in the method of multipliers (M. J. D. Powell, A method for nonlinear constraints in minimization problems,
@@ -11,161 +12,128 @@ places.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations, takewhile
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from distretarget.baseline.rotation_copy import RootScale
-from distretarget.body.anatomy import TRUNK_REGIONS
-from distretarget.body.resting import REST_HEIGHT
+from distretarget.contact_entries import ContactList
 from distretarget.ik.poses import Mapper, Poses
-from distretarget.ik.springs import Springs, joined, no_springs
-from distretarget.measure.gaps import TOUCH_DISTANCE
+from distretarget.ik.springs import Springs, joined
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import averaged, by_shot
-from distretarget.numerics.vectors import lengths, spread_out
+from distretarget.numerics.vectors import Array, Numbers, lengths
+from distretarget.objectives.asking import Carrier, Wishes
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.supports import STIFFNESS, Supports
+from distretarget.objectives.skin import Skins
+from distretarget.objectives.supports import STIFFNESS
+from distretarget.pipeline.asked_motion import as_asked, asked_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
-from distretarget.scene.performer_contacts import ContactPoints, PerformerContacts, find_performer_contacts
-from distretarget.scene.props import Hold, PlacedProp, Placement, PropContacts, find_prop_contacts, held_placement
-from distretarget.scene.seats import rises_over, seated
+from distretarget.scene.apart import kept_apart
+from distretarget.scene.prop_surface import nearest_on_bones
+from distretarget.scene.props import PlacedProp, Placement
+from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, find_contacts
+from distretarget.scene.skin import with_skins
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
-
-REGION_POINTS = 9  # most joints of a region that may touch others
 MOST_SWEEPS = 4
 SETTLED = 0.012  # a mean gap error below this needs no further sweep [leg lengths]
-LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
 MOST_SHORTFALL = 0.01  # joints are drawn at most this far beyond their places, which may be out of reach [body units]
-TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
 SMOOTHING = 0.1  # what contacts change is averaged over this time on each side, weighted by a raised cosine [s]
 TINY = 1e-12  # divisors are no smaller
 
 
 @dataclass(frozen=True, eq=False)
-class SceneContacts:
-    """Performers and props, and the contacts between them."""
+class SolvedScene:
+    """A scene, solved."""
 
-    performers: tuple[Performer, ...]  # as they are solved, one by one
-    props: tuple[PlacedProp, ...]
-    between: Mapping[tuple[int, int], PerformerContacts]  # of each two performers, by their numbers
-    on_props: Mapping[tuple[int, int], PropContacts]  # of each performer and prop, by their numbers
-    gives: tuple[Array, ...]  # of each performer, (frames, joints), see `how_far_joints_give`
-
-    def placements(self, now: Sequence[Motion]) -> list[Placement]:
-        """The placement of each prop while the performers move as they do now."""
-        return [self._placement(number, prop, now) for number, prop in enumerate(self.props)]
-
-    def _placement(self, number: int, prop: PlacedProp, now: Sequence[Motion]) -> Placement:
-        holds = []
-        for i, grips in prop.grips.items():
-            one, near = self.performers[i], self.on_props[i, number]
-            for column in np.flatnonzero(np.isin(near.joints, grips)):
-                joint = near.joints[column]
-                copied, turned = (
-                    Rotation.from_quat(each.world_rotations[:, joint]) for each in (one.clip.copy, now[i])
-                )
-                turn, place = (turned * copied.inv()).as_matrix(), now[i].positions[:, joint]
-                holds.append(Hold(near.f[:, column], near.source[:, column], place, turn, LEVER * one.clip.unit))
-        return held_placement(prop.free, holds) if holds else prop.free
-
-    def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
-        """The springs that draw each performer to the others and to props, from where it is `alone`.
-
-        Without `alone`, those to other performers have no stiffness.
-        """
-        start = alone or now
-        springs = [no_springs(len(one.clip)) for one in self.performers]
-        for (i, j), near in self.between.items():
-            one, other = self.performers[i], self.performers[j]
-            positions = (start[i].positions, start[j].positions), (now[i].positions, now[j].positions)
-            drawn = near.springs(*positions, (self.gives[i], self.gives[j]), (one.clip.unit, other.clip.unit))
-            for number, each in zip((i, j), drawn, strict=True):
-                springs[number] = joined(springs[number], each if alone else each._replace(A=0.0 * each.A))
-        return [joined(*both) for both in zip(springs, self.springs_to_props(now), strict=True)]
-
-    def springs_to_props(self, now: Sequence[Motion], props: Container[int] | None = None) -> list[Springs]:
-        """The springs that draw each performer to props, where these are while the performers move as they do now; to
-        some of them by their numbers, or to all.
-        """
-        springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
-        copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
-        for (i, k), touching in self.on_props.items():
-            if props is not None and k not in props:
-                continue
-            unit = self.performers[i].clip.unit
-            springs[i] = joined(springs[i], touching.springs(places[k], copies[i], unit))
-        return springs
-
-    def gap_error(self, now: Sequence[Motion]) -> float:
-        """The mean error of the gaps in contacts [leg lengths]; 0 if nothing touches."""
-        placements, measured = self.placements(now), []
-        for (i, j), near in self.between.items():
-            leg = (self.performers[i].clip.unit + self.performers[j].clip.unit) / 4.0
-            measured.append((*near.gaps(now[i].positions, now[j].positions), leg))
-        for (i, k), touching in self.on_props.items():
-            place, leg = placements[k], self.performers[i].clip.unit / 2.0
-            points = place(self.props[k].motion.positions)
-            measured.append((*touching.gaps(now[i].positions, points, place.scale), leg))
-        errors = [np.abs(gaps - due)[due < TOUCH_DISTANCE * leg] / leg for gaps, due, leg in measured]
-        return float(np.concatenate(errors).mean()) if any(map(len, errors)) else 0.0
+    contacts: SceneContacts  # what touches in it, with the performers as they were solved
+    poses: Sequence[Poses]  # of each performer
+    motions: Sequence[Motion]  # of each performer, with its limbs bent as skins ask
+    sweeps: int  # how many times all performers were solved
+    gap_error: float  # the mean difference between gaps and what they should be [leg lengths]
+    unmet: Sequence[tuple[str, ...]]  # of each performer, what was asked of it and could be met in part only
 
 
-def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> SceneContacts:
-    """Find all contacts, and move supports that rest on another performer or on a prop to there."""
-    points = [_contact_points(one) for one in performers]
-    between, on_props, supported = {}, {}, []
-    for i, j in combinations(range(len(performers)), 2):
-        one, height = performers[i], (performers[i].clip.scale.height + performers[j].clip.scale.height) / 2.0
-        scale = RootScale(one.clip.scale.level, height)
-        between[i, j] = find_performer_contacts(
-            points[i], points[j], scale, one.clip.up, one.clip.frame_time, one.settings
-        )
-    for i, one in enumerate(performers):
-        moving = [(near.frames, near.joints[both.index(i)], near.f) for both, near in between.items() if i in both]
-        supports = one.supports
-        for k, prop in enumerate(props):
-            near = on_props[i, k] = _prop_contacts(one, points[i], prop, prop.grips.get(i, ()))
-            if prop.grips:
-                frames, columns = np.nonzero(near.f)
-                moving.append((frames, near.joints[columns], near.f[frames, columns]))
-            else:
-                near = on_props[i, k] = replace(near, rises=rises_over(one, near, prop))
-                one = seated(replace(one, supports=supports), near, prop)
-                supports = _resting_on(one.supports, near, prop.free)
-        supported.append(replace(one, supports=_yielding(one, supports, moving)))
-    return SceneContacts(tuple(supported), tuple(props), between, on_props, tuple(map(how_far_joints_give, supported)))
-
-
-def how_far_joints_give(one: Performer) -> Array:
-    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units].
-
-    A joint of a limb goes as far as the limb is long up to it, one of the trunk as far as the trunk leans. A limb that
-    rests on the world gives no more than the trunk.
+def solve_scene(
+    performers: Sequence[Performer],
+    props: Sequence[PlacedProp],
+    skins: Sequence[Skins | None],
+    asked: Sequence[ContactList],
+    mapper: Mapper,
+    progress: Callable[[int], object],
+) -> SolvedScene:
+    """Solve a scene, of whose performers different things are asked; `skins` are what they are to each other. Raises a
+    ContactsError if what is asked does not suit the clip.
     """
-    clip, skeleton = one.clip, one.clip.skeleton
-    trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
-    limbs = [[*takewhile(lambda each: not trunk[each], skeleton.line(joint))] for joint in range(len(skeleton))]
-    length = np.array([skeleton.paths_from(limb[0])[limb[-1]] if limb else 0.0 for limb in limbs])
-    held = np.zeros((len(clip), len(skeleton)))
-    for support, joint in enumerate(one.supports.joints):
-        held[:, limbs[joint]] = np.maximum(held[:, limbs[joint]], one.supports.weights[:, support, None])
-    return np.asarray(length * (1.0 - held) + TRUNK_GIVE * clip.unit)
+
+    def wishes_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Wishes]:
+        others = _carriers(performers, motions, props, places)
+        return [
+            Wishes.of(contacts, one.clip, one.match.matching.target, one.settings.blend, others)
+            for contacts, one in zip(asked, performers, strict=True)
+        ]
+
+    def solved(contacts: SceneContacts) -> SolvedScene:
+        poses, sweeps, error = solve_in_sweeps(contacts, mapper, progress)
+        motions = with_skins(contacts, poses, skins)
+        return SolvedScene(contacts, poses, motions, sweeps, error, [()] * len(performers))
+
+    copies = [copy_on_path(one) for one in performers]
+    found = wishes_of(copies, [each.free for each in props])
+    dropped = [dropping(one, wishes.drops) for one, wishes in zip(performers, found, strict=True)]
+    free = solved(kept_apart(find_contacts(dropped, props), skins))
+    if not any(wishes.made.wishes for wishes in found):
+        return free
+    found = wishes_of(free.motions, free.contacts.placements(free.motions))
+    changed = zip(free.contacts.performers, found, strict=True)
+    held = solved(replace(free.contacts, performers=tuple(as_asked(*each) for each in changed)))
+    made, share = [wishes.made for wishes in found], np.max([wishes.share for wishes in found], axis=0)
+    each = zip(held.contacts.performers, free.contacts.performers, free.motions, held.motions, made, strict=True)
+    shown, motions, told = list[Performer](), list[Motion](), list[tuple[str, ...]]()
+    for one, alone, without, motion, wishes in each:
+        motion = met(one, motion, wishes) if wishes.wishes else motion
+        motions.append(layered(made, without, motion))
+        shown.append(replace(one, supports=asked_supports(alone.supports, one.supports, share)))
+        told.append(tuple(unmet(one, wishes, motions[-1])))
+    contacts = replace(free.contacts, performers=tuple(shown))
+    return replace(free, contacts=contacts, motions=motions, unmet=told)
+
+
+def _carriers(
+    performers: Sequence[Performer], motions: Sequence[Motion], props: Sequence[PlacedProp], places: Sequence[Placement]
+) -> dict[str, Carrier]:
+    """What parts may rest on: performers by numbers from 1, while they move like this, and placed props by name."""
+    found = {}
+    for number, (one, motion) in enumerate(zip(performers, motions, strict=True), 1):
+        skin, unit = one.match.skins and one.match.skins.target, one.clip.unit
+        radii = [unit * skin.thickness(joint) if skin else 0.0 for joint in range(len(motion.skeleton))]
+        found[str(number)] = Carrier(motion=motion, radii=tuple(radii))
+    for prop, place in zip(props, places, strict=True):
+        found[prop.name] = Carrier(motion=place.moved(prop.motion), nearest=partial(_nearest, prop), is_whole=True)
+    return found
+
+
+def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
+    """The place on a prop that is nearest to one, (3,), both relative to its first joint as that is turned, and the
+    direction out of it there [target file units].
+    """
+    scale, rest = prop.free.scale, prop.motion.skeleton.rest_positions
+    if prop.surface:
+        farthest = float(lengths(place) / scale + lengths(prop.surface.corners).max())
+        near, out = prop.surface.nearest(place[None] / scale, farthest)
+        return scale * near[0], out[0]
+    if len(rest) == 1:
+        return np.zeros(3), place / max(float(lengths(place)), 1e-12)
+    near, out = nearest_on_bones(scale * (rest - rest[0])[None], prop.motion.skeleton.parents, place[None, None])
+    return near[0, 0], out[0, 0]
 
 
 def solve_in_sweeps(
     contacts: SceneContacts, mapper: Mapper, progress: Callable[[int], object]
 ) -> tuple[list[Poses], int, float]:
-    """Solve all performers as if alone, and again, drawn to each other, while gaps are off.
-
-    Return the poses of each, the number of sweeps, and the mean gap error after the last [leg lengths].
+    """Solve all performers as if alone, and again, drawn to each other, while gaps are off. Return the poses of each,
+    the number of sweeps, and the mean gap error after the last [leg lengths].
     """
     performers = contacts.performers
 
@@ -176,7 +144,7 @@ def solve_in_sweeps(
             for one, drawn in zip(performers, springs, strict=True)
         ]
 
-    springs = contacts.springs([replace(one.clip.copy, root_positions=one.clip.root) for one in performers])
+    springs = contacts.springs([copy_on_path(one) for one in performers])
     first = poses = solve(1, springs)
     alone = now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
     hips = [_springs_of_hips(one, at) for one, at in zip(performers, alone, strict=True)]
@@ -197,10 +165,8 @@ def solve_in_sweeps(
 
 def smoothed(poses: Poses, alone: Poses, contacts: SceneContacts) -> Poses:
     """Return the poses with their deviations from those `alone` averaged over `SMOOTHING` within each shot."""
-    clips = [one.clip for one in contacts.performers]
-    shots = np.sum([clip.shots for clip in clips], axis=0)  # a new shot at the cuts of any performer
-    average = partial(averaged, reach=round(SMOOTHING / clips[0].frame_time))
-    return replace(poses, v=alone.v + by_shot(average, shots, poses.v - alone.v))
+    average = partial(averaged, reach=round(SMOOTHING / contacts.performers[0].clip.frame_time))
+    return replace(poses, v=alone.v + by_shot(average, common_shots(contacts.performers), poses.v - alone.v))
 
 
 def _springs_of_hips(one: Performer, alone: Motion) -> Springs:
@@ -228,66 +194,3 @@ def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers
         mean *= np.minimum(MOST_SHORTFALL / np.maximum(lengths(mean), TINY), 1.0)[:, None]
         rest[:, of_region] += mean[:, None]
     return springs._replace(rest=rest)
-
-
-def _contact_points(one: Performer) -> ContactPoints:
-    """The joints of a performer that may touch, a few of each region: fingers follow the hand."""
-    matching, distances = one.match.matching, one.clip.distances
-    skeleton = matching.source.skeleton
-    regions = matching.regions.of_joint[distances.targets]
-    kept: list[int] = []
-    for region in range(len(matching.regions.names)):
-        points = np.flatnonzero(regions == region)
-        tau = skeleton.paths_among(distances.sources[points])
-        kept += points[spread_out(tau, REGION_POINTS)].tolist() if len(points) else []
-    sources, joints = distances.sources[kept], distances.targets[kept]
-    return ContactPoints(
-        joints=joints,
-        regions=regions[kept],
-        source=matching.source_motion.positions[:, sources],
-        reach=skeleton.paths_from(matching.drivers.item(matching.pelvis))[sources],
-        target_reach=matching.target.skeleton.paths_from(matching.pelvis)[joints],
-        shots=one.clip.shots,
-    )
-
-
-def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, holders: Sequence[int]) -> PropContacts:
-    """The contacts of a performer with a prop, which draws no standing feet.
-
-    If a single joint holds the prop, the prop does not draw the joint's region; several joints are drawn themselves.
-    """
-    supports = one.supports
-    free = np.ones((len(one.clip), len(points.joints)))
-    for support, region in enumerate(supports.regions[: supports.feet]):
-        free[:, points.regions == region] *= 1.0 - supports.weights[:, support, None]
-    leg = one.clip.leg_lengths[0] or one.match.matching.source.unit
-    near = find_prop_contacts(points, prop.motion.positions, leg, free, one.clip.frame_time, one.settings)
-    regions = one.clip.regions.of_joint
-    left = np.isin(regions[near.joints], regions[[*holders]])
-    if sum(map(len, prop.grips.values())) > 1:
-        left &= ~np.isin(near.joints, holders)
-    return replace(near, A=np.where(left[:, None, None], 0.0, near.A))
-
-
-def _resting_on(supports: Supports, near: PropContacts, free: Placement) -> Supports:
-    """Move supports, except feet, that touch a prop nobody holds to their places on the prop."""
-    places, on_prop = np.array(supports.places), near.places(free)
-    for support in range(supports.feet, len(supports.joints)):
-        for column in np.flatnonzero(near.joints == supports.joints[support]):
-            places[:, support] += near.f[:, column, None] * (on_prop[:, column] - places[:, support])
-    return replace(supports, places=places)
-
-
-def _yielding(one: Performer, supports: Supports, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Supports:
-    """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet.
-
-    `moving` has the frames, joints and activations of contacts with performers and held props.
-    """
-    clip, reach = one.clip, REST_HEIGHT * one.clip.leg_lengths[1]
-    floor = clip.scale.height * clip.source_floor[:, None]
-    touched = np.zeros((len(clip), len(clip.regions.names)))
-    for frames, joints, f in moving:
-        np.maximum.at(touched, (frames, clip.regions.of_joint[joints]), f)
-    yields = np.where(supports.places @ clip.up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
-    yields[:, : supports.feet] = 0.0
-    return replace(supports, weights=supports.weights * (1.0 - yields))

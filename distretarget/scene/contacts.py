@@ -1,27 +1,25 @@
-"""Contacts between two performers: pairs of joints that come near each other, and the springs that keep them near."""
+"""Contacts of performers with each other and with props: joints that come near, and the springs that keep them near.
+
+Between two performers, contacts are pairs of joints. A joint that touches a prop belongs where the prop's placement
+takes the joint's driver.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.springs import Springs
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
-from distretarget.objectives.contact_pairs import (
-    come_near,
-    normalised_distances,
-    pair_stiffness,
-    share_across,
-)
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.contact_pairs import come_near, normalised_distances, pair_stiffness, share_across
+from distretarget.scene.props import Placement
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 Both = tuple[Array, Array]
 
 FIRMER = 0.3  # times the stiffness of a pair within a body at D = `settings.reach`; it grows for nearer pairs ...
@@ -68,25 +66,24 @@ class PerformerContacts:
         units], in proportion; `units` are the body units. A joint that touches several others has one spring with the
         sum of their energies.
         """
-        a, b = (positions[self.frames, joints] for positions, joints in zip(alone, self.joints, strict=True))
-        c, d = (positions[self.frames, joints] for positions, joints in zip(now, self.joints, strict=True))
+
+        def of_pairs(values: Both) -> list[Array]:
+            return [each[self.frames, joints] for each, joints in zip(values, self.joints, strict=True)]
+
+        (a, b), (c, d), (give, other) = of_pairs(alone), of_pairs(now), of_pairs(gives)
         change = a - b + self.f[:, None] * (self.vectors - (a - b)) - (c - d)
         length = lengths(self.vectors)
         e = self.vectors / np.maximum(length, 1e-12)[:, None]
-        give, other = (each[self.frames, joints] for each, joints in zip(gives, self.joints, strict=True))
         share = (give / (give + other))[:, None]
-        springs = []
-        for joints, unit, place in zip(
-            self.joints, units, (c + share * change, d - (1.0 - share) * change), strict=True
-        ):
-            k = np.asarray(share_across((length / unit) ** 2))
-            springs.append(self._summed(joints, k, e, place / unit, len(now[0])))
-        return springs
+        drawn = zip(self.joints, units, (c + share * change, d - (1.0 - share) * change), strict=True)
+        return [
+            self._summed(joints, share_across((length / unit) ** 2), e, place / unit, len(now[0]))
+            for joints, unit, place in drawn
+        ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring for each joint to where its pairs are in balance, over `count` frames.
-
-        Each entry draws its joint to its place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
+        """One spring for each joint, over `count` frames, to where its pairs are in balance. Each entry draws its joint
+        to its place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
         """
         touches = np.bincount(joints) > 0
         kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
@@ -150,3 +147,63 @@ def firmness(D: Array, settings: ContactSettings) -> Array:
     size that hold each other cannot keep all distances between their joints.
     """
     return FIRMER * (settings.reach + NEAREST) / (D + NEAREST)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PropContacts:
+    """The joints of a performer that come near a prop."""
+
+    joints: Numbers  # (joints,), of the target
+    source: Array  # (frames, joints, 3), where their drivers are [source file units]
+    distances: Array  # (frames, joints), of the drivers from the nearest point of the prop [source file units]
+    f: Array  # (frames, joints), the activation, 0 to 1
+    A: Array  # (frames, joints, 3, 3), the stiffness
+    rises: Array  # (frames, joints, 3), how far a thick body's joints are from where the prop takes the source's
+
+    def places(self, placement: Placement) -> Array:
+        """(frames, joints, 3), where the joints belong on the prop [target file units]."""
+        return placement(self.source) + self.rises
+
+    def springs(self, placement: Placement, clip: Clip) -> Springs:
+        """The springs that draw the joints to their places on the prop, frames first."""
+        copied = clip.copy_on_path(self.joints)
+        places = copied + self.f[..., None] * (self.places(placement) - copied)
+        return Springs(self.joints, np.full(len(self.joints), -1), places / clip.unit, self.A)
+
+    def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
+        """(frames, joints) each, the joints' distances from the nearest point of the prop, and what they should be.
+
+        `now` and `prop`, (frames, joints, 3), are the positions of the performer's joints and of the prop's points.
+        """
+        return _nearest_distances(now[:, self.joints], prop), scale * self.distances + lengths(self.rises)
+
+
+def find_prop_contacts(
+    points: ContactPoints, prop: Array, leg: float, free: Array, frame_time: float, settings: ContactSettings
+) -> PropContacts:
+    """Return the joints of a performer that come near the points of a prop, (frames, points, 3).
+
+    No path leads from a joint to the prop: its normalised distance is that from the nearest point over the length of a
+    `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 while a joint
+    rests elsewhere.
+    """
+    distances = _nearest_distances(points.source, prop)
+    D = distances / leg
+    f = activation(D, points.shots, settings.blend / frame_time, settings.reach) * free
+    on = np.flatnonzero(f.any(axis=0))
+    ends = np.arange(len(on)), len(on) + points.regions[on]
+    f, D, distances = f[:, on], D[:, on], distances[:, on]
+    count = len(on) + int(points.regions.max(initial=0)) + 1
+    w = firmness(D, settings) * pair_stiffness(f, D, ends, count, settings)
+    w *= share_across((distances / (2.0 * leg)) ** 2)
+    A = w[..., None, None] * np.eye(3)
+    source = points.source[:, on]
+    return PropContacts(joints=points.joints[on], source=source, distances=distances, f=f, A=A, rises=0.0 * source)
+
+
+def _nearest_distances(joints: Array, prop: Array) -> Array:
+    """(frames, joints), the distance of each joint from the nearest point of a prop, (frames, points, 3)."""
+    distances = np.empty(joints.shape[:2])
+    for block in blocks_of(len(joints)):
+        distances[block] = lengths(joints[block][:, :, None] - prop[block][:, None]).min(axis=-1)
+    return distances

@@ -1,37 +1,29 @@
-"""Which nodes of a file are joints of its character, and from which of them bones that deform the mesh hang.
+"""Which nodes of a file are joints of its character, and where these were when the mesh was bound to them.
 
-A rig that Rigify has generated in Blender has three copies of each bone: DEF- deforms the mesh, ORG- is the original,
-and MCH- belongs to the mechanism. In Blender constraints hold the DEF- bones together, and a file has no constraints.
-Their own tree is that of the originals: "DEF-thigh.L" hangs from "ORG-spine", so from "DEF-spine". A file without the
-originals does not show it; then the bones hang as they do in Rigify's rigs of people.
+A skin states the latter, the bind pose, as inverse bind matrices, from the mesh's space to each joint's. Where that
+space is in the world, no file states: the transform of the mesh's node does not count (glTF 2.0 specification, section
+3.7.3.3). It is found from the joints that show their bind pose.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from distretarget.body.conventions import NamedTree
 from distretarget.body.named_anatomy import by_tree
-from distretarget.character.nodes import Nodes, Scene
+from distretarget.character.nodes import Nodes, Scene, Skin
 from distretarget.errors import FileError, counted, quoted
+from distretarget.numerics.vectors import Array
 
 MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matrices of joints x joints
-DEFORMS, ORIGINAL = "DEF-", "ORG-"
-NUMBER = re.compile(r"_\d+$")  # at the end of all names in Sketchfab's files
-
-# From what bones hang in Rigify's rigs of people, by word; those of the face hang from the last joint of the spine.
-HANGS_FROM = {
-    **dict.fromkeys(("pelvis", "thigh"), "spine"),
-    **dict.fromkeys(("shoulder", "breast"), "spine.003"),
-    "upper_arm": "shoulder",
-}
-FACE = {"forehead", "temple", "brow", "lid", "ear", "tongue", "chin", "jaw", "cheek", "nose", "lip", "teeth", "eye"}
-SIDES = ("L", "R")
+AGREE = 1e-3  # two transforms agree if they differ by less than this [of their scale, and of the body]
+SHARE = 0.5  # a transform on which this share of the joints agrees is that of the mesh's space
+REGULAR = 1e-9  # a matrix with a smaller determinant has no inverse [of its largest entry, cubed]
 
 
 def joint_nodes(scene: Scene) -> tuple[list[int], list[int], tuple[str, ...]]:
@@ -125,43 +117,73 @@ def _named(nodes: Nodes) -> list[int]:
     return [nodes.top_down[place] for place in anatomy.roles.values()] if anatomy else []
 
 
-def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:
-    """Return the parent of each bone that deforms among these, -1 for those that hang from none, by bone; empty for
-    rigs without them, and for those without originals in which each hangs from its parent among them already.
-
-    Args:
-        names: of the bones.
-        parents: the parent of each, -1 for none; in any order.
+def bind_poses(nodes: Nodes, skins: Sequence[Skin]) -> dict[int, Array]:
+    """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose. Where several skins have
+    a joint, the one that reaches highest decides, and the largest of these; the others are bound where it is.
     """
-    plain = [NUMBER.sub("", name) for name in names] if all(map(NUMBER.search, names[1:])) else names
-    deforming = {name.removeprefix(DEFORMS): bone for bone, name in enumerate(plain) if name.startswith(DEFORMS)}
-    own = {bone: bone for bone in sorted(deforming.values())}
-    originals = {
-        bone: deforming[name.removeprefix(ORIGINAL)]
-        for bone, name in enumerate(plain)
-        if name.startswith(ORIGINAL) and name.removeprefix(ORIGINAL) in deforming
-    }
-    shown, tree = ({bone: _above(bone, parents, known) for bone in own} for known in (own, own | originals))
-    for name, bone in deforming.items():
-        if tree[bone] < 0:
-            tree[bone] = deforming.get(_usual_parent(name, deforming), -1)
-    return {} if shown == tree and not originals else tree
+    found: dict[int, Array] = {}
+    depth = np.argsort(nodes.top_down)
+    for skin in sorted(skins, key=lambda skin: (depth[skin.joints].min(initial=len(nodes)), -len(skin.joints))):
+        if skin.inverse_binds is None:
+            found = {joint: nodes.world[joint] for joint in skin.joints.tolist()} | found
+            continue
+        regular = np.flatnonzero(are_regular(skin.inverse_binds))
+        chosen = regular[np.argsort(depth[skin.joints[regular]])]
+        joints, inverse_binds = skin.joints[chosen], skin.inverse_binds[chosen]
+        shared = next((place for place, joint in enumerate(joints.tolist()) if joint in found), None)
+        if shared is not None:
+            space = found[joints[shared].item()] @ inverse_binds[shared]
+        elif len(joints):
+            space = _mesh_space(nodes.world[list(skin.meshes)], nodes.world[joints], inverse_binds)
+        else:
+            continue
+        found = dict(zip(joints.tolist(), space @ np.linalg.inv(inverse_binds), strict=True)) | found
+    return found
 
 
-def _above(bone: int, parents: Sequence[int], known: Mapping[int, int]) -> int:
-    """The bone for which the next known one above a bone stands; -1 without one."""
-    above = parents[bone]
-    while above >= 0 and known.get(above, bone) == bone:
-        above = parents[above]
-    return known[above] if above >= 0 else -1
+def are_regular(matrices: Array) -> NDArray[np.bool_]:
+    """(n,), whether the axes of transforms (n, 4, 4) span a space, so that they have an inverse."""
+    axes = matrices[:, :3, :3]
+    return np.asarray(np.abs(np.linalg.det(axes)) > REGULAR * np.abs(axes).max(axis=(1, 2)) ** 3)
 
 
-def _usual_parent(name: str, names: Iterable[str]) -> str:
-    """The name of the bone from which one with this name hangs in Rigify's rigs of people; empty if it hangs from none
-    there. All names are without prefix.
+def _mesh_space(meshes: Array, shown: Array, inverse_binds: Array) -> Array:
+    """The transform of the mesh's space to the world, (4, 4); from what the nodes with the mesh and the joints show,
+    the topmost joint first, (nodes, 4, 4) and (joints, 4, 4), and the inverse bind matrices of these joints.
+
+    A joint that shows its bind pose brings the space there: its transform times its inverse bind matrix. If this is
+    the world's space or that of a mesh's node for the topmost joint, it decides: a bent spine takes all joints above it
+    along. Else the joints that agree decide. Where most joints show another pose, the space is the world's or that of a
+    mesh's node, whichever is nearer to what the topmost joint says, if its scale is right.
     """
-    word, *marks = name.split(".")
-    if word in FACE:
-        return max((other for other in names if other.startswith("spine")), default="")
-    parent = HANGS_FROM.get(word, "")
-    return ".".join([parent, *(mark for mark in marks if mark in SIDES)]) if parent == "shoulder" else parent
+    said = shown @ inverse_binds
+    extent = float(np.ptp(shown[:, :3, 3], axis=0).max())
+    scale = float(np.median(_scales(said)))
+    spaces: tuple[Array, ...] = (np.eye(4), *_spread(meshes))
+    known = [space for space in spaces if abs(_scales(space[None])[0] / scale - 1) < AGREE]
+    for space in known:
+        if _agree(said[:1], space, scale, extent)[0]:
+            return space
+    likely: list[Array] = [*known, *_spread(said)]
+    counts = [int(_agree(said, space, scale, extent).sum()) for space in likely]
+    most = max(counts)
+    if most >= SHARE * len(shown):
+        return likely[counts.index(most)]
+    first: Array = said[0]
+    return min(known or [first], key=lambda each: float(np.linalg.norm(each[:3, :3] - first[:3, :3])))
+
+
+def _scales(spaces: Array) -> Array:
+    return np.asarray(np.cbrt(np.abs(np.linalg.det(spaces[:, :3, :3]))))
+
+
+def _agree(said: Array, space: Array, scale: float, extent: float) -> NDArray[np.bool_]:
+    """(joints,), whether each joint says the same space."""
+    turned = np.abs(said[:, :3, :3] - space[:3, :3]).max(axis=(1, 2)) < AGREE * scale
+    moved = np.abs(said[:, :3, 3] - space[:3, 3]).max(axis=1) < AGREE * max(extent, 1e-300)
+    return np.asarray(turned & moved)
+
+
+def _spread(spaces: Array, most: int = 16) -> Array:
+    """Some of the spaces, spread over all."""
+    return spaces[np.unique(np.linspace(0, len(spaces) - 1, most).astype(int))] if len(spaces) > most else spaces

@@ -1,0 +1,211 @@
+"""What is said of a run: how many clips are done, which are the worst, which failed and why; and how far the alignments
+of clips of one rig with one target differ, which should be the same.
+
+Where a person cannot stand in a rig's rest pose, its motion decides how its joints are aligned with another rig's, and
+what head, hands and feet do in a clip may become part of the alignment.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.rotation_copy import rest_alignment
+from distretarget.batch.record import ManifestRecord
+from distretarget.body.anatomy import ARM, LEG, SIDES
+from distretarget.errors import counted
+from distretarget.matching.matching import Matching
+from distretarget.measure.metrics import SUFFIXES, Metric, Variant, metrics_at
+from distretarget.numerics.vectors import angles_between, lengths, normalised
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+LISTED = 20  # most clips listed as failed, or as left out
+WORST = 3  # most clips listed as the worst by a metric
+ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
+MOST_SPREAD = 8.0  # of the alignments of clips of one rig [degrees]
+SCALE = 32767.0  # of quaternions as whole numbers
+
+
+@dataclass(kw_only=True)
+class Tally:
+    """Count the clips of a run by outcome, and remember the worst and the failures.
+
+    Attributes:
+        clips: clips in the run.
+        done: clips retargeted.
+        skipped: clips that an earlier run retargeted.
+        failed: clips that could not be retargeted.
+        left_out: clips that fail the condition on what is kept.
+        warned: clips that are done and have warnings.
+        frames: frames retargeted.
+        workers: processes that did so.
+        seconds: the time that took, without the start of the processes [s].
+        alignments: what is to be said of the alignments of clips of one rig, a line each.
+    """
+
+    clips: int
+    done: int = 0
+    skipped: int = 0
+    failed: int = 0
+    left_out: int = 0
+    warned: int = 0
+    frames: int = 0
+    workers: int = 1
+    seconds: float = 0.0
+    alignments: Sequence[str] = ()
+    _worst: dict[Metric, list[ManifestRecord]] = field(default_factory=dict)
+    _failures: list[str] = field(default_factory=list)
+    _left_out: list[str] = field(default_factory=list)
+
+    def add(self, record: ManifestRecord | None) -> None:
+        """Count a clip by its record, or None if it was done before."""
+        if record is None:
+            self.skipped += 1
+        elif record["left_out"]:
+            self.left_out += 1
+            if self.left_out <= LISTED:
+                self._left_out.append(f"  {record['input']}: {record['left_out']}")
+        elif record["status"] == "done":
+            self.done += 1
+            self.frames += record["frames"]
+            self.warned += bool(record["warnings"])
+            for metric in metrics_at("worst clips"):
+                self._worst[metric] = worst([*self._worst.get(metric, ()), record], metric)[:WORST]
+        else:
+            self.failed += 1
+            if self.failed <= LISTED:
+                clip, error = record["input"], record["error"] or "no reason given"
+                self._failures.append(f"  {error}" if error.startswith(clip) else f"  {clip}: {error}")
+
+    @property
+    def lines(self) -> list[str]:
+        """The summary of the run."""
+        counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
+        if self.left_out:
+            counts.append(f"{self.left_out} left out")
+        if left := self.clips - self.done - self.skipped - self.failed - self.left_out:
+            counts.append(f"{left} left")
+        lines = [f"{counted(self.clips, 'clip')}: {', '.join(counts)}"]
+        if self.frames:
+            frames = "1 frame" if self.frames == 1 else f"{self.frames:,} frames"
+            rate = f"{self.frames / self.seconds:,.0f} frames/s with {counted(self.workers, 'job')}"
+            lines.append(f"{frames} in {self.seconds:.1f} s, {rate}")
+        if self.warned:
+            lines.append(f"{self.warned} of {self.done} have warnings, which are in metrics.csv")
+        for metric, records in self._worst.items():
+            if bad := [_compared(one, metric) for one in records if value(one, metric) > metric.least]:
+                unit = f" [{metric.symbol}]" if metric.symbol else ""
+                lines.append(f"worst {metric.label}{unit}: {', '.join(bad)}")
+        left_out = _listing("left out:", self._left_out, self.left_out)
+        return [*lines, *self.alignments, *left_out, *self.failures]
+
+    @property
+    def failures(self) -> list[str]:
+        """Which clips failed, and why."""
+        return _listing("failed:", self._failures, self.failed)
+
+
+def _compared(record: ManifestRecord, metric: Metric) -> str:
+    """A clip and its metric, beside that of copied rotations."""
+    own, copy = (metric.brief(value(record, metric, side)) for side in ("result", "rotation_copy"))
+    return f"{record['output']} ({own}, copied rotations {copy})"
+
+
+def _listing(title: str, lines: list[str], count: int) -> list[str]:
+    """The first lines of `count`, below a title; nothing if there are none."""
+    more = count - len(lines)
+    return [*([title] if count else []), *lines, *([f"  and {more} more; the manifest has them all"] if more else [])]
+
+
+def worst(records: Iterable[ManifestRecord], metric: Metric) -> list[ManifestRecord]:
+    """Return the records of clips, those with the largest metric first."""
+    return sorted(records, key=lambda record: -value(record, metric))
+
+
+def value(record: ManifestRecord, metric: Metric, of: Variant = "result") -> float:
+    """Return a metric of a clip, 0 where nothing was to be measured."""
+    return record["metrics"].get(metric.key + SUFFIXES[of]) or 0.0
+
+
+def alignment_text(matching: Matching) -> str:
+    """Return the alignment of two matched bodies in few characters: a hash of the source's rig, and the rotation of
+    each of `ROLES`; empty unless the target has an anatomy.
+    """
+    if matching.target.anatomy is None:
+        return ""
+    packed = np.round(SCALE * role_rotations(matching)).astype("<i2").tobytes()
+    return f"{_rig(matching.source.skeleton)}:{base64.b64encode(packed).decode()}"
+
+
+def role_rotations(matching: Matching) -> Array:
+    """Return the rotation that aligns the joint of each of `ROLES`, (`ROLES`, 4); zero where there is none."""
+    roles = matching.target.anatomy.roles if matching.target.anatomy else {}
+    alignment, rotations = rest_alignment(matching)[:, 0], np.zeros((len(ROLES), 4))
+    for k, role in enumerate(ROLES):
+        if role in roles and matching.drivers[roles[role]] >= 0:
+            rotations[k] = alignment[roles[role]]
+    return rotations
+
+
+def _rig(skeleton: Skeleton) -> str:
+    """A hash of the names, the tree and the rest pose of a rig, which bodies of several sizes may have."""
+    directions = np.round(normalised(skeleton.offsets[1:]), 1) + 0.0
+    text = json.dumps([skeleton.names, skeleton.parents.tolist(), directions.tolist()])
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def spread_warnings(records: Iterable[ManifestRecord]) -> Iterator[str]:
+    """Yield a line for each rig and target whose alignments in a batch differ by more than `MOST_SPREAD`."""
+    groups: dict[tuple[str, ...], list[tuple[str, Array]]] = defaultdict(list)
+    for record in records:
+        rig, _, text = record["alignment"].partition(":")
+        rotations = _unpacked(text)
+        if rotations is not None:
+            alike = rig, record["target"], record["target_hash"], json.dumps(record["options"])
+            groups[alike].append((record["output"], rotations))
+    for (_, target, *_), clips in groups.items():
+        angle, role, one, other = largest_spread(np.array([rotations for _, rotations in clips]))
+        if angle > MOST_SPREAD:
+            yield (
+                f"warning: {len(clips)} clips of one rig are aligned with {PurePath(target).name} in ways that differ "
+                f"by up to {angle:.0f} degrees ({ROLES[role]}, {clips[one][0]} and {clips[other][0]}): nobody can "
+                "stand in the rest pose, and each clip is aligned by its own motion"
+            )
+
+
+def _unpacked(text: str) -> Array | None:
+    """The rotations, (`ROLES`, 4), of an alignment's text; None if it is not one."""
+    try:
+        return np.frombuffer(base64.b64decode(text, validate=True), "<i2").astype(float).reshape(len(ROLES), 4)
+    except ValueError:
+        return None
+
+
+def largest_spread(rotations: Array) -> tuple[float, int, int, int]:
+    """Return the largest angle between the rotations of a joint in two clips [degrees], the joint, and the clips.
+
+    `rotations` are quaternions (clips, joints, 4), of any length, zero where unknown. Compared are all clips with the
+    one that is farthest from the first, which finds at least half of the largest angle.
+    """
+    joints = np.arange(rotations.shape[1])
+    one = _angles(rotations, rotations[0]).argmax(axis=0)
+    angles = _angles(rotations, rotations[one, joints])
+    other, joint = np.unravel_index(angles.argmax(), angles.shape)
+    return float(angles[other, joint]), int(joint), int(one[joint]), int(other)
+
+
+def _angles(rotations: Array, others: Array) -> Array:
+    """(clips, joints), the angles between rotations, (clips, joints, 4), and others, (joints, 4) [degrees]."""
+    known = (lengths(rotations) > 0) & (lengths(others) > 0)
+    angles = angles_between(rotations, np.broadcast_to(others, rotations.shape))
+    return np.asarray(np.where(known, np.degrees(2.0 * np.minimum(angles, np.pi - angles)), 0.0))
