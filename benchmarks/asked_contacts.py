@@ -35,7 +35,7 @@ from distretarget import (
 )
 from distretarget.io.contacts_file import contacts_to_json, parse_contacts
 from distretarget.objectives.asking import centimetres
-from distretarget.skin.meetings import segment_gaps
+from distretarget.skin.balls import segment_gaps
 from distretarget.target import LoadedTarget
 
 CLIPS = (

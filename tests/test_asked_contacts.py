@@ -27,7 +27,7 @@ from distretarget import (
 )
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.pipeline.found_contacts import marked_contacts
-from distretarget.skin.meetings import segment_gaps
+from distretarget.skin.balls import segment_gaps
 
 FRAMES = (100, 150)
 BLENDS = 0.72  # twice the time `blend` [s]

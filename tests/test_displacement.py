@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.objectives.skin import BodySkin
+from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import WRIST, bent
-from distretarget.skin.meetings import segment_gaps
 
 PERSON = person()
 BODY = Body.of(PERSON)

@@ -122,8 +122,10 @@ def posed_motion(copy: Motion, v: Array, parts: Numbers, root_positions: Array) 
     Leaves keep the world rotations of the copy, since they carry no bone, unless they never turn against their parents.
     `root_positions`, (frames, 3) [file units], are taken as they are; the root's displacement in `v` is not added.
     """
+    leaves = np.array([joint for joint, below in enumerate(copy.skeleton.children) if not below])
+    turns = np.abs(copy.rotations[:, leaves, :3]).max(axis=(0, 2), initial=0.0)
     turning = np.array(parts)
-    turning[_turning_leaves(copy)] = -1
+    turning[leaves[turns >= LEAST_TURN]] = -1
 
     def pose(block: slice, world: Array) -> Array:
         world[:] = copy.world_rotations_in(block)
@@ -131,13 +133,6 @@ def posed_motion(copy: Motion, v: Array, parts: Numbers, root_positions: Array) 
         return root_positions[block]
 
     return motion_of_world(copy.skeleton, len(copy), copy.frame_time_text, pose)
-
-
-def _turning_leaves(copy: Motion) -> Numbers:
-    """The leaves that turn against their parents in any frame."""
-    leaves = np.array([joint for joint, below in enumerate(copy.skeleton.children) if not below])
-    turn = np.abs(copy.rotations[:, leaves, :3]).max(axis=(0, 2), initial=0.0)
-    return np.asarray(leaves[turn >= LEAST_TURN])
 
 
 def fit_rotations(copy: Motion, points: Array, joints: Numbers, roots: Numbers) -> Motion:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,9 +15,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import averaged, by_shot, widened
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
-from distretarget.objectives.asked_springs import off_by, pair_of
+from distretarget.objectives.asked_springs import off_by
 from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
@@ -64,7 +62,7 @@ def brought_out(
             parts = np.concatenate(wish.joints)
             far = np.zeros(len(motion))
             far[on] = _way_out(skin, posed[on], parts, front[on])
-            far = by_shot(partial(widened, frames=OUT / clip.frame_time), clip.shots, far[:, None])[:, 0]
+            far = clip.widened(far[:, None], OUT)[:, 0]
             for number, _, free, _ in arms:
                 moved[:, number] += (free * wishes.firmness(wish) * far)[:, None] * clip.unit * front
     return _moved(motion, wishes, limbs, moved, 0.0)
@@ -72,9 +70,7 @@ def brought_out(
 
 def _moved(motion: Motion, wishes: Wishes, limbs: Sequence[Limb], moved: Array, steady: float) -> Motion:
     """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
-    clip = wishes.clip
-    average = partial(averaged, reach=round(steady / clip.frame_time))
-    moved = by_shot(average, clip.shots, moved) * (wishes.share > 0.0)[:, None, None]
+    moved = wishes.clip.averaged(moved, steady) * (wishes.share > 0.0)[:, None, None]
     displaced = np.stack([reaching(motion, limb, moved[:, n]) for n, limb in enumerate(limbs)], axis=1)
     return bent(motion, limbs, displaced)
 
@@ -85,7 +81,7 @@ def _moving(
     """The limbs that can close what a wish leaves: number, sign, how free each is, (frames,), and by which share of its
     end the part moves. Legs stay where an arm can move.
     """
-    found, skeleton, pair = [], wishes.clip.skeleton, pair_of(wishes.clip, wish)
+    found, skeleton, pair = [], wishes.clip.skeleton, wish.pair
     planted = pair is None and isinstance(wish.entry, Plant) and wish.entry.keep
     joints = (int(wish.joints[0][0]),) if planted else pair or ()
     for joint, sign in zip(joints, (1.0, -1.0), strict=False):

@@ -11,23 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.contact_entries import Contact, Distance, Plant
+from distretarget.contact_entries import Contact, Distance, Entry, Plant
 from distretarget.ik.springs import Springs, joined
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import LEAST_WEIGHT, STIFFNESS, Supports
-from distretarget.skin.meetings import nearest_skin
+from distretarget.skin.balls import nearest_skin
 
 STEADY = 0.3  # what is to be between joints is averaged over this time before and after [s]
 FACING = 0.1  # and where skins face each other over this [s]
@@ -43,36 +41,18 @@ def with_wishes(
     """
     springs, clip = [supports.asked_springs], wishes.clip
     for wish, way in zip(wishes.wishes, ways, strict=True):
-        firmness, pair = wishes.firmness(wish), pair_of(clip, wish)
+        firmness, pair = wishes.firmness(wish), wish.pair
         if pair is not None:
             if way is None:
                 now = between(clip.copy, pair, clip)
                 way = now + off_by(wishes, wish, clip.copy, supports, skins)
-            average = partial(averaged, reach=round(STEADY / clip.frame_time))
-            springs.append(_spring(clip, pair, by_shot(average, clip.shots, way), firmness))
+            springs.append(_spring(clip, pair, clip.averaged(way, STEADY), firmness))
         elif isinstance(wish.entry, Plant) and not wish.entry.keep:
-            supports = _let_go(supports, wish.joints[0], firmness)
+            let_go = firmness[:, None] * np.isin(supports.joints, wish.joints[0])
+            supports = replace(supports, weights=supports.weights * (1.0 - let_go))
         elif isinstance(wish.entry, Plant):
             supports = _planted(supports, clip, wish, firmness, undersides, skins)
     return replace(supports, asked_springs=joined(*springs))
-
-
-def pair_of(clip: Clip, wish: Wish) -> tuple[int, int] | None:
-    """The two joints between which something is asked: those of two parts that are nearest to each other in the
-    rotation copy, on average; None where the world or nothing is the other.
-    """
-    if isinstance(wish.entry, Distance):
-        return int(wish.joints[0][0]), int(wish.joints[1][0])
-    if isinstance(wish.entry, Plant) and wish.carrier is not None and wish.carrier.motion is None:
-        return int(wish.joints[0][0]), wish.carrier.joint
-    if not isinstance(wish.entry, Contact):
-        return None
-    driven = clip.drivers >= 0
-    a, b = (joints[driven[joints]] if driven[joints].any() else joints for joints in wish.joints)
-    x = clip.copy.positions[wish.frames]
-    apart = lengths(x[:, a, None] - x[:, None, b]).mean(axis=0)
-    i, j = np.unravel_index(apart.argmin(), apart.shape)
-    return int(a[i]), int(b[j])
 
 
 def between(motion: Motion, pair: tuple[int, int], clip: Clip) -> Array:
@@ -85,7 +65,7 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
     """Return by how much what is between the joints of a wish, or the place of a part that is planted on the world, has
     to change in a motion, (frames, 3) [body units]; 0 for all others.
     """
-    clip, entry, pair = wishes.clip, wish.entry, pair_of(wishes.clip, wish)
+    clip, entry, pair = wishes.clip, wish.entry, wish.pair
     if pair is None:
         columns = np.flatnonzero(np.isin(supports.joints, wish.joints[0]) & isinstance(entry, Plant))
         if not len(columns) or not getattr(entry, "keep", False):
@@ -96,44 +76,44 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
     if isinstance(entry, Plant):
         assert wish.carrier is not None
         return _resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
-    on = np.zeros(0, np.intp) if skins is None else skins.target.between(*wish.joints)
-    if isinstance(entry, Contact) and skins is not None and len(on):
-        return _to_gap(clip, wish, motion, skins.target, on, _asked_gap(wishes, wish, skins))
-    if isinstance(entry, Contact) and entry.gap != "source":
-        gap = wishes.length(float(entry.gap or 0.0))
-        length = np.full(len(clip), gap)
-        now = _nearest_way(motion, wish.joints) / clip.unit if gap else now
-    elif isinstance(entry, Contact):
-        u, v = clip.drivers[[*pair]]
-        tau, own_tau = clip.skeleton.paths_from(pair[0])[pair[1]], clip.source_skeleton.paths_from(int(u))[v]
-        source = lengths(clip.source.positions[:, u] - clip.source.positions[:, v])
-        length = tau / max(own_tau, LEAST_LENGTH) / clip.unit * source
-    else:
-        assert isinstance(entry, Distance)
-        length = np.full(len(clip), wishes.length(entry.value))
+    if isinstance(entry, Contact):
+        if skins is not None and len(on := skins.target.between(*wish.joints)):
+            return _to_gap(clip, wish, motion, skins.target, on, _asked_gap(wishes, wish, entry, skins))
+        if entry.gap and entry.gap != "source":
+            now = _nearest_way(motion, wish.joints) / clip.unit
     far = lengths(now)
     direction = np.where(far[:, None] > LEAST_LENGTH, normalised(now), clip.up)
-    return np.asarray((length - far)[:, None] * direction)
+    return np.asarray((_asked_length(wishes, entry, pair) - far)[:, None] * direction)
 
 
-def _asked_gap(wishes: Wishes, wish: Wish, skins: Skins) -> Array:
-    """(frames,), the gap between the skins of two parts that a contact asks for [body units]."""
-    clip, entry = wishes.clip, wish.entry
-    assert isinstance(entry, Contact)
+def _asked_length(wishes: Wishes, entry: Entry, pair: tuple[int, int]) -> Array | float:
+    """The distance of the joints of a pair that is asked for, of all frames or (frames,) [body units]."""
+    if isinstance(entry, Distance):
+        return wishes.length(entry.value)
+    if isinstance(entry, Contact) and entry.gap != "source":
+        return wishes.length(float(entry.gap or 0.0))
+    clip = wishes.clip
+    u, v = clip.drivers[[*pair]]
+    tau, own_tau = clip.skeleton.paths_from(pair[0])[pair[1]], clip.source_skeleton.paths_from(int(u))[v]
+    source = lengths(clip.source.positions[:, u] - clip.source.positions[:, v])
+    return np.asarray(tau / max(own_tau, LEAST_LENGTH) / clip.unit * source)
+
+
+def _asked_gap(wishes: Wishes, wish: Wish, entry: Contact, skins: Skins) -> Array | float:
+    """The gap between the skins of two parts that a contact asks for, of all frames or (frames,) [body units]."""
     if entry.gap != "source":
-        return np.full(len(clip), wishes.length(float(entry.gap or 0.0)))
-    on = skins.source.between(*(np.setdiff1d(clip.drivers[joints], [-1]) for joints in wish.joints))
-    gaps, _ = nearest_skin(skins.source.balls, skins.source.posed(clip.source), on)
-    return np.maximum(gaps, 0.0) if len(on) else np.zeros(len(clip))
+        return wishes.length(float(entry.gap or 0.0))
+    drivers = wishes.clip.drivers
+    on = skins.source.between(*(np.setdiff1d(drivers[joints], [-1]) for joints in wish.joints))
+    gaps, _ = nearest_skin(skins.source.balls, skins.source.posed(wishes.clip.source), on)
+    return np.maximum(gaps, 0.0) if len(on) else 0.0
 
 
-def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
-    """(frames, 3), how far the first part of a contact has to go for this gap between the skins [body units]; `on` are
-    the pairs of segments between the two.
-    """
+def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers, gap: Array | float) -> Array:
+    """(frames, 3), how far the first part of a contact has to go for this gap at the pairs `on` [body units]."""
     first = np.isin(body.of_joint[wish.joints[0]], body.balls.pairs[on, 0]).any()
     own, away = nearest_skin(body.balls, body.posed(motion), on)
-    away = normalised(by_shot(partial(averaged, reach=round(FACING / clip.frame_time)), clip.shots, away))
+    away = normalised(clip.averaged(away, FACING))
     return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
 
 
@@ -177,13 +157,7 @@ def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
     return np.asarray(square[:, None, None] * np.eye(3) - np.einsum("fpi,fpj,p->fij", arms, arms, 1.0 / h[:-1]))
 
 
-# ---- parts that are planted on the world, on props and on other performers, and parts that are let go
-
-
-def _let_go(supports: Supports, joints: Numbers, firmness: Array) -> Supports:
-    """The supports without those at some joints, where `firmness`, (frames,), is 1."""
-    at = np.isin(supports.joints, joints)
-    return replace(supports, weights=np.where(at, supports.weights * (1.0 - firmness[:, None]), supports.weights))
+# ---- parts that are planted on the world, on props and on other performers
 
 
 def _planted(

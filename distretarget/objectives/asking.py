@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -16,7 +16,7 @@ from distretarget.contact_entries import Contact, ContactList, Distance, Entry, 
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, widened
-from distretarget.numerics.vectors import Array, Flags, Numbers, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
 from distretarget.objectives.clip import Clip, Drop
 from distretarget.objectives.supports import BLEND as FOOT_BLEND
 
@@ -53,7 +53,8 @@ class Wish:
     frames: Flags  # (frames,)
     weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
     lead: int  # it sets in and lets go over so many frames
-    carrier: Carrier | None = None  # what a part is planted on
+    carrier: Carrier | None  # what a part is planted on
+    pair: tuple[int, int] | None  # the two joints between which something is asked; None where the world is the other
 
     @property
     def drops(self) -> bool:
@@ -92,7 +93,8 @@ class Wishes:
                 lead = int(2.0 * (FOOT_BLEND if is_foot else blend) / clip.frame_time)
                 firmness = entry.firmness if isinstance(entry, Contact) else 1.0
                 weight = by_shot(partial(_eased, frames=lead), clip.shots, on)
-                found.append(Wish(entry, joints, on, firmness * weight, lead, carrier))
+                pair = _pair_of(clip, entry, joints, on, carrier)
+                found.append(Wish(entry, joints, on, firmness * weight, lead, carrier, pair))
         for one, other in combinations(found, 2):
             _check_agree(contacts, one, other)
         return cls(clip, tuple(found))
@@ -139,6 +141,24 @@ def _without_neck(body: Body, part: Numbers) -> Numbers:
     """The joints of a part without the neck's, if it is the head: that is what is to be touched."""
     head = body.anatomy.roles.get("head") if body.anatomy else None
     return part if head is None or head not in part else np.intersect1d(part, [*body.skeleton.subtree(head)])
+
+
+def _pair_of(
+    clip: Clip, entry: Entry, joints: Sequence[Numbers], on: Flags, carrier: Carrier | None
+) -> tuple[int, int] | None:
+    """`Wish.pair`: of two parts the joints that are nearest to each other in the rotation copy, on average."""
+    if isinstance(entry, Distance):
+        return int(joints[0][0]), int(joints[1][0])
+    if isinstance(entry, Plant) and carrier is not None and carrier.motion is None:
+        return int(joints[0][0]), carrier.joint
+    if not isinstance(entry, Contact) or not entry.keep:
+        return None
+    driven = clip.drivers >= 0
+    a, b = (part[driven[part]] if driven[part].any() else part for part in joints)
+    x = clip.copy.positions[on]
+    apart = lengths(x[:, a, None] - x[:, None, b]).mean(axis=0)
+    i, j = np.unravel_index(apart.argmin(), apart.shape)
+    return int(a[i]), int(b[j])
 
 
 def _eased(on: Flags, frames: int) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from distretarget.ik.poses import part_of_joint
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
-from distretarget.numerics.time_series import Shots
+from distretarget.numerics.time_series import Shots, averaged, by_shot, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
 
@@ -131,6 +131,14 @@ class Clip:
         places = self.copy.positions_of(joints)
         places += (self.root - self.copy.root_positions)[:, None]
         return places
+
+    def averaged(self, values: Array, time: float) -> Array:
+        """Return the moving average of values, (frames, ...), over a time before and after each frame [s], by shot."""
+        return by_shot(partial(averaged, reach=round(time / self.frame_time)), self.shots, values)
+
+    def widened(self, values: Array, time: float) -> Array:
+        """Return values, (frames, n), `widened` over a time before and after each frame [s], by shot."""
+        return by_shot(partial(widened, frames=time / self.frame_time), self.shots, values)
 
     @cached_property
     def source_floor(self) -> Array:

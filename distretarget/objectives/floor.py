@@ -7,7 +7,6 @@ The functions that write springs are compiled.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from distretarget.ik.springs import NEGLIGIBLE, Springs
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.joint_paths import heights_of
-from distretarget.numerics.time_series import by_shot, largest, widened
+from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.clip import Clip
 
@@ -78,8 +77,7 @@ def rise_of_flesh(clip: Clip, weights: Array, flesh: Flesh) -> Array:
     """
     low = flesh.heights - clip.copy_on_path(flesh.joints) @ clip.up
     rise = weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
-    blended = partial(widened, frames=ROOT_BLEND / clip.frame_time)
-    return by_shot(blended, clip.shots, rise[:, None])[:, 0]
+    return clip.widened(rise[:, None], ROOT_BLEND)[:, 0]
 
 
 def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None, flesh: Flesh | None = None) -> Floor:

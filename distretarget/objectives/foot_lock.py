@@ -35,7 +35,7 @@ from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied, widened
+from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied
 from distretarget.numerics.vectors import Array, Flags, lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
@@ -80,12 +80,11 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
     if not clip.legs:
         return no_supports(len(clip))
     length = clip.leg_lengths[0]
-    blend = partial(widened, frames=BLEND / clip.frame_time)
 
     def foot(pair: LegPair) -> tuple[Array, Array, Foot, Foot]:
         """How much ankle and toe rest and their weights, (frames, 2), and the foot of source and rotation copy."""
         rests = feet_resting(clip.source, pair.source, clip.up, length, clip.shots)
-        weights = by_shot(blend, clip.shots, rests)
+        weights = clip.widened(rests, BLEND)
         source = Foot.of(clip.source, pair.source, pair.source_sole, clip.up, length)
         copy = Foot.of(clip.copy, pair.target, pair.target_sole, clip.up, clip.scale.height * length)
         return rests, weights, source, copy
@@ -100,14 +99,9 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
         for source, copy, of_foot, aside in zip(sources, copies, weights, (wider, -wider), strict=True)
     ]
     joints = np.array([joint for pair in clip.legs for joint in (pair.target.ankle, pair.target.toe)])
-    return replace(
-        no_supports(len(clip)),
-        joints=joints,
-        regions=clip.regions.of_joint[joints],
-        feet=len(joints),
-        weights=np.concatenate(weights, axis=1),
-        places=np.stack([*places[0], *places[1]], axis=1),
-    )
+    regions, of_feet = clip.regions.of_joint[joints], np.hstack(places)
+    feet = no_supports(len(clip)).with_joints(joints, regions, np.hstack(weights), of_feet)
+    return replace(feet, feet=len(joints))
 
 
 def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Array:
@@ -163,8 +157,8 @@ def _heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
     return np.asarray(heights[:, 0] - heights.min(axis=1) - sole.ankle)
 
 
-def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) -> list[Array]:
-    """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest, and
+def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) -> Array:
+    """The places of ankle and toe, (frames, 2, 3) [target file units]; `weights`, (frames,), are 1 at rest, and
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
     scale, up, reach = clip.scale, clip.up, round(STEADY / clip.frame_time)
@@ -177,7 +171,7 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
     longer = level(scale.height * source.bone - copy.bone, up)
     toe = scale.places(source.toe, up) + by_shot(offset, clip.shots, longer, wider, weights, paths)
     toe += (copy.below - scale.height * source.below)[:, None] * up
-    return [toe + copy.bone, toe]
+    return np.stack([toe + copy.bone, toe], axis=1)
 
 
 def _about_ankle(paths: Array, frame_time: float, reach: int) -> Array:
@@ -198,11 +192,10 @@ def _on_mesh(
     `rests`, (frames, 2) each, is how much ankle and toe of the source rest; `sources` and `copies` are feet by joints.
     """
     scale, up, feet = clip.scale.height, clip.up, []
-    smooth = partial(averaged, reach=round(STEADY / clip.frame_time))
     for height, pair, source, copy in zip(_sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
         own = undersides.target.lowest_of_foot(clip.copy, pair.target.ankle, up) + undersides.soles[1]
         rise = scale * (height - source.toe @ up) + copy.toe @ up - own
-        feet.append(replace(copy, below=scale * source.below + by_shot(smooth, clip.shots, rise)))
+        feet.append(replace(copy, below=scale * source.below + clip.averaged(rise, STEADY)))
     return feet
 
 

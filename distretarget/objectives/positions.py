@@ -50,12 +50,13 @@ def motion_of_positions(skeleton: Skeleton, joints: Numbers, positions: Array, f
 
 def _as_motion(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time_text: str) -> Motion:
     """The positions as a motion of bones that stretch and do not turn."""
-    places = np.zeros((len(positions), len(skeleton), 3))
-    places[:, joints] = positions
-    translations = np.tile(skeleton.offsets, (len(positions), 1, 1))
-    translations[:, joints] = places[:, joints] - np.where(
-        joints[:, None] > 0, places[:, skeleton.parents[joints]], 0.0
+    places, translations = (
+        np.zeros((len(positions), len(skeleton), 3)),
+        np.tile(skeleton.offsets, (len(positions), 1, 1)),
     )
+    places[:, joints] = translations[:, joints] = positions
+    below = joints[joints > 0]
+    translations[:, below] -= places[:, skeleton.parents[below]]
     turns = np.tile(skeleton.unturned, (len(positions), 1, 1))
     return Motion.of_translations(skeleton, translations, turns, frame_time_text)
 

@@ -27,11 +27,10 @@ from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts
 from distretarget.objectives.supports import Supports
-from distretarget.skin.balls import NEVER, Balls, balls_of, mean_radii
+from distretarget.skin.balls import NEVER, Balls, balls_of, mean_radii, segment_gaps
 from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS, Capsules
 from distretarget.skin.displacement import REACH, displacements
 from distretarget.skin.limbs import Limb, bent, shares_of
-from distretarget.skin.meetings import segment_gaps
 from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]

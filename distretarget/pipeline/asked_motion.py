@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -20,10 +19,10 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import Shots, averaged, by_shot, slices_of, spans_of
+from distretarget.numerics.time_series import Shots, slices_of, spans_of
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.asked_reach import brought_out, reached, with_looks
-from distretarget.objectives.asked_springs import between, off_by, pair_of, with_wishes
+from distretarget.objectives.asked_springs import between, off_by, with_wishes
 from distretarget.objectives.asking import Wish, Wishes, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
 from distretarget.objectives.skin import BodySkin, limbs_of
@@ -71,8 +70,7 @@ def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) 
         held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
         held = replace(held, v=poses.v + _steady(asked, held.v - poses.v))
         motion = met(asked, asked.posed(held), made)
-        pairs = [pair_of(asked.clip, wish) for wish in made.wishes]
-        ways = [between(motion, pair, asked.clip) if pair else None for pair in pairs]
+        ways = [between(motion, wish.pair, asked.clip) if wish.pair else None for wish in made.wishes]
     log = np.where(made.share > 0.0, held.log, poses.log)
     posed = layered([made], free.with_own_skin(free.posed(poses)), motion)
     asked = replace(asked, supports=asked_supports(free.supports, asked.supports, made.share))
@@ -81,10 +79,9 @@ def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) 
 
 def _steady(performer: Performer, change: Array) -> Array:
     """What is asked changes poses by, (frames, parts + 1, 3), averaged over time where nothing rests below a part."""
-    average = partial(averaged, reach=round(SMOOTHING / performer.clip.frame_time))
     held = held_parts(performer.clip, performer.supports, performer.settings)
     held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
-    return held * change + (1.0 - held) * by_shot(average, performer.clip.shots, change)
+    return held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
 
 
 def asked_supports(free: Supports, asked: Supports, share: Array) -> Supports:

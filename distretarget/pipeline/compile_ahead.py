@@ -21,10 +21,10 @@ from distretarget.objectives.skin import BodySkin
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget
 from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, Skeleton
+from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb, bent
-from distretarget.skin.meetings import segment_gaps
 
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact
 

@@ -17,10 +17,9 @@ from distretarget.numerics.time_series import median_of_three
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.skin import BodySkin, limb_places
 from distretarget.scene.prop_surface import Surface, nearest_places
-from distretarget.skin.balls import NEVER, Balls
+from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.limbs import bent
-from distretarget.skin.meetings import segment_gaps
 from distretarget.skin.tangents import Displaced
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s

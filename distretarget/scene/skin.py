@@ -35,10 +35,10 @@ from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape
 from distretarget.scene.contacts import PropContacts
 from distretarget.scene.scene_contacts import SceneContacts, common_shots
+from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb
-from distretarget.skin.meetings import segment_gaps
 
 WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
 TRIES = 4  # to find the frames in which it stays

@@ -1,4 +1,4 @@
-"""Balls along the limbs of a body, and the pairs of limb and body part whose surfaces can touch.
+"""Balls along the limbs of a body, the pairs of limb and body part whose surfaces can touch, and their gaps.
 
 A limb is a row of balls: a ball and a capsule always touch in one point, while two capsules that lie side
 by side touch along a line, and the point that counts would jump from end to end.
@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from distretarget.numerics.compiled import compiled
+from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, Capsules, gap_at, write_axis
 
@@ -105,3 +106,147 @@ def _write_spare(balls, posed, p, axis, spare):  # type: ignore[no-untyped-def]
                 gap = gap_at(p, balls.radii[ball], axis, balls.cap_radii[capsule])[0]
                 if gap > -OVERLAP * balls.radii[ball]:
                     spare[ball, capsule] = min(gap, 0.0)
+
+
+# ---- where balls and capsules are in a frame, which of them are near, and how far they are apart
+
+
+class Placed(NamedTuple):
+    """Where balls and capsules are in a frame, and pairs of them that may be near."""
+
+    centres: Array  # (balls, 4), and their radii
+    axes: Array  # (capsules, 8), see `capsules.write_axis`
+    spheres: Array  # (capsules, 4), the centre and the radius of a ball that holds each
+    of_segments: Array  # (segments, 4), the same of the capsules of each segment
+    meetings: Numbers  # (meetings, 2), a ball and a capsule
+
+
+def room_for(balls: Balls) -> Placed:
+    """Return room for the balls and capsules of a frame."""
+    capsules, (first, second) = len(balls.joints), balls.pairs.T
+    most = np.diff(balls.of_ball)[first] * np.diff(balls.of_capsule)[second]
+    return Placed(
+        centres=np.zeros((len(balls.carriers), 4)),
+        axes=np.zeros((capsules, 8)),
+        spheres=np.zeros((capsules, 4)),
+        of_segments=np.zeros((len(balls.of_capsule) - 1, 4)),
+        meetings=np.zeros((most.max(initial=0), 2), np.intp),
+    )
+
+
+@inlined(fastmath=True)
+def place(balls: Balls, ends: Array, placed: Placed) -> None:
+    """Write where the balls and capsules of a frame are, the ends of whose axes are `ends`, (capsules, 2, 3)."""
+    for capsule in range(len(balls.joints)):
+        axis, sphere, radii = placed.axes[capsule], placed.spheres[capsule], balls.cap_radii[capsule]
+        write_axis(ends[capsule], radii, axis)
+        for i in range(3):
+            sphere[i] = axis[i] + 0.5 * axis[3 + i]
+        sphere[3] = 0.5 * np.sqrt(axis[3] ** 2 + axis[4] ** 2 + axis[5] ** 2) + max(radii[0], radii[1])
+    for ball in range(len(balls.carriers)):
+        axis, t = placed.axes[balls.carriers[ball]], balls.places[ball]
+        for i in range(3):
+            placed.centres[ball, i] = axis[i] + t * axis[3 + i]
+        placed.centres[ball, 3] = balls.radii[ball]
+    for segment in range(len(placed.of_segments)):
+        _write_sphere(
+            placed.spheres[balls.of_capsule[segment] : balls.of_capsule[segment + 1]], placed.of_segments[segment]
+        )
+
+
+@inlined(fastmath=True)
+def _write_sphere(spheres: Array, around: Array) -> None:
+    """Write a sphere, (4,), around others, (spheres, 4)."""
+    for i in range(4):
+        around[i] = 0.0
+    for each in spheres:
+        for i in range(3):
+            around[i] += each[i] / len(spheres)
+    for each in spheres:
+        apart = np.sqrt((each[0] - around[0]) ** 2 + (each[1] - around[1]) ** 2 + (each[2] - around[2]) ** 2)
+        around[3] = max(around[3], apart + each[3])
+
+
+@inlined(fastmath=True)
+def is_near(one: Array, other: Array, far: float) -> bool:
+    """Whether two spheres, (4,), are nearer than this."""
+    square = (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2
+    return bool(square < max(one[3] + other[3] + far, 0.0) ** 2)
+
+
+@inlined(fastmath=True)
+def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
+    """Write the balls and capsules of a pair of segments that may be nearer than this; return how many there are."""
+    count, limb, part = 0, balls.pairs[pair, 0], balls.pairs[pair, 1]
+    if not is_near(placed.of_segments[limb], placed.of_segments[part], far):
+        return 0
+    for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
+        carrier, near = -1, False
+        for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
+            if carrier != balls.carriers[ball]:
+                carrier = balls.carriers[ball]
+                sphere, near = placed.spheres[carrier], False
+                if is_near(sphere, placed.spheres[capsule], far):
+                    near = gap_at(sphere, sphere[3], placed.axes[capsule], balls.cap_radii[capsule])[0] < far
+            if not near or balls.spare[ball, capsule] == NEVER:
+                continue
+            if is_near(placed.centres[ball], placed.spheres[capsule], far):
+                placed.meetings[count, 0], placed.meetings[count, 1] = ball, capsule
+                count += 1
+    return count
+
+
+@inlined(fastmath=True)
+def gap_of(balls, ball, capsule, placed):  # type: ignore[no-untyped-def]
+    """`capsules.gap_at` of a ball and a capsule, less than 0 only beyond the overlap of the reference pose."""
+    radii = balls.cap_radii[capsule]
+    gap, t, x, y, z = gap_at(placed.centres[ball], balls.radii[ball], placed.axes[capsule], radii)
+    return gap - balls.spare[ball, capsule], t, x, y, z
+
+
+def segment_gaps(balls: Balls, posed: Array, farthest: float) -> Array:
+    """Return the least gap of each pair of segments in each frame, (frames, pairs), or `farthest` if that is less, for
+    capsules whose ends are at `posed`, (frames, capsules, 2, 3); in the unit of `posed` and of the radii. Overlaps
+    count only beyond those of the reference pose.
+    """
+    gaps = np.empty((len(posed), len(balls.pairs)))
+
+    def write(block: slice) -> None:
+        _write_gaps(balls, read_only(posed[block]), farthest, room_for(balls), gaps[block])
+
+    over_blocks(write, len(posed), len(balls.carriers))
+    return gaps
+
+
+@compiled(fastmath=True)
+def _write_gaps(balls, posed, farthest, placed, gaps):  # type: ignore[no-untyped-def]
+    for frame in range(len(posed)):
+        place(balls, posed[frame], placed)
+        for pair in range(len(balls.pairs)):
+            least = farthest
+            for meeting in range(find_meetings(balls, pair, farthest, placed)):
+                ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
+                if is_near(placed.centres[ball], placed.spheres[capsule], least):
+                    least = min(least, gap_of(balls, ball, capsule, placed)[0])
+            gaps[frame, pair] = least
+
+
+def nearest_skin(balls: Balls, posed: Array, pairs: Numbers) -> tuple[Array, Array]:
+    """Return the least gap of some `pairs` of segments in each frame, (frames,), and the direction there from the
+    capsules to the balls, (frames, 3). Capsules end at `posed`, (frames, capsules, 2, 3); gaps are as in
+    `segment_gaps`.
+    """
+    gaps, away = np.full(len(posed), NEVER), np.zeros((len(posed), 3))
+    _write_nearest(balls, read_only(posed), pairs, room_for(balls), gaps, away)
+    return gaps, away
+
+
+@compiled()
+def _write_nearest(balls, posed, pairs, placed, gaps, away):  # type: ignore[no-untyped-def]
+    for frame in range(len(posed)):
+        place(balls, posed[frame], placed)
+        for pair in pairs:
+            for meeting in range(find_meetings(balls, pair, gaps[frame], placed)):
+                gap, _, x, y, z = gap_of(balls, placed.meetings[meeting, 0], placed.meetings[meeting, 1], placed)
+                if gap < gaps[frame]:
+                    gaps[frame], away[frame, 0], away[frame, 1], away[frame, 2] = gap, x, y, z

@@ -18,8 +18,7 @@ import numpy as np
 from distretarget.numerics.compiled import clear, compiled, copy_to, inlined
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.vectors import Array
-from distretarget.skin.balls import Balls
-from distretarget.skin.meetings import room_for
+from distretarget.skin.balls import Balls, room_for
 from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place_displaced, push, tangents_for
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left

@@ -69,12 +69,13 @@ def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
     if not len(frames):
         return motion
     skeleton, some = motion.skeleton, motion[frames]
-    world, x, moved = some.world_rotations, some.positions, displacements[frames]
+    world, places, moved = some.world_rotations, some.positions, displacements[frames]
     local = some.rotations.copy()
     turns = np.empty((4, len(frames), 4))  # of the upper part, the lower part, what is beyond, and the rest of the body
     turns[3] = UNTURNED
     for number, limb in enumerate(limbs):
-        upper, lower = x[:, limb.middle] - x[:, limb.top], x[:, limb.end] - x[:, limb.middle]
+        top, middle, end = (places[:, joint] for joint in limb.joints)
+        upper, lower = middle - top, end - middle
         turns[0] = least_rotation(upper, upper + moved[:, number, 0])
         turns[1] = least_rotation(lower, lower + moved[:, number, 1] - moved[:, number, 0])
         turns[2] = _excess(turns[1]) if limb.is_arm else UNTURNED
@@ -85,8 +86,8 @@ def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
         for joint in edges[edges > 0]:  # with the turns P and Q of parent and joint, the parent's W: W^-1 P^-1 Q W
             parent = skeleton.parents[joint]
             w, p, q = world[:, parent], turns[of_joint[parent]], turns[of_joint[joint]]
-            for rotation in (w, q, INVERSE * p, INVERSE * w):
-                multiply(*rotation.T, local[:, joint].T.copy(), local[:, joint].T)
+            for x, y, z, r in (each.T for each in (w, q, INVERSE * p, INVERSE * w)):
+                multiply(x, y, z, r, local[:, joint].T.copy(), local[:, joint].T)
     rotations = motion.rotations.copy()
     rotations[frames] = local
     return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)

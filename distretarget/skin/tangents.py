@@ -12,9 +12,8 @@ import numpy as np
 
 from distretarget.numerics.compiled import clear, inlined
 from distretarget.numerics.vectors import Array, Flags, Numbers
-from distretarget.skin.balls import NEVER, Balls
+from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, place
 from distretarget.skin.capsules import LEAST
-from distretarget.skin.meetings import Placed, find_meetings, gap_of, place
 
 MARGIN = 0.005  # gaps that are larger have no tangent [body units]
 GIVES = 0.18  # of what a push moves, it gives way: limbs that have no room to leave would else be pushed without end
