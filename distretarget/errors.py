@@ -142,11 +142,8 @@ def shown(line: str) -> str:
         line = f"{line[: LONGEST_LINE - LAST_SHOWN]} ... {line[-LAST_SHOWN:]}"
     if line.isprintable():
         return line
-    return "".join(each if _is_harmless(each) else each.encode("unicode_escape").decode() for each in line)
-
-
-def _is_harmless(character: str) -> bool:
-    return character.isprintable() or unicodedata.category(character) == "Zs"
+    harmless = {each for each in line if each.isprintable() or unicodedata.category(each) == "Zs"}
+    return "".join(each if each in harmless else each.encode("unicode_escape").decode() for each in line)
 
 
 def quoted(names: Iterable[str], most: int = 6) -> str:

@@ -270,9 +270,7 @@ class Motion:
         return self.turned_round() if self.skeleton.looks_back else self
 
     def turned_round(self) -> Motion:
-        """Return the motion of the body turned half round about Y, in its rest pose as well, as `Skeleton.turned_round`
-        is.
-        """
+        """Return the motion of the body turned half round about Y, in its rest pose too (`Skeleton.turned_round`)."""
         moving = self.moving and MovingBones(self.moving.joints, self.moving.translations * HALF_TURN)
         rotations = self.rotations * np.append(HALF_TURN, 1.0)
         path = self.root_positions * HALF_TURN

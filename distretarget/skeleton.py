@@ -339,9 +339,7 @@ class Skeleton:
         return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked by the constructor
 
     def turned_round(self) -> Skeleton:
-        """Return the skeleton turned half round about Y, so that it looks to +Z where it looked to -Z (`looks_back`),
-        and the other way round.
-        """
+        """Return the skeleton turned half round about Y to look to +Z where it looked to -Z (`looks_back`), or back."""
         return replace(self, offsets=self.offsets * HALF_TURN, looks_back=not self.looks_back)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:

@@ -60,7 +60,7 @@ def contacts_command(
         raise error.in_file(error.path or source) from None
     write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
     spans = ["frames {:.0f}-{:.0f}".format(*(entry.frames or (0, 0))) for entry in found]
-    names = [" - ".join(getattr(entry, "between", entry.parts)) for entry in found]
+    names = [" - ".join(entry.named) for entry in found]
     for line in aligned([*zip(names, spans, [entry.found for entry in found], strict=True)], "<<<"):
         say(line)
     if not len(found):

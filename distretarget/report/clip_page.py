@@ -64,10 +64,7 @@ def write_report(
 
 
 def run_page(
-    result: RetargetResult,
-    about: About,
-    target: LoadedTarget | None = None,
-    source: InputFile | None = None,
+    result: RetargetResult, about: About, target: LoadedTarget | None = None, source: InputFile | None = None
 ) -> str:
     """The HTML of the report on a run: its source, its rotation copy and its result; `target` has the mesh to show, if
     the result was made without it, and `source` the source's own.

@@ -19,9 +19,7 @@ export function button(text, click, attributes = {}) {
 }
 
 /** The JSON that stands in the page under a name. */
-export function embedded(name) {
-  return JSON.parse($(name).textContent);
-}
+export const embedded = name => JSON.parse($(name).textContent);
 
 /** A number with three digits, for people to read; a dash where there is none. */
 export function shown(value) {
@@ -33,23 +31,15 @@ export function shown(value) {
   return value.toFixed(digits).replace('-', '−');
 }
 
-export function counted(number, what) {
-  return `${number.toLocaleString('en')} ${what}${number === 1 ? '' : 's'}`;
-}
+export const counted = (number, what) => `${number.toLocaleString('en')} ${what}${number === 1 ? '' : 's'}`;
 
-export function clamp(value, low, high) {
-  return Math.min(high, Math.max(low, value));
-}
+export const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
 /** The sum of the numbers of what is in a list. */
-export function total(list, numberOf) {
-  return list.reduce((sum, one) => sum + numberOf(one), 0);
-}
+export const total = (list, numberOf) => list.reduce((sum, one) => sum + numberOf(one), 0);
 
 /** The elements of a list of names, each with its text. */
-export function terms(pairs) {
-  return pairs.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]);
-}
+export const terms = pairs => pairs.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]);
 
 /** Rows of facts about the page below its title. */
 export function showFacts(facts) {

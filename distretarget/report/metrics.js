@@ -5,14 +5,10 @@ import {element, embedded, shown, terms} from './dom.js';
 export const METRICS = embedded('registry');
 const FLAT = 1e-9; // values of a metric below this are rounding errors, and are shown as 0
 
-export function metricsAt(place) {
-  return METRICS.filter(({places}) => places.includes(place));
-}
+export const metricsAt = place => METRICS.filter(({places}) => places.includes(place));
 
 /** What a metric is called, with the unit that the page shows it in. */
-export function nameOf({label, symbol}) {
-  return symbol ? `${label}, ${symbol}` : label;
-}
+export const nameOf = ({label, symbol}) => (symbol ? `${label}, ${symbol}` : label);
 
 /** A number times the factor of the page; null where nothing was to be measured. */
 export function scaled(value, factor) {
@@ -21,9 +17,7 @@ export function scaled(value, factor) {
 }
 
 /** The name of a metric, with its explanation for those who point at it; the glossary below has it for all. */
-export function named(metric) {
-  return element('abbr', {title: metric.explanation}, nameOf(metric));
-}
+export const named = metric => element('abbr', {title: metric.explanation}, nameOf(metric));
 
 /** A card: a metric, its value in large, the values to compare it with, and lines below. */
 export function cardOf(metric, big, rows, lines = [], look = false) {

@@ -11,9 +11,7 @@ let seconds = 0, before = 0, waiting = false;
  */
 export function onFrame(watch, place = null) {
   let seen = true;
-  watchers.push(frame => {
-    if (seen || !clock.playing) watch(frame);
-  });
+  watchers.push(frame => { if (seen || !clock.playing) watch(frame); });
   if (place) new IntersectionObserver(([{isIntersecting}]) => { seen = isIntersecting; }).observe(place);
   repaint();
 }
@@ -90,9 +88,8 @@ addEventListener('hashchange', followLink);
 /** Connects slider, buttons and links; `jumps` are frames with a kind and a text. */
 export function buildTransport(count, frameTime, jumps) {
   Object.assign(clock, {frame: 0, count, frameTime, playing: false, speed: 1, loop: null, jumps});
-  $('slider').max = count - 1;
   for (const id of ['slider', 'play', 'loop', 'speed']) $(id).disabled = count < 2;
-  $('slider').addEventListener('input', event => goTo(Number(event.target.value)));
+  element($('slider'), {max: count - 1, on: {input: ({target}) => goTo(Number(target.value))}});
   $('play').addEventListener('click', () => setPlaying(!clock.playing));
   $('back').addEventListener('click', () => goTo(clock.frame - 1));
   $('next').addEventListener('click', () => goTo(clock.frame + 1));

@@ -49,12 +49,11 @@ function onKey(event) {
 
 /** Makes a button switch something on and off. */
 function toggle(id, owner, name, then = repaint) {
-  $(id).setAttribute('aria-pressed', owner[name]);
-  $(id).addEventListener('click', () => {
+  element($(id), {'aria-pressed': owner[name], on: {click: () => {
     owner[name] = !owner[name];
     $(id).setAttribute('aria-pressed', owner[name]);
     then();
-  });
+  }}});
 }
 
 /** Frames the views anew, and writes the names of the sides above them. */
@@ -87,12 +86,7 @@ function buildSides(stage) {
   }, {'aria-pressed': side.shown})));
 }
 
-function look(id, stage, azimuth, elevation) {
-  $(id).addEventListener('click', () => {
-    stage.look(azimuth, elevation);
-    repaint();
-  });
-}
+const look = (id, stage, ...angles) => $(id).addEventListener('click', () => stage.look(...angles));
 
 /** Copies the view to a picture for the printer, which cannot see what WebGL has drawn. */
 function copyView() {

@@ -99,16 +99,14 @@ export class Stage {
       this.scene.add(side.group);
     }
     this.look(0.5, 0.2);
-    onTheme(() => {
-      this.paint();
-      this.repaint();
-    });
+    onTheme(() => this.paint());
   }
 
   /** Takes the colours of the page. */
   paint() {
     this.renderer.setClearColor(this.ground.paint(this.scene));
     for (const {materials, plain, tone} of this.actors) if (plain) materials[0].color.set(colourOf(tone));
+    this.repaint();
   }
 
   /** Where the performers of a side are at a frame, on the floor: [x, z]. */
@@ -155,6 +153,7 @@ export class Stage {
     const target = this.controls.target.set(0, 0.48 * this.room.high, 0);
     this.camera.position.setFromSphericalCoords(1, Math.PI / 2 - elevation, this.facing + azimuth).add(target);
     this.framed = '';
+    this.repaint();
   }
 
   /** Goes so far away that the whole room is in view, where the views have changed since the last time. */

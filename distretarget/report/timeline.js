@@ -8,9 +8,7 @@ const PARTS = 1000; // of a row, at most: of frames that share one the worst is 
 const MARKS = {found: ['line-strong', 'top'], dropped: ['violet', 'center'], added: ['b', 'bottom']};
 
 /** How far a row is off at a frame, in its unit. */
-export function offAt({codes, top}, frame) {
-  return (codes[frame] - 1) / 254 * top;
-}
+export const offAt = ({codes, top}, frame) => (codes[frame] - 1) / 254 * top;
 
 /** The name of the colour of a row at a frame: within its limit, over it, or over twice of it. */
 export function levelAt(row, frame) {

@@ -87,11 +87,7 @@ class Row:
 
 
 def rows_of(
-    diff: Diff,
-    solid: Capsules | None,
-    actors: Sequence[int],
-    prefix: str = "",
-    marked: Sequence[MarkedContact] = (),
+    diff: Diff, solid: Capsules | None, actors: Sequence[int], prefix: str = "", marked: Sequence[MarkedContact] = ()
 ) -> list[Row]:
     """Return the rows of a diff, their names after a prefix; `solid` is the surface of B, `actors` are the numbers of A
     and of all others, which have the joints of B; `marked` are the contacts that were found, dropped and added. Rows of
