@@ -143,11 +143,8 @@ def fit_rotations(copy: Motion, points: Array, joints: Numbers, roots: Numbers) 
     joint without points below it keeps the copy's world rotation. Joints with fewer than three rotation channels rotate
     as far as these allow, and the joints below compensate.
 
-    Args:
-        copy: the rotation copy on the target.
-        points: (frames, joints, 3), positions; only those of `joints` count [file units].
-        joints: the joints that have points.
-        roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
+    Of `points`, (frames, all joints, 3) [file units], only those of `joints` count; `roots`, (all joints,), is the
+    topmost joint of the rigid part that each joint belongs to.
     """
     skeleton = copy.skeleton
     carried = _carried_points(skeleton, roots, set(joints.tolist()))

@@ -53,7 +53,7 @@ def find_resting_joints(
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
     If the `environment` is "scaled", a joint that rests on something other than the floor has the source's place,
-    scaled. `undersides` are the skins of both bodies; None if they are not known.
+    scaled.
     """
     if not clip.legs:
         return None
