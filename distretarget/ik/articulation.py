@@ -50,10 +50,8 @@ class Scratch(NamedTuple):
 
 @inlined(fastmath=True)
 def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: Scratch) -> None:
-    """Write the positions and posed bones of the pose `v` to `scratch`, and zeros to its gradient.
-
-    `bones`, (joints, 3), are the rotation copy's in this frame, from each joint's parent to it; `root`, (3,), is its
-    root.
+    """Write the positions and posed bones of the pose `v` to `scratch`, and zeros to its gradient; `bones`, (joints,
+    3), are the rotation copy's in this frame, from each joint's parent to it, and `root`, (3,), its root.
     """
     parts = len(scratch.rotations)
     for part in range(parts):

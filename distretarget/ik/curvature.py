@@ -58,10 +58,7 @@ def _eliminate(H: Array, i: int, above: int, size: int) -> None:
 
 @inlined(fastmath=True)
 def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: Array) -> None:
-    """Write d = H^-1 gradient of the active parts, and zero of the others; U is what `factorise` made of H.
-
-    `flat`, (all rows of U,), is scratch.
-    """
+    """Write d = H^-1 gradient of the active parts, 0 of others; U is what `factorise` made of H, `flat` scratch."""
     size = 3 * len(active)
     for n in range(len(active)):
         for k in range(3):

@@ -75,10 +75,8 @@ def chunks_of(frames: int, margin: int) -> list[Chunk]:
 def solve_in_chunks(
     solve: Callable[[Any, Any, slice], Poses], clip: Any, supports: Any, margin: int, mapper: Mapper, progress: Progress
 ) -> Poses:
-    """Concatenate the chunks' results of `solve(clip, supports, frames)` into one preallocated array.
-
-    `clip` and `supports` can be sliced by frames. `mapper` calls `solve` on every chunk and returns results in order;
-    `progress` is called with the number of frames of each.
+    """Concatenate the chunks' results of `solve(clip, supports, frames)`. `mapper` calls `solve` on every chunk and
+    returns results in order; `progress` is called with the number of frames of each.
     """
     chunks = chunks_of(len(clip), margin)
     slices = [[whole[chunk.context] for chunk in chunks] for whole in (clip, supports)]
@@ -93,10 +91,8 @@ def solve_in_chunks(
 
 
 def part_of_joint(skeleton: Skeleton, roots: Numbers) -> Numbers:
-    """(joints,), the number of the part that carries the bones below each joint.
-
-    `roots`, (joints,), is the topmost joint of each joint's part. Parts are numbered from the skeleton's root down. A
-    leaf carries no bone and gets the number of its parent.
+    """(joints,), the number of the part that carries the bones below each joint, counted from the skeleton's root down;
+    a leaf gets that of its parent. `roots`, (joints,), is the topmost joint of each joint's part.
     """
     carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
     numbers: Numbers = np.unique(roots[np.maximum(carriers, 0)], return_inverse=True)[1]
@@ -104,9 +100,8 @@ def part_of_joint(skeleton: Skeleton, roots: Numbers) -> Numbers:
 
 
 def subtree_lengths(skeleton: Skeleton, carried: Numbers) -> Array:
-    """(joints,), the summed length of each joint's own bone and of all bones below it [file units].
-
-    Only bones that lead to one of the joints `carried` count; tails, props and helper joints do not.
+    """(joints,), the summed length of each joint's own bone and of all bones below it that lead to one of the joints
+    `carried`: tails, props and helper joints do not count [file units].
     """
     sums = np.zeros(len(skeleton))
     on_the_way = [*skeleton.lines(carried)]
@@ -143,11 +138,8 @@ def fit_rotations(copy: Motion, points: Array, joints: Numbers, roots: Numbers) 
     joint without points below it keeps the copy's world rotation. Joints with fewer than three rotation channels rotate
     as far as these allow, and the joints below compensate.
 
-    Args:
-        copy: the rotation copy on the target.
-        points: (frames, joints, 3), positions; only those of `joints` count [file units].
-        joints: the joints that have points.
-        roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
+    Of `points`, (frames, all joints, 3) [file units], only those of `joints` count; `roots`, (all joints,), is the
+    topmost joint of the rigid part that each joint belongs to.
     """
     skeleton = copy.skeleton
     carried = _carried_points(skeleton, roots, set(joints.tolist()))

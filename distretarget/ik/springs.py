@@ -162,8 +162,7 @@ def write_nodes(bones: int, parents: Numbers, below: Below) -> int:
 @inlined(fastmath=True)
 def write_stiffness_below(springs: Springs, count: int, nodes: int, parents: Numbers, below: Below) -> None:
     """Write the stiffness between subtrees to the upper triangle of `below.G[:nodes, :nodes]`: the force on the subtree
-    of one node per displacement of the subtree of another.
-    Bones that do not move change no spring, and add nothing.
+    of one node per displacement of that of another. Bones that do not move change no spring, and add nothing.
     """
     way, first, node, G = below.way, below.first, below.node, below.G
     for joint in range(len(node)):

@@ -32,9 +32,8 @@ TRUNK = [SEGMENTS.index(name) for name in (*TRUNK_SEGMENTS, "left thigh", "right
 def reached(
     motion: Motion, wishes: Wishes, supports: Supports, limbs: Sequence[Limb], skins: Skins | None, steady: float
 ) -> Motion:
-    """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others.
-
-    What limbs do is averaged over the time `steady` before and after each frame [s].
+    """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others. What limbs
+    do is averaged over the time `steady` before and after each frame [s].
     """
     clip, moved = wishes.clip, np.zeros((len(motion), len(limbs), 3))
     for wish in wishes.wishes:

@@ -76,9 +76,8 @@ class Wishes:
         """Return the entries on a clip whose target is a `body`; they set in over twice `blend` [s], and let go over as
         much. `others` are the performers and props that parts may rest on, by their names.
 
-        Raises:
-            ContactsError: an entry names what is not there, goes beyond the clip, contradicts another, or asks for a
-                distance that the body cannot have.
+        A ContactsError says which entry names what is not there, goes beyond the clip, contradicts another, or asks for
+        a distance that the body cannot have.
         """
         found = []
         for entry in contacts:
@@ -216,11 +215,7 @@ def _find_joints(clip: Clip, name: str, *, regions: bool) -> Numbers | None:
 
 
 def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
-    """Return the frames in which an entry holds, (frames,).
-
-    Raises:
-        ContactsError: they go beyond the clip.
-    """
+    """Return the frames in which an entry holds, (frames,); a ContactsError if they go beyond the clip."""
     last = len(clip) - 1
     span = entry.frames or (0, last)
     if entry.seconds is not None:
@@ -278,8 +273,7 @@ def _check_agree(contacts: ContactList, one: Wish, other: Wish) -> None:
 
 
 def centimetres(unit: float) -> float:
-    """Return how many centimetres a file's unit is: that of `UNITS` in which the body is most like an adult's size.
-
-    `unit` is the body unit [file units].
+    """Return how many centimetres a file's unit is: that of `UNITS` in which the body, given by its body unit [file
+    units], is most like an adult's size.
     """
     return min(UNITS, key=lambda each: abs(math.log(max(unit, 1e-9) * each / ADULT)))

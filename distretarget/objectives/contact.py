@@ -64,9 +64,8 @@ def solve_contact(
     mapper: Mapper = map,
     progress: Progress = ignore_progress,
 ) -> Poses:
-    """Minimise the contact objective in every frame of a clip.
-
-    The clip is solved in chunks, by `mapper`; `progress` is called with numbers of solved frames.
+    """Minimise the contact objective in every frame of a clip, solved in chunks by `mapper`; `progress` is called with
+    numbers of solved frames.
     """
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
@@ -77,9 +76,8 @@ def solve_contact(
 
 
 def smooth_flips(v: Array, held: Array, shots: Shots, frame_time: float) -> None:
-    """Smooth the flips of all parts in poses (frames, parts + 1, 3), in place.
-
-    `held`, (frames, parts), is 1 while a joint below a part rests on something, blended to 0; `frame_time` is in [s].
+    """Smooth the flips of all parts in poses (frames, parts + 1, 3), in place; `held`, (frames, parts), is 1 while a
+    joint below a part rests on something, blended to 0; `frame_time` is in [s].
     """
     reach = round(BLEND / frame_time)
     for shot, of_shot in ((v[frames], held[frames]) for frames in slices_of(shots)):

@@ -54,10 +54,7 @@ class Flesh(NamedTuple):
 
 
 def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Flesh:
-    """Return the joints of trunk and head near the floor; none without `undersides`, the skins of both bodies.
-
-    `weights` are those of `find_floor`.
-    """
+    """Return the joints of trunk and head near the floor, if skins are known; `weights` are those of `find_floor`."""
     if undersides is None or not clip.legs:
         return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
     joints = clip.limb_joints[clip.regions.inside(*WITHOUT_SIDE)[clip.limb_joints]]
@@ -85,12 +82,8 @@ def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None,
 
     The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
     it as the source's joint, scaled, but at most `REST_HEIGHT`, and `flesh` as high as its skin asks; an undriven joint
-    may be as low as the floor. n joints of a region, such as a hand, get 1/n of `STIFFNESS` each.
-
-    Where the skin is known, it is the lowest skin of an undriven joint that may be as low as the soles.
-
-    `weights`, (frames, supports), is how firmly each support rests, 0 to 1; `undersides` are the skins of both bodies,
-    None if they are not known.
+    may be as low as the floor; where the skin is known, its skin as low as the soles. n joints of a region, such as a
+    hand, get 1/n of `STIFFNESS` each. `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
     """
     if not clip.legs:
         return no_floor(len(clip))

@@ -51,9 +51,7 @@ def solve_paper(
     clip: Clip, progress: Progress = ignore_progress, asked: AskedDistances | None = None
 ) -> tuple[Poses, Postures]:
     """Minimise Eq. (2) in every frame of a clip: over free points, and then over the rotations of rigid bones.
-
-    `progress` is called with the number of frames solved since the last call; `asked` are distances in place of the
-    source's.
+    `progress` is called with numbers of solved frames; `asked` are distances in place of the source's.
     """
     postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions, asked)
     return solve_poses(clip, _fitted_poses(clip, postures), progress, asked), postures
@@ -91,11 +89,7 @@ def no_distances(frames: int) -> AskedDistances:
 
 
 def find_distances(contacts: ContactList, wishes: Wishes) -> AskedDistances:
-    """Return the distances of a contact list.
-
-    Raises:
-        ContactsError: an entry asks for something else, or for the distance of a joint that nothing drives.
-    """
+    """Return the distances of a contact list; a ContactsError for other entries, or joints that nothing drives."""
     problem, rows, weights = wishes.clip.distances, [], []
     for wish in wishes.wishes:
         entry = wish.entry
@@ -163,10 +157,8 @@ def _solve_points(source, starts, ratio, problem, asked, solved, first, log, gra
 def solve_postures(
     problem: DistanceProblem, source: Array, copy: Array, asked: AskedDistances | None = None
 ) -> Postures:
-    """Minimise Eq. (2) in every frame.
-
-    `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and of
-    its rotation copy on the target [file units]; `asked` are distances in place of the source's.
+    """Minimise Eq. (2) in every frame. `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3),
+    are the positions of the source and of its rotation copy [file units]; `asked` replaces distances of the source.
     """
     asked = asked or no_distances(len(copy))
     points = copy[:, problem.targets]
@@ -244,11 +236,8 @@ class Posed(NamedTuple):
 def solve_poses(
     clip: Clip | Posed, guess: Array, progress: Progress = ignore_progress, asked: AskedDistances | None = None
 ) -> Poses:
-    """Minimise Eq. (2) over the rotations in every frame of a clip.
-
+    """Minimise Eq. (2) over the rotations in every frame of a clip; `progress` and `asked` as in `solve_paper`.
     `guess`, (frames, parts + 1, 3), is the start pose of a frame unless the previous frames give a better one.
-    `progress` is called with the number of frames solved since the last call; `asked` are distances in place of the
-    source's.
     """
     asked = asked or no_distances(len(clip.copy))
     distances, unit = clip.distances, clip.distances.body_size

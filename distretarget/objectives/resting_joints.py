@@ -50,10 +50,8 @@ class RestingJoints:
 def find_resting_joints(
     clip: Clip, feet: Supports, environment: Environment, undersides: Undersides | None = None
 ) -> RestingJoints | None:
-    """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
-
-    If the `environment` is "scaled", a joint that rests on something other than the floor has the source's place,
-    scaled. `undersides` are the skins of both bodies; None if they are not known.
+    """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any. In
+    the environment "scaled" a joint that rests on something other than the floor has the source's place, scaled.
     """
     if not clip.legs:
         return None

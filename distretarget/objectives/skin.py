@@ -182,10 +182,8 @@ def led(
     keys: KeyFrames,
     reach: float = REACH,
 ) -> Array:
-    """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after.
-
-    Of the arguments of `displacements`, `geometry` are `posed` to `free` in all frames, and `asked` are `soft` to
-    `firmness` at the key frames; `reach` is its own.
+    """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after. Of the arguments of
+    `displacements`, `geometry` are `posed` to `free` in all frames, `asked` are `soft` to `firmness` at key frames.
     """
     at = keys.numbers
     shots, lead = keys.shots[at], LEAD / keys.time
@@ -250,9 +248,7 @@ def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
 
 def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
     """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
-    source's do; hands and forearms not at all.
-
-    `parts`, (pairs, 2), are the parts of the body that the segments of a pair are.
+    source's do; hands and forearms not at all. `parts`, (pairs, 2), are what parts of the body these are.
     """
     flesh = SOFT[parts] * mean_radii(balls)[balls.pairs]
     return np.where(IS_HARD[parts[:, 0]], 0.0, np.maximum(flesh.sum(axis=1), -in_source))

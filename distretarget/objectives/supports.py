@@ -100,10 +100,8 @@ def no_supports(frames: int) -> Supports:
 
 
 def support_springs(supports: Supports, body: Articulation, bones: Array, unit: float, stiffness: float) -> Springs:
-    """Return the springs of resting joints, with the frames as first axis of their arrays.
-
-    `bones`, (frames, joints, 3), are the rotation copy's [body units], `unit` is the body unit [file units], and
-    `stiffness` is k; 0 leaves the joints free.
+    """Return the springs of resting joints, frames first; `bones`, (frames, joints, 3), are the rotation copy's [body
+    units], `unit` is the body unit [file units], and `stiffness` is k; 0 leaves the joints free.
     """
     A = np.zeros((*supports.weights.shape, 3, 3))
     for support in range(len(supports.joints) if stiffness > 0.0 else 0):
@@ -128,10 +126,8 @@ def _write_stiffness(
 
 
 def compliance(body: Articulation, bones: Array, joint: int) -> Array:
-    """M: (frames, 3, 3), displacement of a joint per force, against the stiffness of parts and root alone.
-
-    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones` are
-    (frames, joints, 3).
+    """M: (frames, 3, 3), displacement of a joint per force, against the stiffness of parts and root alone; `bones` are
+    (frames, joints, 3). A part of stiffness h with the lever arm a adds [a]^T [a] / h = (|a|^2 I - a a^T) / h.
     """
     arms: dict[int, Array] = {}
     while joint > 0:

@@ -120,9 +120,8 @@ def _covering_together(capsules: Capsules, covered: Sequence[tuple[Part, _Surfac
 
 
 def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Surface, Numbers]:
-    """Points spread over the mesh, and the part that moves each most, (points,); -1 for what is none of the body's.
-
-    They are the middles of its triangles, or of quarters of these where they are few.
+    """Points spread over the mesh, the middles of its triangles, or of quarters of these where they are few; and the
+    part that moves each most, (points,), -1 for what is none of the body's.
     """
     triangles = mesh.triangles[:: max(-(-len(mesh.triangles) // MOST_POINTS), 1)]
     part_of = np.full(joints, -1)
