@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from spring_case import Case
 
-from distretarget.objectives.supports import compliance, no_supports, support_springs
+from distretarget.objectives.supports import no_supports, support_springs, write_compliance
 
 
 def stance_at(case, joint, weights, away):
@@ -24,7 +24,8 @@ def stance_at(case, joint, weights, away):
 @pytest.mark.parametrize("seed", range(3))
 def test_the_compliance_is_the_way_a_joint_moves_under_a_small_force(seed):
     case, joint, h = Case(seed), 7, 1e-6
-    (M,) = compliance(case.body, case.bones[:1], joint)
+    M = np.empty((3, 3))
+    write_compliance(case.body, case.bones[0], joint, np.empty(case.shape), M)
     for axis in range(3):
         case.springs.A[:] = 0.0
         case.springs.a[0], case.springs.b[0] = joint, -1

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
+from scipy.ndimage import correlate1d, maximum_filter1d
 
 from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.vectors import Array, Flags, Numbers
@@ -35,25 +36,14 @@ def widened(values: Array, frames: float) -> Array:
 
 
 def largest(values: Array, reach: int) -> Array:
-    """The moving maximum of values, (frames, n), over `reach` frames before and after."""
-    row, size, span = _extended(values, reach), 2 * reach + 1, 1
-    while 2 * span <= size:  # each element is the maximum of the `span` values that begin with it
-        row, span = np.maximum(row[:-span], row[span:]), 2 * span
-    return np.maximum(row[: len(values)], row[size - span :])
+    """The moving maximum of values, (frames, ...), over `reach` frames before and after."""
+    return np.asarray(maximum_filter1d(values, 2 * reach + 1, axis=0, mode="nearest"))
 
 
 def averaged(values: Array, reach: int) -> Array:
     """Values, (frames, ...), averaged over `reach` frames before and after by a raised cosine; the ends repeat."""
-    row, window = _extended(values, reach), np.hanning(2 * reach + 3)[1:-1]
-    result, weighted = np.zeros(values.shape), np.empty(values.shape)
-    for first, weight in enumerate(window / window.sum()):
-        result += np.multiply(row[first : first + len(values)], weight, out=weighted)
-    return result
-
-
-def _extended(values: Array, reach: int) -> Array:
-    """The values, with the first and the last repeated before and after them."""
-    return np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="edge") if len(values) else values
+    window = np.hanning(2 * reach + 3)[1:-1]
+    return np.asarray(correlate1d(values, window / window.sum(), axis=0, mode="nearest"))
 
 
 def smoothstep(values: Array) -> Array:

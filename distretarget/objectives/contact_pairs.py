@@ -17,7 +17,7 @@ from distretarget.body.limbs import Legs, hanging_distances, passing_regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.time_series import Shots
-from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip, Drop
 
@@ -194,7 +194,20 @@ def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
 
 def normalised_distances(a: Array, b: Array, u: Numbers, v: Numbers, tau: Array) -> Array:
     """D: (frames, pairs), distances between points u of `a` and v of `b`, (frames, points, 3), over path lengths."""
-    return lengths(a[:, u] - b[:, v]) / tau
+    D = np.empty((len(a), len(u)))
+    _write_distances(a, b, u, v, tau, D)
+    return D
+
+
+@compiled()
+def _write_distances(a, b, u, v, tau, D):  # type: ignore[no-untyped-def]
+    for frame in range(len(a)):
+        for pair in range(len(u)):
+            i, j = u[pair], v[pair]
+            x = a[frame, i, 0] - b[frame, j, 0]
+            y = a[frame, i, 1] - b[frame, j, 1]
+            z = a[frame, i, 2] - b[frame, j, 2]
+            D[frame, pair] = np.sqrt(x * x + y * y + z * z) / tau[pair]
 
 
 def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: int, settings: ContactSettings) -> Array:
@@ -204,9 +217,22 @@ def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: in
     An activation is divided by sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point: a point
     close to a cluster of points is pulled about as strongly as one close to a single point.
     """
-    sums = np.ones((points, len(f)))
-    for activation, *pair in zip(f.T, *ends, strict=True):
-        for point in pair:
-            sums[point] += activation
-    shared = f / np.sqrt(sums[ends[0]] * sums[ends[1]]).T
-    return settings.strength * STIFFNESS * shared * settings.reach / (D + TOUCH)
+    w = np.empty_like(f)
+    _write_stiffness(f, D, *ends, settings.strength * STIFFNESS, settings.reach, np.empty(points), w)
+    return w
+
+
+@compiled()
+def _write_stiffness(f, D, u, v, stiffness, reach, sums, w):  # type: ignore[no-untyped-def]
+    """Write w = stiffness f / sqrt((1 + F_u) (1 + F_v)) reach / (D + TOUCH); `sums`, (points,), is scratch."""
+    for frame in range(len(f)):
+        for point in range(len(sums)):
+            sums[point] = 1.0
+        for s in range(len(u)):
+            sums[u[s]] += f[frame, s]
+            sums[v[s]] += f[frame, s]
+        for s in range(len(u)):
+            w[frame, s] = 0.0
+            if f[frame, s] > 0.0:
+                shared = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
+                w[frame, s] = stiffness * shared * reach / (D[frame, s] + TOUCH)

@@ -16,6 +16,7 @@ import numpy as np
 
 from distretarget.ik.articulation import Articulation
 from distretarget.ik.springs import Springs, no_springs
+from distretarget.numerics.compiled import clear, compiled, inlined
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.floor import Floor, no_floor
 
@@ -103,50 +104,80 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
     """Return the springs of resting joints, frames first; `bones`, (frames, joints, 3), are the rotation copy's [body
     units], `unit` is the body unit [file units], and `stiffness` is k; 0 leaves the joints free.
     """
-    A = np.zeros((*supports.weights.shape, 3, 3))
-    for support in range(len(supports.joints) if stiffness > 0.0 else 0):
-        _write_stiffness(supports, support, body, bones, stiffness, A[:, support])
-    return Springs(supports.joints, np.full(len(supports.joints), -1), supports.places / unit, A)
+    weights, joints, regions, feet = supports.weights, supports.joints, supports.regions, supports.feet
+    A = np.zeros((*weights.shape, 3, 3))
+    if stiffness > 0.0:
+        scratch = np.zeros((len(body.stiffness), 3)), np.zeros((3, 3))
+        _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch)
+    return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
 
 
-def _write_stiffness(
-    supports: Supports, support: int, body: Articulation, bones: Array, stiffness: float, A: Array
-) -> None:
-    """Write A, (frames, 3, 3), of one of the supports."""
-    s, same_region = supports.weights[:, support], supports.regions == supports.regions[support]
-    resting = (supports.weights[:, same_region] > LEAST_WEIGHT).sum(axis=1)
-    n = np.maximum(resting / FIRM, 1.0)
-    m = n if support < supports.feet else resting
-    wholly, partly = np.flatnonzero(s >= 1.0), np.flatnonzero((s > LEAST_WEIGHT) & (s < 1.0))
-    A[wholly] = (stiffness / n[wholly])[:, None, None] * np.eye(3)
-    if len(partly):
-        s, m, n = (each[partly, None, None] for each in (s, m, n))
-        M = compliance(body, bones[partly], int(supports.joints[support])) * (m * (1.0 - s) / s)
-        A[partly] = _inverse(M + n / stiffness * np.eye(3))
+@compiled()
+def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch):  # type: ignore[no-untyped-def]
+    """Write A, (frames, joints, 3, 3); foot joints come first. `scratch` holds lever arms and compliance."""
+    arms, M = scratch
+    for frame in range(len(weights)):
+        for support in range(len(joints)):
+            s = weights[frame, support]
+            if s <= LEAST_WEIGHT:
+                continue
+            resting = _resting_in_region(weights[frame], regions, support)
+            n = resting / FIRM if resting > FIRM else 1.0
+            m = n if support < feet else resting
+            if s < 1.0:
+                write_compliance(body, bones[frame], joints[support], arms, M)
+                for i in range(3):
+                    for j in range(3):
+                        M[i, j] *= m * (1.0 - s) / s
+                    M[i, i] += n / stiffness
+                _write_inverse(M, A[frame, support])
+            else:
+                for i in range(3):
+                    A[frame, support, i, i] = stiffness / n
 
 
-def compliance(body: Articulation, bones: Array, joint: int) -> Array:
-    """M: (frames, 3, 3), displacement of a joint per force, against the stiffness of parts and root alone; `bones` are
-    (frames, joints, 3). A part of stiffness h with the lever arm a adds [a]^T [a] / h = (|a|^2 I - a a^T) / h.
+@inlined()
+def _resting_in_region(weights: Array, regions: Numbers, support: int) -> int:
+    """The number of joints of the same region that rest in a frame, this one included."""
+    count = 0
+    for other in range(len(weights)):
+        count += regions[other] == regions[support] and weights[other] > LEAST_WEIGHT
+    return count
+
+
+@inlined()
+def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, M: Array) -> None:
+    """Write the compliance M, (3, 3): displacement of a joint per force, against the stiffness of parts and root alone.
+
+    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones`,
+    (joints, 3), are the frame's; `arms`, (parts + 1, 3), is scratch.
     """
-    arms: dict[int, Array] = {}
+    clear(arms)
     while joint > 0:
-        parent = int(body.parents[joint])
-        part = int(body.parts[parent])
-        arms[part] = arms.get(part, 0.0) + bones[:, joint]
+        parent = body.parents[joint]
+        for i in range(3):
+            arms[body.parts[parent], i] += bones[joint, i]
         joint = parent
-    M = np.tile(np.eye(3) / body.stiffness[-1], (len(bones), 1, 1))
-    for part in sorted(arms):
-        a, h = arms[part], body.stiffness[part]
-        M += ((a**2).sum(axis=1) / h)[:, None, None] * np.eye(3)
-        M -= a[:, :, None] * a[:, None, :] / h
-    return M
+    clear(M)
+    for i in range(3):
+        M[i, i] = 1.0 / body.stiffness[-1]
+    for part in range(len(arms) - 1):
+        square = arms[part, 0] ** 2 + arms[part, 1] ** 2 + arms[part, 2] ** 2
+        if square == 0.0:
+            continue
+        for i in range(3):
+            M[i, i] += square / body.stiffness[part]
+            for j in range(3):
+                M[i, j] -= arms[part, i] * arms[part, j] / body.stiffness[part]
 
 
-def _inverse(M: Array) -> Array:
-    """The inverses of symmetric matrices, (frames, 3, 3), by their cofactors."""
-    a, b, c, d, e, f = (M[:, i, j] for i, j in zip(*np.triu_indices(3), strict=True))
+@inlined()
+def _write_inverse(M: Array, inverse: Array) -> None:
+    """Write the inverse of a symmetric matrix, (3, 3), by its cofactors."""
+    a, b, c, d, e, f = M[0, 0], M[0, 1], M[0, 2], M[1, 1], M[1, 2], M[2, 2]
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
     D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
     scale = 1.0 / (a * A + b * B + c * C)
-    return np.moveaxis(scale * np.array([[A, B, C], [B, D, E], [C, E, F]]), -1, 0)
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = scale * A, scale * B, scale * C
+    inverse[1, 0], inverse[1, 1], inverse[1, 2] = scale * B, scale * D, scale * E
+    inverse[2, 0], inverse[2, 1], inverse[2, 2] = scale * C, scale * E, scale * F

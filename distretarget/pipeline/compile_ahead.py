@@ -8,6 +8,7 @@ import numpy as np
 
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
+from distretarget.body.resting import joint_speeds, still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
@@ -36,8 +37,7 @@ def warm(objective: Objective, *, skin: bool = True) -> None:
     """
     with without_collection():  # it takes a tenth of the time of compiling
         source, target = _clip()
-        heights_of(source.positions, [0], axis_vector("Y"))  # for bodies with legs, like the next line
-        source.world_rotations_of(0)
+        _run_for_legs(source)
         retarget(source, target, Options(objective=objective)).metrics  # noqa: B018 - what it needs is compiled
         if skin:
             _measure_skin(source)
@@ -80,3 +80,11 @@ def _measure_skin(source: Motion) -> None:
     limbs, free = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2))
     displacements(solid.balls, solid.displaced, posed, limbs, free, gaps, gaps, gaps, some)
     bent(source, (Limb(1, 2, 3, True),), some + 0.1)
+
+
+def _run_for_legs(source: Motion) -> None:
+    """Run what only bodies with legs need."""
+    joints, shots = np.arange(JOINTS), np.zeros(len(source), np.intp)
+    heights_of(source.positions, joints, axis_vector("Y"))
+    still_joints(source, joints, joints, joint_speeds(source, joints, shots), 1.0, shots)
+    source.world_rotations_of(0)

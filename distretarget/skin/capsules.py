@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import inlined
+from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.kinematics import turned
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, normalised
@@ -59,12 +59,24 @@ class Capsules:
         posed = np.empty((len(motion), *self.ends.shape))
 
         def pose(block: slice) -> None:
-            world, places = motion.world_rotations_in(block)[:, self.joints], motion.positions[block][:, self.joints]
-            quaternions = np.moveaxis(world[:, :, None], -1, 0)
-            posed[block] = places[:, :, None] + np.stack(turned(*quaternions, *np.moveaxis(self.ends, -1, 0)), axis=-1)
+            world, places = motion.world_rotations_in(block), read_only(motion.positions[block])
+            _write_posed(world, places, self.joints, read_only(self.ends), posed[block])
 
         over_blocks(pose, len(motion), len(motion.skeleton))
         return posed
+
+
+@compiled()
+def _write_posed(world, positions, joints, ends, posed):  # type: ignore[no-untyped-def]
+    for frame in range(len(world)):
+        for capsule in range(len(joints)):
+            q, x = world[frame, joints[capsule]], positions[frame, joints[capsule]]
+            for end in range(2):
+                v = ends[capsule, end]
+                a, b, c = turned(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
+                posed[frame, capsule, end, 0] = x[0] + a
+                posed[frame, capsule, end, 1] = x[1] + b
+                posed[frame, capsule, end, 2] = x[2] + c
 
 
 def no_capsules() -> Capsules:
