@@ -26,6 +26,7 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
+from distretarget.objectives.asked_reach import front_of
 from distretarget.pipeline.found_contacts import marked_contacts
 from distretarget.skin.balls import segment_gaps
 
@@ -244,6 +245,21 @@ def test_a_head_looks_where_it_is_told(walk, child, walked):
     now = Rotation.from_quat(looks.motion.world_rotations[FRAMES[0] : FRAMES[1] + 1, joint]).apply(front)
     np.testing.assert_allclose(now, np.broadcast_to(direction, now.shape), atol=1e-9)
     assert changed(looks, walked).min() >= FRAMES[0] - BLENDS / walk.frame_time
+
+
+def test_a_head_can_be_told_to_look_straight_back(walk, child, walked):
+    frame, joint = 120, int(walked.matching.target.anatomy.roles["head"])
+    front = front_of(walked.matching.target, walked.rotation_copy, joint)[frame]
+    looks = asked(walk, child, Look(look="head", like=tuple((-front).tolist()), frames=(frame, frame)))
+    np.testing.assert_allclose(front_of(looks.matching.target, looks.motion, joint)[frame], -front, atol=1e-6)
+
+
+def test_a_span_of_seconds_within_the_last_frame_holds_in_that_frame(walk, child, walked):
+    end = len(walk) * walk.frame_time
+    late = asked(walk, child, replace(HAND_ON_HEAD, frames=None, seconds=(end - 0.2 * walk.frame_time, end)))
+    last = (len(walk) - 1, len(walk) - 1)
+    assert apart(late, "left hand", "head", last) < apart(walked, "left hand", "head", last)
+    assert changed(late, walked).max() == len(walk) - 1
 
 
 def test_a_head_like_the_source_has_the_rotations_of_the_copy(walk, child):

@@ -21,6 +21,7 @@ from distretarget.batch.plan import MANIFEST
 from distretarget.batch.record import ManifestRecord, clip_line, made_from, parse_line, settings_line, whole_record
 from distretarget.errors import FileError
 from distretarget.io.files import check_inside, check_writable, make_folder
+from distretarget.numerics.interrupts import interrupts_held
 
 LOCK_INTERVAL = 0.005  # time between two attempts to lock the folder [s]
 
@@ -55,20 +56,22 @@ class Manifest(Journal):
         """Say that this run is at work on an output; return whether no other run is. The claim ends with the run."""
         name = hashlib.sha256(output.encode("utf-8", "surrogatepass")).hexdigest()[:16]
         lock = FileLock(self.path.with_name(f".distretarget-{name}.lock"))
-        try:
-            lock.acquire(timeout=0)
-        except (Timeout, OSError):  # OSError: another user's run is
-            return False
-        self._claims[output] = lock
+        with interrupts_held():  # or the file of a claim that is not noted would stay
+            try:
+                lock.acquire(timeout=0)
+            except (Timeout, OSError):  # OSError: another user's run is
+                return False
+            self._claims[output] = lock
         return True
 
     def release(self, *outputs: str) -> None:
         """Give up the claims to some outputs, or all claims."""
         for output in outputs or tuple(self._claims):
-            if lock := self._claims.pop(output, None):
-                lock.release()
-                with suppress(OSError):
-                    Path(lock.lock_file).unlink()
+            with interrupts_held():
+                if lock := self._claims.pop(output, None):
+                    lock.release()
+                    with suppress(OSError):
+                        Path(lock.lock_file).unlink()
 
     def made(self, record: ManifestRecord, hashes: Mapping[str, str | None]) -> ManifestRecord | None:
         """Return the record of results that are there: made from the same files in the same way as `record` says, with

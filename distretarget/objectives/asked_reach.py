@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
+from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asked_springs import off_by
 from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.skin import BodySkin, Skins
@@ -147,10 +148,8 @@ def front_of(body: Body, motion: Motion, joint: int) -> Array:
 
 def _facing(turned: Rotation, direction: Place, now: Array) -> Rotation:
     """The rotations of a joint turned the shortest way so that its front, which points to `now`, has a direction."""
-    goal = np.broadcast_to(normalised(np.array([direction], float)), now.shape)
-    axis = cross(now, goal)
-    angle = np.arctan2(lengths(axis), (now * goal).sum(axis=1))
-    return Rotation.from_rotvec(normalised(axis) * angle[:, None]) * turned
+    goal = np.broadcast_to(np.array(direction, float), now.shape)
+    return Rotation.from_quat(least_rotation(now, goal)) * turned
 
 
 def _turned(posed: Motion, joint: int, goal: Rotation, weight: Array) -> Motion:

@@ -223,7 +223,7 @@ def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
         if end > last + 1:
             lasts = f"the clip, which lasts {len(clip) * clip.frame_time:g} s"
             raise contacts.fault(entry, "seconds", f"{entry.seconds[1]:g} s is beyond {lasts}")
-        span = first, min(end, last)
+        span = min(first, last), min(end, last)
     elif span[1] > last:
         has = f"the clip, which has {counted(len(clip), 'frame')}, 0 to {last}"
         raise contacts.fault(entry, "frames", f"frame {span[1]:g} is beyond {has}")
