@@ -36,7 +36,7 @@ from distretarget.skin.tangents import LEAST_SHARE, Displaced
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
 LEAD = 0.08  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE = (0.14, 0.08, 0.06)  # brought out again, displacements are averaged over these times before and after [s]
+SETTLE, MEET, LAST = 0.14, 0.06, 0.06  # what is left is brought out, and averaged over these times on each side [s]
 RATE = 20.0  # displacements are found about as often, and interpolated [1/s]
 
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
@@ -139,7 +139,7 @@ def _of_target(body: Body, capsules: Capsules) -> BodySkin:
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
     keys = KeyFrames.of(clip.shots, clip.frame_time, RATE)
-    margin = round((4.0 * LEAD + sum(SETTLE) + 2.0 * keys.time) / clip.frame_time) + 2
+    margin = round((4.0 * LEAD + SETTLE + MEET + 2.0 * LAST + 2.0 * keys.time) / clip.frame_time) + 2
     chunks = chunks_of(len(clip), margin)
     posed.positions  # noqa: B018 - once for all chunks
 
@@ -182,30 +182,35 @@ def led(
     keys: KeyFrames,
     reach: float = REACH,
 ) -> Array:
-    """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after. Of the arguments of
-    `displacements`, `geometry` are `posed` to `free` in all frames, `asked` are `soft` to `firmness` at key frames.
+    """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after; only parts that
+    both give way, such as hands that clap, meet without a lead. Of the arguments of `displacements`, `geometry` are
+    `posed` to `free` in all frames, `asked` are `soft` to `firmness` at key frames.
     """
-    at = keys.numbers
-    shots, lead = keys.shots[at], LEAD / keys.time
     find: Callable[..., Array] = partial(displacements, balls, displaced, reach=reach)
-
-    def over_time(change: Callable[[Array], Array], values: Array, shots: Shots = shots) -> Array:
-        return by_shot(change, shots, values.reshape(len(values), -1)).reshape(values.shape)
-
-    at_keys = tuple(each[at] for each in geometry)
+    at_keys, shots = tuple(each[keys.numbers] for each in geometry), keys.shots[keys.numbers]
     soft, aims, firmness = asked
-    arms, others = firmness * displaced.mutual, firmness * ~displaced.mutual
-    raw = by_shot(find, shots, *at_keys, soft, aims, others)
-    size = over_time(lambda each: widened(each, lead), lengths(raw))
-    direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
-    smooth = size[..., None] * normalised(direction)
-    for time in SETTLE[:-1]:
-        out = find(*at_keys, soft, aims, arms, smooth, raw)  # arms that meet and part do so without a lead
-        smooth = over_time(partial(averaged, reach=max(round(time / keys.time), 1)), out)
-    soft = keys.between(soft)
-    out = find(*geometry, soft, soft, np.zeros_like(soft), keys.between(smooth))
-    reach_of_last = max(round(SETTLE[-1] / keys.frame_time), 1)
-    return over_time(partial(averaged, reach=reach_of_last), out, keys.shots)
+    mutual, none = displaced.mutual, np.zeros_like(soft)
+    alone = np.where(mutual, NEVER, soft), aims, np.where(mutual, 0.0, firmness)
+    sides = by_shot(find, shots, *at_keys, soft, *alone[1:])
+    d = _led_by(by_shot(find, shots, *at_keys, *alone), shots, LEAD / keys.time)
+    d = _averaged(find(*at_keys, alone[0], aims, none, d), shots, SETTLE / keys.time)
+    meeting = find(*at_keys, soft, aims, np.where(mutual, firmness, 0.0), d, sides)
+    d = keys.between(_averaged(meeting, shots, MEET / keys.time))
+    soft, last = keys.between(soft), LAST / keys.frame_time
+    left = find(*geometry, soft, soft, np.zeros_like(soft), d) - d
+    return _averaged(d + _led_by(left, keys.shots, last / 2.0), keys.shots, last)
+
+
+def _led_by(d: Array, shots: Shots, frames: float) -> Array:
+    """Displacements that last `frames` longer on each side, and set in and end over as many."""
+    size = by_shot(partial(widened, frames=frames), shots, lengths(d))
+    direction = by_shot(partial(averaged, reach=2 * round(frames) + 1), shots, d)
+    return np.asarray(size[..., None] * normalised(direction))
+
+
+def _averaged(d: Array, shots: Shots, frames: float) -> Array:
+    """Displacements averaged over so many frames on each side, one at the least."""
+    return by_shot(partial(averaged, reach=max(round(frames), 1)), shots, d)
 
 
 def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
