@@ -42,8 +42,15 @@ def largest(values: Array, reach: int) -> Array:
 
 def averaged(values: Array, reach: int) -> Array:
     """Values, (frames, ...), averaged over `reach` frames before and after by a raised cosine; the ends repeat."""
+    return np.asarray(correlate1d(values, _raised_cosine(reach), axis=0, mode="nearest"))
+
+
+def _raised_cosine(reach: int) -> Array:
+    """(2 reach + 1,), weights in whole 2^-52ths, so that ones have the average 1 in any order of the sum."""
     window = np.hanning(2 * reach + 3)[1:-1]
-    return np.asarray(correlate1d(values, window / window.sum(), axis=0, mode="nearest"))
+    weights = np.round(2.0**52 * window / window.sum())
+    weights[reach] += 2.0**52 - weights.sum()
+    return np.asarray(weights / 2.0**52)
 
 
 def smoothstep(values: Array) -> Array:
