@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, contiguous, inlined
 from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 400  # of a body with more, those on its longest branches count: time and memory grow with their pairs
 NEAREST = 1e-300  # least squared distance, so that coincident points exert no force [body sizes squared]

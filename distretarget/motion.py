@@ -19,11 +19,9 @@ from distretarget.numerics.compiled import read_only
 from distretarget.numerics.kinematics import joint_positions, line_rotations, make_local, world_rotations
 from distretarget.numerics.parallel import in_blocks, over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
-from distretarget.numerics.vectors import extent, lengths
+from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
 from distretarget.stick_figures import likely_up, stick_figures
-
-Array = NDArray[np.float64]
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
 UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion

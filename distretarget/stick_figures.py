@@ -7,7 +7,7 @@ import html
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
 
 HEIGHT = 100.0  # of a picture [units of SVG]
 GAP = 12.0  # around and between postures [units of SVG]

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.batch.record import ManifestRecord
@@ -24,10 +23,8 @@ from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import SUFFIXES, Metric, Variant, metrics_at
-from distretarget.numerics.vectors import angles_between, lengths, normalised
+from distretarget.numerics.vectors import Array, angles_between, lengths, normalised
 from distretarget.skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 LISTED = 20  # most clips listed as failed, or as left out
 WORST = 3  # most clips listed as the worst by a metric

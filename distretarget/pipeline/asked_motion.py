@@ -20,7 +20,7 @@ from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, spans_of
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asked_reach import brought_out, reached, with_looks
 from distretarget.objectives.asked_springs import between, off_by, with_wishes
 from distretarget.objectives.asking import Wish, Wishes, centimetres
@@ -30,8 +30,6 @@ from distretarget.objectives.supports import Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 Ways = Sequence[Array | None]
 
 NOTICED = 0.003  # what is farther off than this is told [heights]

@@ -32,8 +32,6 @@ from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.balls import segment_gaps
 from distretarget.target import AnyTarget, SkeletonEdit, Target
 
-Array = NDArray[np.float64]
-
 LISTED = 0.5  # a contact whose activation never reaches this is not listed
 TOUCHING = 1.0  # skins that are nearer than this touch [cm]
 FARTHEST = 0.3  # skins that are farther apart are not measured [body units]

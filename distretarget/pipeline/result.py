@@ -25,13 +25,12 @@ from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, lengths
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.skin.mesh import SkinnedMesh
 
-Array = NDArray[np.float64]
 Labels = dict[str, NDArray[Any]]
 
 STRAIGHT = 0.99  # a leg whose ankle is farther than this from its hip joint is straight [leg lengths]

@@ -20,10 +20,10 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.vectors import Array
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 
-Array = NDArray[np.float64]
 Role = Literal["source", "copy", "result", "other", "prop"]
 
 BUDGET = 8_000_000  # most characters for the rotations of all actors; of longer clips some frames are shown

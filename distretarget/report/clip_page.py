@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.build import capsules_of
 from distretarget.checks import check_kind
@@ -28,8 +27,6 @@ from distretarget.report.page import html_page
 from distretarget.report.stage import ShownBody, facing, stage_of_bodies
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import LoadedTarget, Target
-
-Array = NDArray[np.float64]
 
 TOUCHING = (
     "Two regions of the body, such as a hand and the head, touch if D of their nearest joints is below "

@@ -15,7 +15,6 @@ from importlib.metadata import version
 from typing import Any, Literal, SupportsFloat, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
 from distretarget.errors import counted
@@ -24,7 +23,6 @@ from distretarget.measure.metrics import BY_KEY, Tracks, Variant, clip_limits, c
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import Skeleton
 
-Array = NDArray[np.float64]
 MetricValues = Mapping[str, float | None]
 """Metrics by key; None where nothing was to be measured."""
 Values = Mapping[str, Any]

@@ -23,7 +23,7 @@ from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff, SceneDiff
 from distretarget.measure.gaps import TOUCH_DISTANCE, SkinGap, Touch
 from distretarget.measure.metrics import BY_KEY, METRICS
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, lengths
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, upright
 from distretarget.report.clip_page import run_diff, shown_performer
@@ -34,7 +34,6 @@ from distretarget.report.timeline_rows import Row, limit_of
 from distretarget.scene.retargeting import SceneResult
 from distretarget.skin.capsules import SEGMENTS
 
-Array = NDArray[np.float64]
 Pair = tuple[int, int]
 GAP_ERROR = "gap_error"  # the metric of a whole scene
 OTHER: Role = "other"  # of all performers of a scene

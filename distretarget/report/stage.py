@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
@@ -22,6 +21,7 @@ from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import animations_in, parse_full_target
 from distretarget.measure.diff import Diff, diff
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact
 from distretarget.report.actors import BUDGET, Actor, Role, lowest_skin, thinned, upright
 from distretarget.report.page import html_page
@@ -30,7 +30,6 @@ from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh, no_mesh
 from distretarget.target import Target
 
-Array = NDArray[np.float64]
 Jump = Mapping[str, object]
 """A frame to go to, its kind, and a text that says why."""
 

@@ -17,12 +17,12 @@ from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.skin import TOUCHABLE
 from distretarget.measure.skin_shapes import LIMBS
 from distretarget.numerics.time_series import spans_of
+from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact
 from distretarget.report.actors import packed
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.fit import distances
 
-Array = NDArray[np.float64]
 Kind = Literal["contact", "support", "skin"]
 Point = tuple[int, int]
 """An actor of the page, and one of its joints."""
