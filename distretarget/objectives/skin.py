@@ -191,10 +191,11 @@ def led(
     soft, aims, firmness = asked
     mutual, none = displaced.mutual, np.zeros_like(soft)
     alone = np.where(mutual, NEVER, soft), aims, np.where(mutual, 0.0, firmness)
-    sides = by_shot(find, shots, *at_keys, soft, *alone[1:])
+    meets = np.where(mutual, firmness, 0.0)
+    sides = by_shot(find, shots, *at_keys, soft, *alone[1:]) if meets.any() else None
     d = _led_by(by_shot(find, shots, *at_keys, *alone), shots, LEAD / keys.time)
     d = _averaged(find(*at_keys, alone[0], aims, none, d), shots, SETTLE / keys.time)
-    meeting = find(*at_keys, soft, aims, np.where(mutual, firmness, 0.0), d, sides)
+    meeting = find(*at_keys, soft, aims, meets, d, sides)
     d = keys.between(_averaged(meeting, shots, MEET / keys.time))
     soft, last = keys.between(soft), LAST / keys.frame_time
     left = find(*geometry, soft, soft, np.zeros_like(soft), d) - d
