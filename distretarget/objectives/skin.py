@@ -189,14 +189,12 @@ def led(
     find: Callable[..., Array] = partial(displacements, balls, displaced, reach=reach)
     at_keys, shots = tuple(each[keys.numbers] for each in geometry), keys.shots[keys.numbers]
     soft, aims, firmness = asked
-    mutual, none = displaced.mutual, np.zeros_like(soft)
-    alone = np.where(mutual, NEVER, soft), aims, np.where(mutual, 0.0, firmness)
-    meets = np.where(mutual, firmness, 0.0)
-    sides = by_shot(find, shots, *at_keys, soft, *alone[1:]) if meets.any() else None
-    d = _led_by(by_shot(find, shots, *at_keys, *alone), shots, LEAD / keys.time)
-    d = _averaged(find(*at_keys, alone[0], aims, none, d), shots, SETTLE / keys.time)
-    meeting = find(*at_keys, soft, aims, meets, d, sides)
-    d = keys.between(_averaged(meeting, shots, MEET / keys.time))
+    apart, none = np.where(displaced.mutual, NEVER, soft), np.zeros_like(soft)
+    meets, others = np.where(displaced.mutual, firmness, 0.0), np.where(displaced.mutual, 0.0, firmness)
+    sides = by_shot(find, shots, *at_keys, soft, aims, others) if meets.any() else None
+    d = _led_by(by_shot(find, shots, *at_keys, apart, aims, others), shots, LEAD / keys.time)
+    d = _averaged(find(*at_keys, apart, aims, none, d), shots, SETTLE / keys.time)
+    d = keys.between(_averaged(find(*at_keys, soft, aims, meets, d, sides), shots, MEET / keys.time))
     soft, last = keys.between(soft), LAST / keys.frame_time
     left = find(*geometry, soft, soft, np.zeros_like(soft), d) - d
     return _averaged(d + _led_by(left, keys.shots, last / 2.0), keys.shots, last)

@@ -13,6 +13,11 @@ from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, normalised
 from distretarget.skeleton import HALF_TURN
 
+LEAST = 1e-9  # a shorter axis is a point, and a smaller distance has no direction [any unit of length]
+MOST_TAPER = 0.99  # of the radius per length of the axis; beyond, the larger ball holds the smaller
+HOLDS = 1e9  # stands for the last number of an axis that is a point with the larger radius at its end
+RINGS, AROUND = 5, 16  # of each round end, its pole included, and points of each ring
+
 # The parts of a body whose surfaces can touch.
 LIMB_SEGMENTS = ("hand", "forearm", "upper arm", "thigh", "shin", "foot")
 TRUNK_SEGMENTS = ("head", "neck", "chest", "belly", "pelvis")
@@ -85,11 +90,6 @@ def no_capsules() -> Capsules:
     return Capsules(none, np.zeros((0, 2, 3)), np.zeros((0, 2)), none)
 
 
-LEAST = 1e-9  # a shorter axis is a point, and a smaller distance has no direction [any unit of length]
-MOST_TAPER = 0.99  # of the radius per length of the axis; beyond, the larger ball holds the smaller
-HOLDS = 1e9  # stands for the last number of an axis that is a point with the larger radius at its end
-
-
 @inlined(fastmath=True)
 def write_axis(ends: Array, radii: Array, axis: Array) -> None:
     """Write what `gap_at` needs of a tapered capsule, (8,): one end of its axis, the way to the other, and with the
@@ -123,9 +123,6 @@ def gap_at(p, radius, axis, radii):  # type: ignore[no-untyped-def]
     distance = np.sqrt(x * x + y * y + z * z)
     inverse = 1.0 / max(distance, LEAST)
     return distance - radii[0] - t * (radii[1] - radii[0]) - radius, t, inverse * x, inverse * y, inverse * z
-
-
-RINGS, AROUND = 5, 16  # of each round end, its pole included, and points of each ring
 
 
 def surface_of(ends: Array, radii: Array) -> tuple[Array, Numbers]:
