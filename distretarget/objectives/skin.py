@@ -201,7 +201,7 @@ def led(
 
 
 def _led_by(d: Array, shots: Shots, frames: float) -> Array:
-    """Displacements that last `frames` longer on each side, and set in and end over as many."""
+    """Displacements held for so many frames before and after, and eased in and out over as many."""
     size = by_shot(partial(widened, frames=frames), shots, lengths(d))
     direction = by_shot(partial(averaged, reach=2 * round(frames) + 1), shots, d)
     return np.asarray(size[..., None] * normalised(direction))
