@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 from characters import ARMATURE, LOOKING_BACK, Bones, Character, Mesh, Performance, as_vrm0, as_vrm1, character
 
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation
 
 Array = np.ndarray
 DECIMETRE = 0.1  # the base mesh is in dm

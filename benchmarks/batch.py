@@ -53,7 +53,7 @@ def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
         write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
     ratio, first = alternately(scratch, rounds)
     print(f"{clips} clips of {frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
-    pool, ready = Processes(1, "contact"), []
+    pool, ready = Processes(1), []
     for _ in range(2):  # the first worker, including the process it is forked from, and a second one
         started = time.perf_counter()
         pool.executor.submit(os.getpid).result()

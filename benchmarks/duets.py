@@ -21,7 +21,6 @@ from tables import publish, several, table
 
 from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
 from distretarget.measure.gaps import Gap, body_part, measure_gap
-from distretarget.pipeline.compile_ahead import warm
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
@@ -66,7 +65,6 @@ def takes(duets: Path) -> Iterator[tuple[str, list[Motion]]]:
 
 def rows(duets: Path) -> Iterator[Iterator[str]]:
     """A row for each take and pair of bodies."""
-    warm("contact")
     for number, motions in takes(duets):
         for names in PAIRS:
             yield cells(f"{number}, {names[0]} and {names[1]}", solved(motions, names))

@@ -55,8 +55,6 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import TargetFile, parse_target
-from distretarget.pipeline.compile_ahead import warm
-from distretarget.pipeline.options import OBJECTIVES
 from distretarget.pipeline.retargeting import retarget_onto
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
@@ -320,8 +318,6 @@ PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
 @click.option("--keep", type=Path)
 def main(seconds: float, first_seed: int, keep: Path | None, **counts: int) -> None:
     """Try as many inputs as asked for, and print the outcomes of each part."""
-    for objective in OBJECTIVES:
-        warm(objective)  # compilation is not counted as time taken
     started, wrong, rounds = time.monotonic(), 0, 0
     totals = {part: Tried() for part in PARTS}
     while not rounds or time.monotonic() - started < seconds:

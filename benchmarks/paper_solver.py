@@ -17,8 +17,9 @@ from scipy.optimize import OptimizeResult, minimize
 from distretarget.distances import DistanceProblem, filled, stress_and_gradient, target_distances
 from distretarget.ik import spg
 from distretarget.ik.spg import ETA, Minimum, Reason, scratch_for, spectral_gradient, steepest
-from distretarget.numerics.compiled import compiled, inlined, introduced
-from distretarget.objectives.paper import POINT_ITERATIONS, POINT_TOLERANCE
+from distretarget.numerics.build import introduce_parts
+from distretarget.numerics.compiled import inlined
+from distretarget.objectives.paper_terms import POINT_ITERATIONS, POINT_TOLERANCE
 
 Array = NDArray[np.float64]
 
@@ -65,12 +66,15 @@ def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
     return stress_and_gradient(x, problem.delta, problem.pi, gradient)
 
 
-@compiled()
+introduce_parts()
+
+
+@njit(error_model="numpy")
 def _value(x, problem, gradient):  # type: ignore[no-untyped-def]
     return _objective(x, problem, gradient)
 
 
-@compiled()
+@njit(error_model="numpy")
 def _write_distances(source, ratio, delta):  # type: ignore[no-untyped-def]
     target_distances(source, ratio, delta)
 
@@ -104,9 +108,9 @@ def _compiled(eta: float) -> Any:
     """The solver compiled with another value of the constant `ETA`."""
     with patch.object(spg, "ETA", eta):
         minimise = spectral_gradient(_objective, steepest, adaptive=True)
+        introduce_parts()
 
         @njit(error_model="numpy")
-        @introduced
         def solve(x, stress, tolerance, gradient, scratch):  # type: ignore[no-untyped-def]
             sigma = _objective(x, stress, gradient)
             return minimise(x, sigma, gradient, stress, tolerance, POINT_ITERATIONS, scratch)

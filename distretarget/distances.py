@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, contiguous, inlined
+from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import F1, F2, F3, I1, Array
 from distretarget.skeleton import Skeleton
 
 MOST_POINTS = 400  # of a body with more, those on its longest branches count: time and memory grow with their pairs
@@ -150,7 +150,7 @@ def differences_of_distances(
     """
     sums = np.empty(len(y[0]))
     (of_x, points_x, tau_x), (of_y, points_y, tau_y) = x, y
-    of_x, of_y = (contiguous(positions) for positions in (of_x, of_y))
+    of_x, of_y = (np.ascontiguousarray(positions) for positions in (of_x, of_y))
     scales = 1.0 / tau_x, 1.0 / tau_y
 
     def write(block: slice) -> None:
@@ -162,7 +162,18 @@ def differences_of_distances(
 
 
 @compiled(fastmath=True)
-def _write_differences(x, of_x, per_x, y, of_y, per_y, weights, linear, scratch, sums):  # type: ignore[no-untyped-def]
+def _write_differences(
+    x: F3,
+    of_x: I1,
+    per_x: F2,
+    y: F3,
+    of_y: I1,
+    per_y: F2,
+    weights: F2,
+    linear: bool,
+    scratch: Out[F3],
+    sums: Out[F1],
+) -> None:
     points, p, q = len(of_x), scratch[0], scratch[1]
     for frame in range(len(sums)):
         for point in range(points):

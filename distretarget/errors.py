@@ -125,6 +125,17 @@ class MissingPackageError(DistretargetError):
     """A missing optional package that this call needs."""
 
 
+class LibraryError(DistretargetError):
+    """The library of compiled functions is missing, damaged, out of date, or for another machine; what brings it."""
+
+    def __init__(self, path: str | Path, reason: str, remedy: str) -> None:
+        super().__init__(f"{reason}; the compiled functions come with: {remedy}", path)
+
+    def in_file(self, path: str | Path) -> Self:  # noqa: ARG002
+        """Return this error: no file of the user's is at fault."""
+        return self
+
+
 class BatchError(DistretargetError):
     """A batch that cannot run, or that stopped."""
 

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, counted, quoted
-from distretarget.numerics.compiled import read_only
 from distretarget.numerics.kinematics import joint_positions, line_rotations, make_local, world_rotations
 from distretarget.numerics.parallel import in_blocks, over_blocks
-from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
-from distretarget.numerics.vectors import Array, extent, lengths
+from distretarget.numerics.quaternions import first_not_unit
+from distretarget.numerics.rotations import RotationKind, represented
+from distretarget.numerics.vectors import Array, extent, lengths, read_only
 from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
 from distretarget.stick_figures import likely_up, stick_figures
 

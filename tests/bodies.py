@@ -14,7 +14,7 @@ from distretarget import Motion, Skeleton
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching, match
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation
 from distretarget.skeleton import JointMap
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"

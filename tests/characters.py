@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
 from distretarget.body.axes import axis_vector
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation
 
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}
 ARMATURE = np.diag([0.01, 0.01, 0.01, 1.0])

@@ -7,12 +7,23 @@ import pytest
 from hypothesis import settings
 from pages import settle
 
+from distretarget.errors import LibraryError
+from distretarget.numerics.compiled import loaded
+
 settings.register_profile("however slow", deadline=None)  # a busy machine is no fault of the program
 settings.load_profile("however slow")
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 PLAYER_BUILT = "async () => { while (!globalThis.app) await new Promise(requestAnimationFrame); }"
 SOFTWARE = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # draws WebGL without a graphics card
+
+
+def pytest_configure():
+    """End at once where the compiled functions are not those of the sources."""
+    try:
+        loaded()
+    except LibraryError as error:
+        pytest.exit(str(error), returncode=1)
 
 
 @pytest.fixture(scope="module")

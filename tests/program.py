@@ -1,6 +1,5 @@
 """Run the program as users do: in this process, which is fast, or in a separate one."""
 
-import functools
 import json
 import subprocess
 import sys
@@ -11,23 +10,13 @@ from click.testing import CliRunner
 
 from distretarget.batch.manifest import Manifest
 from distretarget.cli import main
-from distretarget.pipeline.compile_ahead import warm
-from distretarget.pipeline.options import OBJECTIVES
 
 LOOK = 0.02  # time between two checks of a running process [s]
 LOOKS = 15_000  # after this many seconds a test fails
 
 
-@functools.cache
-def compile_all():
-    """Compile all code, so that no run of the program has to, and to say so."""
-    for objective in OBJECTIVES:
-        warm(objective)
-
-
 def run(*arguments, given=""):
     """Run the program in this process, with the text `given` as standard input."""
-    compile_all()
     words = list(map(str, arguments))
     with CliRunner().isolation(given) as (out, err, *_), patch("sys.argv", ["distretarget", *words]):
         with pytest.raises(SystemExit) as ended:
@@ -43,13 +32,11 @@ def command(*arguments):
 
 def run_process(*arguments, **options):
     """Run the program in a separate process, with options of `subprocess.run`."""
-    compile_all()
     return subprocess.run(command(*arguments), capture_output=True, text=True, **options)
 
 
 def start_process(*arguments):
     """Start the program in a separate process and session."""
-    compile_all()
     pipe = subprocess.PIPE
     return subprocess.Popen(command(*arguments), stdout=pipe, stderr=pipe, text=True, start_new_session=True)
 

@@ -5,12 +5,12 @@ from bodies import swaying
 
 from distretarget import Skeleton
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
+from distretarget.ik.floor import no_floor
 from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import part_of_joint
-from distretarget.ik.springs import Springs, room_for, spring_energy
-from distretarget.objectives.contact import TOLERANCE, Given, _solve
-from distretarget.objectives.contact_pairs import NearPairs
-from distretarget.objectives.floor import no_floor
+from distretarget.ik.springs import FrameSprings, Springs, room_for, spring_energy
+from distretarget.objectives.contact import TOLERANCE
+from distretarget.objectives.contact_terms import Given, NearPairs, solve_frames
 
 
 def no_pairs(frames):
@@ -37,7 +37,7 @@ def random_springs(draw, joints, frames=1, count=12, grounded=4):
 
 
 def at(springs, frame):
-    return Springs(springs.a, springs.b, *(values[frame] for values in springs[2:]))
+    return FrameSprings(springs.a, springs.b, *(values[frame] for values in springs[2:]))
 
 
 def naive_energy(x, springs):
@@ -110,5 +110,5 @@ class Case:
         rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
         copy, frames = CopiedBones(self.bones[first:], self.root[first:]), len(self.root) - first
         given = Given(no_pairs(frames), rows, no_floor(frames), room_for(len(rows.a)))
-        _solve(self.body, copy, given, TOLERANCE, v, first, log, Workspace.of(self.body))
+        solve_frames(self.body, copy, given, TOLERANCE, v, first, log, Workspace.of(self.body))
         return v, log

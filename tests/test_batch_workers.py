@@ -105,6 +105,5 @@ def test_a_machine_without_shared_memory_says_so_in_one_line(monkeypatch):
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr(workers, "ProcessPoolExecutor", refuse)
-    monkeypatch.setattr(workers, "warm_for_others", lambda _: None)
     with pytest.raises(BatchError, match="/dev/shm: Read-only file system; make it writable"):
-        _ = workers.Processes(2, "contact").executor
+        _ = workers.Processes(2).executor

@@ -439,7 +439,7 @@ def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
 
 def test_workers_run_the_same_program(folder):
     (folder / "distretarget" / "batch").mkdir(parents=True)
-    for module in ("__init__.py", "batch/__init__.py", "batch/warmed.py"):
+    for module in ("__init__.py", "batch/__init__.py", "batch/workers.py"):
         (folder / "distretarget" / module).write_text("open('imported', 'a').close()")
     program = shutil.which("distretarget", path=Path(sys.executable).parent)
     if not program:

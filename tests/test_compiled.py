@@ -1,229 +1,274 @@
-"""Compiled code is kept where it can be, is never out of date, and gives the same bytes in all runs."""
+"""Compiled functions do what their Python does, refuse other types, and a library that does not fit says so."""
 
-import errno
+import ast
+import copy
+import inspect
+import json
 import os
-import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from numba.core import config
-from numba.core.caching import IndexDataCacheFile
+from program import run
 
-from distretarget.numerics import compiled as module
-from distretarget.numerics.compiled import PACKAGE, announced_compilation, compiled, inlined, merged, uncompiled
+from distretarget import Options, load_target, read_bvh, retarget
+from distretarget.errors import LibraryError
+from distretarget.numerics import build, compiled
+from distretarget.numerics.joint_paths import _write_steps, steps_along
 
-RUN = """
-import hashlib, sys
-from distretarget import load_target, read_bvh, retarget
-from distretarget.numerics.compiled import announced_compilation
-
-with announced_compilation(lambda line: print(line.partition(",")[0])):
-    result = retarget(read_bvh(sys.argv[1]), load_target(sys.argv[2]))
-print(hashlib.sha256(result.motion.rotations.tobytes()).hexdigest())
-"""
-READ = """
-import sys
-from distretarget import read_bvh
-from distretarget.numerics.compiled import announced_compilation
-
-with announced_compilation(print):
-    print(len(read_bvh(sys.argv[1])))
-"""
-COMMAND = [sys.executable, "-c", RUN, SAMPLES / "squat.bvh", SAMPLES / "rigs" / "lafan1_a.json"]
-FIRST = "compiling for the first run"
-
-
-@inlined()
-def squared(x):
-    return x * x
-
-
-@merged
-def sum_of_squares(values):
-    total = 0.0
-    for value in values:
-        total += squared(value)
-    return total
-
-
-def length(values):
-    return np.sqrt(sum_of_squares(values))
-
-
-def start(folder, **changes):
-    """Retarget a clip in another process, which says when it compiles, and then the hash of the result."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder)} | changes
-    pipe = subprocess.PIPE
-    return subprocess.Popen(COMMAND, env=environment, stdout=pipe, stderr=pipe, text=True)
-
-
-def end(process):
-    output, errors = process.communicate()
-    assert (process.returncode, errors) == (0, "")
-    return output.split("\n")[:-1]
+MOST_CALLS = 2  # of a function that are compared
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """A folder that two processes have filled side by side, and what they said."""
-    folder = tmp_path_factory.mktemp("code")
-    running = [start(folder), start(folder, OMP_NUM_THREADS="1", PYTHONDONTWRITEBYTECODE="1")]
-    return folder, [end(process) for process in running]
+def calls():
+    """The arguments of calls of compiled functions, by function, as clips on a few bodies make them."""
+    noted, checked = {}, compiled._checked
+
+    def note(function, arguments, kinds):
+        some = noted.setdefault(function, [])
+        if len(some) < MOST_CALLS:
+            some.append(copy.deepcopy(arguments))
+        return checked(function, arguments, kinds)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled, "_checked", note)
+        clip, squat = read_bvh(SAMPLES / "clap.bvh")[100:106], read_bvh(SAMPLES / "squat.bvh")[:4]
+        for motion, target, objective in (
+            (clip, HERO, "contact"),
+            (squat, SAMPLES / "child.json", "contact"),
+            (squat, SAMPLES / "child.json", "paper"),
+        ):
+            assert retarget(motion, load_target(target), Options(objective=objective)).metrics
+        run("scene", SAMPLES / "scenes" / "staff.json", "--dry-run")
+    return noted
 
 
-def test_processes_that_compile_side_by_side_get_the_same_bytes(kept):
-    _, (one, other) = kept
-    assert one == other
-    assert one[0] == FIRST
-    assert len(one[1]) == 64
+def written(function, arguments):
+    """What a function writes, but for scratch and the numbers of iterations, which rounding changes."""
+    named = zip(inspect.signature(function).parameters.values(), arguments, strict=True)
+    out = {parameter.name: value for parameter, value in named if parameter.annotation.startswith("Out[")}
+    return {name: value for name, value in out.items() if name not in {"log", "scratch", "gradient"}}
 
 
-def test_later_runs_compile_nothing_and_get_the_bytes_of_the_first(kept):
-    folder, ((_, first), _) = kept
-    assert end(start(folder)) == [first]
+def test_compiled_functions_do_what_their_python_does(calls):
+    compared = set()
+    for call, _ in compiled.functions:
+        for arguments in calls.get(call.__wrapped__, ()):
+            own, python = copy.deepcopy(arguments), copy.deepcopy(arguments)
+            returned = call(*own)
+            with np.errstate(all="ignore"):
+                assert call.__wrapped__(*python) == returned
+            expected = written(call.__wrapped__, python)
+            for name, value in written(call.__wrapped__, own).items():
+                np.testing.assert_allclose(value, expected[name], 1e-6, 1e-6, err_msg=f"{call.__qualname__}: {name}")
+            compared.add(call.__qualname__)
+    assert len(compared) > 0.8 * len(compiled.functions)
+
+
+def test_the_library_has_all_functions():
+    library = compiled.loaded()
+    for call, _ in compiled.functions:
+        assert library.entry(call.__wrapped__)
+
+
+@pytest.mark.parametrize(
+    ("number", "value", "found"),
+    [
+        (0, np.zeros((3, 2, 3), np.float32), "float32"),
+        (0, np.zeros((3, 6)), r"\(3, 6\)"),
+        (0, np.zeros((3, 3, 2)).transpose(0, 2, 1), "flags"),
+        (0, np.zeros((3, 2, 3), ">f8"), ">f8"),
+        (0, [[[0.0]]], r"\[\[\["),
+        (1, np.zeros(2), "float64"),
+        (3, np.broadcast_to(0.0, (2, 2)), "flags"),
+    ],
+)
+def test_arguments_of_other_types_are_refused(number, value, found):
+    arguments = [np.zeros((3, 2, 3)), np.arange(2), 1, np.zeros((2, 2))]
+    assert _write_steps(*arguments) is None
+    arguments[number] = value
+    with pytest.raises(TypeError, match=f"_write_steps: array {number} is .*{found}.*; expected"):
+        _write_steps(*arguments)
+
+
+def test_a_call_with_too_few_arguments_is_refused():
+    with pytest.raises(TypeError, match="_write_steps takes 4 arrays and numbers, not 2"):
+        _write_steps(np.zeros((3, 2, 3)), np.arange(2))
+
+
+def test_threads_get_the_same():
+    paths = np.random.default_rng(0).normal(size=(2000, 20, 3))
+    with ThreadPoolExecutor(8) as pool:
+        results = list(pool.map(lambda _: steps_along(paths), range(32)))
+    assert all(np.array_equal(result, results[0]) for result in results)
 
 
 @pytest.fixture
-def places(tmp_path, monkeypatch):
-    """The three places to keep code in, in order; a place that is made a file cannot be used."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "chosen"))
-    monkeypatch.setattr(module, "PACKAGE", tmp_path / "package")
-    for name in ("HOME", "USERPROFILE"):
-        monkeypatch.setenv(name, str(tmp_path / "home"))
-    return [tmp_path / "chosen", tmp_path / "package", tmp_path / "home"]
+def library(tmp_path, monkeypatch):
+    """A copy of the library and its manifest, which are the ones to load."""
+    for name in ("LIBRARY", "MANIFEST"):
+        path = getattr(compiled, name)
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+        monkeypatch.setattr(compiled, name, tmp_path / path.name)
+    return tmp_path
 
 
-def chosen():
-    return module.code_folder.__wrapped__()
+def refusal():
+    with pytest.raises(LibraryError) as refused:
+        compiled.loaded.__wrapped__()
+    line = str(refused.value)
+    assert "\n" not in line
+    assert line.startswith(str(compiled.LIBRARY))
+    return line
 
 
-def test_code_is_kept_in_the_first_place_that_can_be_written_to(places):
-    for place in places:
-        assert chosen().is_relative_to(place)
-        shutil.rmtree(place)
-        place.touch()
-    assert chosen() is None
+def changed(**values):
+    known = json.loads(compiled.MANIFEST.read_text()) | values
+    compiled.MANIFEST.write_text(json.dumps(known))
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions of POSIX systems")
-def test_code_is_not_taken_from_a_folder_that_others_can_write_to(places):
-    """Whoever writes there could have prepared code, which would be run."""
-    first, second, _ = places
-    folder = chosen()
-    assert folder.stat().st_mode & 0o077 == 0
-    folder.chmod(0o777)
-    assert chosen().is_relative_to(second)
-    folder.chmod(0o700)
-    first.chmod(0o777)  # others could replace the folder in it
-    assert chosen().is_relative_to(second)
-    first.chmod(0o1777)
-    assert chosen() == folder
+def test_a_library_that_fits_is_loaded(library):
+    assert compiled.loaded.__wrapped__().code._name.startswith(str(library))
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions of POSIX systems")
-def test_a_folder_of_somebody_else_is_not_private(tmp_path, monkeypatch):
-    owners = {tmp_path: 12345}
-    stat = type(tmp_path).stat
-
-    def owned(path, **options):
-        status = stat(path, **options)
-        return os.stat_result((*status[:4], owners.get(path, status.st_uid), *status[5:]))
-
-    assert module.is_private(tmp_path)
-    monkeypatch.setattr(type(tmp_path), "stat", owned)
-    assert not module.is_private(tmp_path)
+@pytest.mark.usefixtures("library")
+@pytest.mark.parametrize("name", ["LIBRARY", "MANIFEST"])
+def test_a_missing_file_is_said(name):
+    getattr(compiled, name).unlink()
+    assert "is missing; the compiled functions come with: pip install -e " in refusal()
 
 
-def test_functions_are_compiled_also_where_no_code_can_be_kept(monkeypatch):
-    lines = []
-    monkeypatch.setattr(module, "code_folder", lambda: None)
-    with announced_compilation(lines.append):
-        assert compiled()(length)(np.array([3.0, 4.0])) == 5.0
-    assert len(lines) == 1
-    assert "in every run" in lines[0]
+@pytest.mark.usefixtures("library")
+def test_a_damaged_library_is_not_run():
+    content = bytearray(compiled.LIBRARY.read_bytes())
+    content[len(content) // 2] ^= 1
+    compiled.LIBRARY.write_bytes(content)
+    assert "is damaged; " in refusal()
 
 
-def test_code_of_two_kinds_of_arrays_is_loaded_by_another_function_of_the_same_source(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "code_folder", lambda: tmp_path)
-    first, second = compiled()(length), compiled()(length)
-    assert first(np.array([3.0, 4.0])) == second(np.array([3.0, 4.0])) == 5.0
-    assert first(np.array([3, 4, 12])) == second(np.array([3, 4, 12])) == 13.0
-    assert len([*tmp_path.rglob("*.nbc")]) == 2
-    assert str(tmp_path) != config.CACHE_DIR, "the folder is that of the package's own functions alone"
+@pytest.mark.usefixtures("library")
+def test_a_damaged_manifest_is_said():
+    compiled.MANIFEST.write_text("{")
+    assert "cannot be loaded here (" in refusal()
 
 
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-@pytest.mark.parametrize("damage", ["empty", "cut", "other bytes", "one byte"])
-def test_damaged_code_is_compiled_again(tmp_path, monkeypatch, suffix, damage):
-    monkeypatch.setattr(module, "code_folder", lambda: tmp_path)
-    values = np.array([3.0, 4.0])
-    assert compiled()(length)(values) == 5.0
-    (file,) = tmp_path.rglob(f"*{suffix}")
-    whole = file.read_bytes()
-    middle = len(whole) // 2
-    changed = bytes([whole[middle] ^ 1])
-    file.write_bytes(
-        {
-            "empty": b"",
-            "cut": whole[:middle],
-            "other bytes": b"\0" * len(whole),
-            "one byte": whole[:middle] + changed + whole[middle + 1 :],
-        }[damage]
-    )
-    assert compiled()(length)(values) == 5.0
-    kept = file.read_bytes()
-    assert len(kept) > middle, "it is kept again"
-    lines = []
-    with announced_compilation(lines.append):
-        assert compiled()(length)(values) == 5.0
-    assert not lines
+@pytest.mark.usefixtures("library")
+def test_a_library_for_another_machine_is_not_run():
+    changed(platform="plan9-mips")
+    assert f"is for plan9-mips, and this is {compiled.this_platform()}; " in refusal()
 
 
-def test_a_run_does_without_code_that_cannot_be_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "code_folder", lambda: tmp_path)
-    monkeypatch.setattr(IndexDataCacheFile, "_open_for_write", full_disk)
-    assert compiled()(length)(np.array([3.0, 4.0])) == 5.0
+@pytest.mark.usefixtures("library")
+def test_a_library_that_the_system_cannot_load_is_said():
+    compiled.LIBRARY.write_bytes(b"no library")
+    changed(digest=compiled.digest(b"no library"))
+    assert "cannot be loaded here (" in refusal()
 
 
-def full_disk(*_):
-    raise OSError(errno.ENOSPC, "no space left")
+@pytest.mark.usefixtures("library")
+def test_a_library_that_is_older_than_its_sources_is_not_run():
+    known = json.loads(compiled.MANIFEST.read_text())
+    changed(sources=known["sources"] | {"ik/spg.py": "another"})
+    assert f"is older than {compiled.PACKAGE / 'ik' / 'spg.py'}; " in refusal()
 
 
-def test_functions_on_few_numbers_run_as_python_where_that_is_sooner(monkeypatch):
-    monkeypatch.setattr(module, "_code_of", lambda *_: lambda _: "compiled")
-    monkeypatch.delitem(sys.modules, "numba")
-    say = compiled()(lambda values: f"{len(values)} as Python")
-    with uncompiled():
-        assert say(np.zeros(3)) == "3 as Python"
-        assert say(np.zeros(1_000_000)) == "compiled"
-    assert say(np.zeros(3)) == "compiled"
+@pytest.mark.usefixtures("library")
+def test_sources_may_be_absent():
+    changed(sources={"ik/gone.py": "another"})
+    assert compiled.loaded.__wrapped__()
 
 
-@pytest.mark.usefixtures("places")
-def test_a_changed_source_has_its_own_folder(tmp_path):
-    (tmp_path / "package").mkdir()
-    source = tmp_path / "package" / "solver.py"
-    folders = set()
-    for line in ("a", "b"):
-        source.write_text(f"from distretarget.numerics.compiled import compiled  # {line}")
-        folders.add(chosen())
-    assert len(folders) == 2
+def test_a_function_that_was_never_built_is_said():
+    def unknown() -> None:
+        """Do nothing."""
+
+    with pytest.raises(LibraryError, match=r"has no code of test_compiled.*unknown; .* pip install"):
+        compiled.compiled()(unknown)()
+    compiled.functions.pop()
 
 
-def test_the_program_runs_in_an_installation_that_nobody_can_write_to(tmp_path):
-    """A file stands wherever a folder would have to be made."""
-    copy = tmp_path / "site"
-    shutil.copytree(PACKAGE, copy / "distretarget", ignore=shutil.ignore_patterns("__pycache__"))
-    for place in ("site/distretarget/__pycache__", "home"):
-        (tmp_path / place).touch()
-    home = {"HOME": str(tmp_path / "home"), "USERPROFILE": str(tmp_path / "home"), "NUMBA_CACHE_DIR": ""}
-    environment = os.environ | home | {"PYTHONPATH": str(copy), "PYTHONSAFEPATH": "1"}
-    command = [sys.executable, "-c", READ, SAMPLES / "walk.bvh"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    told, frames = done.stdout.splitlines()
-    assert "no folder to keep the code in" in told
-    assert frames == "249"
+def test_the_command_line_says_it_in_one_line(monkeypatch, tmp_path):
+    def refuse():
+        raise LibraryError("kernels.so", "is damaged", "pip")
+
+    monkeypatch.setattr(compiled, "loaded", refuse)
+    monkeypatch.setattr("distretarget.numerics.kinematics._positions", compiled.compiled()(_positions))
+    done = run(SAMPLES / "squat.bvh", SAMPLES / "child.json", "-o", tmp_path / "out.bvh")
+    compiled.functions.pop()
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.endswith("kernels.so: is damaged; the compiled functions come with: pip\n")
+    assert not list(tmp_path.iterdir())
+
+
+def _positions(*_) -> None:
+    """Stand for a function that is called by all."""
+
+
+PLAIN = """
+import numpy, sys
+from distretarget import load_target, read_bvh, retarget
+from distretarget.numerics.compiled import loaded
+print(loaded().cpu)
+print(*retarget(read_bvh(sys.argv[1])[:20], load_target(sys.argv[2])).motion.rotations.ravel().tolist())
+"""
+
+
+@pytest.mark.skipif(
+    "x86-64-v3" not in json.loads(compiled.MANIFEST.read_text())["cpus"], reason="one kind of processor"
+)
+def test_a_plain_processor_gets_code_that_it_can_run():
+    found = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
+    results = []
+    for disabled in ("", " ".join(found)):
+        environment = os.environ | {"NPY_DISABLE_CPU_FEATURES": disabled}
+        command = [sys.executable, "-c", PLAIN, SAMPLES / "squat.bvh", SAMPLES / "child.json"]
+        cpu, values = subprocess.run(command, env=environment, capture_output=True, text=True).stdout.splitlines()
+        assert cpu == "x86-64" or not disabled
+        results.append(np.array(values.split(), float))
+    np.testing.assert_allclose(*results, atol=1e-6)
+
+
+WITHOUT = """
+import importlib, sys
+class Nothing:
+    def find_spec(name, path, target=None):
+        if name.partition(".")[0] in {"scipy", "click", "tqdm", "bvhio", "filelock"}:
+            raise ImportError(name)
+sys.meta_path.insert(0, Nothing)
+for module in sys.argv[1:]:
+    importlib.import_module(module)
+"""
+
+
+def modules():
+    return {
+        ".".join(("distretarget", *path.relative_to(build.PACKAGE).with_suffix("").parts)): path
+        for path in build._sources()
+    }
+
+
+def test_modules_with_compiled_functions_import_numpy_alone():
+    done = subprocess.run([sys.executable, "-c", WITHOUT, *modules()], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("module", modules())
+def test_compiled_functions_use_what_changes_with_their_sources(module):
+    """A constant of another module would change without the library being out of date."""
+    tree = ast.parse(modules()[module].read_text())
+    foreign = {
+        alias.name
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("distretarget") and node.module not in modules()
+        for alias in node.names
+    }
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef) and function.decorator_list:
+            used = {
+                node.id for statement in function.body for node in ast.walk(statement) if isinstance(node, ast.Name)
+            }
+            assert not used & foreign, function.name

@@ -15,12 +15,11 @@ from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_pairs import (
     LEAST_PATH,
     STIFFNESS,
-    WITHIN,
     CandidatePairs,
     Contacts,
     candidate_pairs,
-    write_pair_spring,
 )
+from distretarget.objectives.contact_terms import WITHIN, write_pair_spring
 
 PERSON = person()
 TARGET = other_lengths(PERSON)

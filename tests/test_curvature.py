@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.ik import curvature as solver
-from distretarget.ik import springs as springs_below
-from distretarget.ik.curvature import Curvature, write_curvature
-from distretarget.numerics.compiled import compiled
-
-are_first, write_way = (compiled(fastmath=True)(function) for function in (solver.are_first, springs_below.write_way))
+from distretarget.ik.curvature import Curvature, are_first, write_curvature
+from distretarget.ik.springs import write_way
 
 
 def curvature_at(case, v):

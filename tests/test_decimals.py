@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from distretarget.io.bvh_writer import rows_text
+from distretarget.io.number_text import rows_text
 
 
 def by_operator(values, decimals):

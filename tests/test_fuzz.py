@@ -2,7 +2,6 @@
 
 import fuzz
 import pytest
-from program import compile_all
 
 FINDINGS = {  # inputs that once went wrong
     "a clip without bones as a target": ("target", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\n"),
@@ -35,7 +34,6 @@ def test_findings_stay_mended(case):
     [("readers", 150), ("pipeline", 40), ("scenes", 15), ("contacts", 15), ("commands", 15), ("processes", 2)],
 )
 def test_generated_inputs(part, count):
-    compile_all()
     action, cases = fuzz.PARTS[part]
     tried = fuzz.tried(action, cases, count, first_seed=10**6)
     assert tried.counts.total() == count

@@ -1,6 +1,5 @@
-"""Interruptions that must wait, and those that a library which calls Python back would lose."""
+"""Interruptions that must wait."""
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -9,7 +8,7 @@ import threading
 
 import pytest
 
-from distretarget.numerics.interrupts import interrupts_held, interrupts_kept
+from distretarget.numerics.interrupts import interrupts_held
 
 ON_UNIX = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signals as Unix has them")
 
@@ -43,53 +42,6 @@ def test_processes_started_meanwhile_do_not_see_it():
     with interrupts_held():
         held = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"]
         assert subprocess.run(held, capture_output=True, text=True).stdout == "alive\n"
-
-
-def called_back(error):
-    def fail():
-        raise error
-
-    ctypes.CFUNCTYPE(None)(fail)()
-
-
-def test_an_interruption_that_got_lost_is_raised_at_the_end(capfd):
-    passed = []
-
-    def interrupted():
-        with interrupts_kept():
-            called_back(KeyboardInterrupt())
-            passed.append("the callback")
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert passed
-    assert capfd.readouterr() == ("", "")
-
-
-def test_an_error_that_follows_from_a_lost_interruption_is_not_reported():
-    def interrupted():
-        with interrupts_kept():
-            called_back(KeyboardInterrupt())
-            raise RuntimeError("what the callback was for is not done")
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-
-
-def test_other_errors_come_through():
-    with pytest.raises(RuntimeError), interrupts_kept():
-        raise RuntimeError("no interruption")
-
-
-def test_an_interruption_elsewhere_comes_at_once():
-    with pytest.raises(KeyboardInterrupt), interrupts_kept():
-        raise KeyboardInterrupt
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_other_errors_of_callbacks_are_none_of_its_business():
-    with interrupts_kept():
-        called_back(ValueError("left to Python"))
 
 
 STUCK = """

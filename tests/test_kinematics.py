@@ -9,11 +9,10 @@ from distretarget.numerics.kinematics import (
     forward_kinematics,
     line_rotations,
     make_local,
-    rotation_products,
     turn_parts,
-    turned_by,
     world_rotations,
 )
+from distretarget.numerics.quaternions import rotation_products, turned_by
 from distretarget.numerics.vectors import angles_between
 
 FRAMES = 5

@@ -10,7 +10,6 @@ import pytest
 from bodies import SAMPLES
 from characters import Performance, as_vrm1, character, chunks
 from mutated_gltf import mutated
-from program import compile_all
 from test_bad_gltf import made, refused
 from test_character_files import glb
 from test_characters import BONES, WALK
@@ -24,7 +23,6 @@ SAMPLE = read_bvh(SAMPLES / "clap.bvh")[:3]
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("seed", range(40))
 def test_mutated_files_are_written_right_or_refused_in_one_line(seed, tmp_path):
-    compile_all()
     outcome, known = fuzz_gltf.outcome_of(seed, None, SAMPLE, tmp_path, processes=False)
     assert outcome in (fuzz_gltf.RIGHT, fuzz_gltf.REFUSED), known
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from distretarget.io.bvh_text import parse_numbers
+from distretarget.io.number_text import parse_numbers
 
 WORDS = st.one_of(
     st.from_regex(r"[+-]?([0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,9})([eE][+-]?[0-9]{1,2})?", fullmatch=True),
@@ -29,16 +25,6 @@ def test_numbers_are_those_that_python_reads(words, first):
     expected = np.array([float(word) for word, _ in words])
     np.testing.assert_array_equal(numbers, expected)
     np.testing.assert_array_equal(np.signbit(numbers), np.signbit(expected))
-
-
-def test_numbers_are_the_same_where_numba_is_switched_off():
-    words = [" 300", "-18.25", "+0.000125", "1234567.5e-3", "4E2"]
-    program = f"from distretarget.io.bvh_text import parse_numbers; print(parse_numbers({' '.join(words).encode()}))"
-    run = subprocess.run(
-        [sys.executable, "-c", program], env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True
-    )
-    assert run.stdout.strip() == str(np.array([float(word) for word in words])), run.stderr
-    assert not run.stderr
 
 
 @pytest.mark.parametrize("before", ["", "1 2.5 ", "1 0.12345678901234567890 "])

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+pytest.importorskip("numba", reason="needs numba, which compiles the variants of the solver: pip install numba")
+
 from paper_case import EDITS, POSTURE, case, on_table_one
 from paper_checks import checks
 from paper_solver import solve

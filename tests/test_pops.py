@@ -5,7 +5,7 @@ import pytest
 from bodies import body_of, person, posed, with_bone
 
 from distretarget.measure.metrics import BY_KEY, Track
-from distretarget.measure.movement import find_pops
+from distretarget.measure.pops import find_pops
 
 PERSON = person()
 LEG = 0.435 + 0.453

@@ -22,7 +22,7 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.objectives.activation import ContactSettings
-from distretarget.objectives.contact_pairs import DIRECTION_RANGE, TOUCH
+from distretarget.objectives.contact_terms import DIRECTION_RANGE, TOUCH
 from distretarget.scene.contacts import NEAREST, ContactPoints, find_prop_contacts
 
 

@@ -16,7 +16,7 @@ from distretarget.body.body import Body
 from distretarget.body.recognition import by_names
 from distretarget.io.target_file import load_target
 from distretarget.numerics.kinematics import make_local
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation
 
 CLIPS = sorted(SAMPLES.glob("*.bvh"))
 RECORDED = [

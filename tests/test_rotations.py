@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.rotations import best_rotation, least, least_matrix, least_rotation
+from distretarget.numerics.quaternions import least_rotation
+from distretarget.numerics.rotations import best_rotation, least, least_matrix
 
 
 def test_the_least_rotation_is_that_of_scipy():

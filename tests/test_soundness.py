@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bodies import SAMPLES, matched, person, swaying
-from program import compile_all, run
+from program import run
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.errors import MotionError
@@ -47,13 +47,11 @@ def test_another_number_of_frames():
 
 
 def test_nothing_is_written_where_the_solver_fails(tmp_path, monkeypatch):
-    compile_all()
 
     def solve_wrongly(_body, _clip, _given, _tolerance, v, *_):
         v[:] = np.nan
 
-    monkeypatch.setattr("distretarget.objectives.contact._solve", solve_wrongly)
-    monkeypatch.setattr("distretarget.cli.retarget.warm", lambda _objective, **_: None)
+    monkeypatch.setattr("distretarget.objectives.contact.solve_frames", solve_wrongly)
     done = run(SAMPLES / "clap.bvh", SAMPLES / "long_arms.json", "-o", tmp_path / "out.bvh")
     assert done.returncode == 1
     assert "clap.bvh: " in done.stderr

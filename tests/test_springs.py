@@ -5,7 +5,7 @@ import pytest
 from spring_case import at, naive_energy, random_springs, stiffer_along
 
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.springs import Springs, joined, spring_energy
+from distretarget.ik.springs import FrameSprings, joined, spring_energy
 
 
 def scratch_of(joints):
@@ -32,7 +32,7 @@ def test_a_spring_along_its_axis_does_not_feel_what_happens_across():
     scratch = scratch_of(2)
     axis, across = np.array([0.6, 0.8, 0.0]), np.array([0.8, -0.6, 2.0])
     A = stiffer_along(axis[None], np.array([4.0]), np.array([0.0]))
-    springs = Springs(np.array([0]), np.array([1]), np.zeros((1, 3)), A)
+    springs = FrameSprings(np.array([0]), np.array([1]), np.zeros((1, 3)), A)
     scratch.x[0] = 0.5 * axis + across
     assert spring_energy(scratch, springs, len(springs.a)) == pytest.approx(0.5)
     np.testing.assert_allclose(scratch.gradient, [2 * axis, -2 * axis])
@@ -42,7 +42,7 @@ def test_only_the_first_springs_count():
     draw = np.random.default_rng(1)
     scratch, springs = scratch_of(8), at(random_springs(draw, 8), 0)
     scratch.x[:] = draw.normal(size=(8, 3))
-    first = Springs(*(values[:5] for values in springs))
+    first = FrameSprings(*(values[:5] for values in springs))
     assert spring_energy(scratch, springs, 5) == pytest.approx(naive_energy(scratch.x, first))
     assert spring_energy(scratch, springs, 0) == 0
 

@@ -4,11 +4,10 @@ import subprocess
 import sys
 
 import pytest
-from bodies import SAMPLES
 
 from distretarget.cli import COMMANDS, cli
 
-SLOW = {"numpy", "scipy", "numba", "tqdm", "bvhio", "jsonschema", "distributed"}
+SLOW = {"numpy", "scipy", "tqdm", "bvhio", "jsonschema", "distributed"}
 
 MODULES_AFTER = """
 import sys
@@ -45,34 +44,6 @@ def test_help_and_version_import_nothing_slow(option):
     imported = set(done.stderr.split())
     assert "click" in imported
     assert not imported & SLOW
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["skeleton", "show", SAMPLES / "walk.bvh"],
-        ["skeleton", "show", SAMPLES.parent / "sample_characters" / "hero.glb"],
-        ["skeleton", "match", SAMPLES / "walk.bvh", SAMPLES / "rigs" / "mixamo_t.json"],
-        ["batch", SAMPLES, SAMPLES / "child.json", "-o", "none", "--dry-run"],
-        ["skeleton", "edit", "--help"],
-    ],
-    ids=lambda words: " ".join(str(getattr(word, "name", word)) for word in words),
-)
-def test_what_needs_no_compiled_code_imports_no_numba(arguments):
-    done = run_python(MODULES_AFTER.format(arguments=[*map(str, arguments)]))
-    assert done.returncode == 0
-    assert "numba" not in done.stderr.split()
-
-
-def test_what_runs_as_python_says_the_same(tmp_path):
-    numba = "import numba\n" + MODULES_AFTER
-    words = ["skeleton", "match", str(SAMPLES / "walk.bvh"), str(SAMPLES / "rigs" / "mixamo_t.json"), "-o"]
-    texts = []
-    for program in (MODULES_AFTER, numba):
-        path = tmp_path / f"{len(texts)}.json"
-        done = run_python(program.format(arguments=[*words, str(path)]))
-        texts.append((done.stdout.replace(str(path), ""), path.read_text()))
-    assert texts[0] == texts[1]
 
 
 @pytest.mark.parametrize("module", ["click", "distretarget.cli.skeleton", "numpy", "scipy.spatial"])

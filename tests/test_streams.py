@@ -10,7 +10,7 @@ import sys
 import pybvh
 import pytest
 from bodies import other_lengths, person, swaying
-from program import command, compile_all, last_records, run
+from program import command, last_records, run
 
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
@@ -103,7 +103,6 @@ def test_closed_standard_input_is_an_error(monkeypatch):
 @pytest.mark.skipif(os.name != "posix", reason="closes streams as POSIX shells do")
 @pytest.mark.parametrize("closed", ["1", "2", "12"])
 def test_closed_output_streams_are_as_if_led_to_nowhere(folder, closed):
-    compile_all()
     streams = " ".join(f"{number}>&-" for number in closed)
     for arguments in (("in.bvh", "body.json", "-o", "out.bvh"), ("--help",)):
         done = subprocess.run(["sh", "-c", f'exec "$@" {streams}', "sh", *command(*arguments)], capture_output=True)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from spring_case import Case
 
-from distretarget.objectives.supports import no_supports, support_springs, write_compliance
+from distretarget.ik.holds import write_compliance
+from distretarget.objectives.supports import no_supports, support_springs
 
 
 def stance_at(case, joint, weights, away):

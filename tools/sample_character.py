@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sample_mesh import Body, Surface, behind, both_sides, cut, ellipsoid, joined, limb, surface, weights
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation
 
 Array = NDArray[np.float64]
 

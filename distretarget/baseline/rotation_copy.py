@@ -17,10 +17,9 @@ from distretarget.body.body import Body
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import BUILD_ANGLE, Matching
 from distretarget.motion import Motion, motion_of_world
-from distretarget.numerics.compiled import read_only
-from distretarget.numerics.kinematics import rotation_products
+from distretarget.numerics.quaternions import rotation_products
 from distretarget.numerics.rotations import least_matrix
-from distretarget.numerics.vectors import Array, Numbers, lengths, level
+from distretarget.numerics.vectors import Array, Numbers, lengths, level, read_only
 
 FIRST_BONES = ("UpperArm", "UpperLeg")  # roles of the bones with which limbs begin
 FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))

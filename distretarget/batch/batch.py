@@ -329,7 +329,7 @@ def convert_folder(
     )
     batch.check()
     tally = Tally(clips=len(clips))
-    with closing(Processes(jobs or cores(), options.objective)) as workers:
+    with closing(Processes(jobs or cores())) as workers:
         batch.convert(workers, tally)
     return tally
 

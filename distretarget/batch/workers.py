@@ -21,9 +21,8 @@ from pathlib import Path
 from distretarget.batch.job import Job, Result, convert
 from distretarget.errors import BatchError
 from distretarget.io.files import reason_of
+from distretarget.numerics.compiled import loaded
 from distretarget.numerics.interrupts import interrupts_held
-from distretarget.pipeline.compile_ahead import warm_for_others
-from distretarget.pipeline.options import Objective
 
 # These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -36,28 +35,24 @@ QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
 class Processes:
     """Processes on this machine: their number, and the time that their start took [s]."""
 
-    def __init__(self, count: int, objective: Objective) -> None:
-        """Prepare to start this many processes, for an objective."""
+    def __init__(self, count: int) -> None:
+        """Prepare to start this many processes."""
         self.count, self.start_seconds = count, 0.0
-        self._objective = objective
         self._executor: ProcessPoolExecutor | None = None
         # Not "fork": a process with threads, which numerical libraries start, must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         if "forkserver" in methods:
-            self._context.set_forkserver_preload(["distretarget.batch.warmed"])
+            self._context.set_forkserver_preload(["distretarget.batch.workers"])
             with _worker_environment():
                 resource_tracker.ensure_running()  # before another library starts it in another environment
 
     @property
     def executor(self) -> ProcessPoolExecutor:
-        """The processes, started when first used.
-
-        This process compiles the code, and the others find it in the folder of compiled code.
-        """
+        """The processes, started when first used."""
         if self._executor is None:
             started = time.perf_counter()
-            warm_for_others(self._objective)
+            loaded()  # if it cannot be, every clip would say so
             with _worker_environment():
                 try:
                     self._executor = ProcessPoolExecutor(self.count, self._context, _start_worker, (get_temp_dir(),))

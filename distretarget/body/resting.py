@@ -6,8 +6,8 @@ import numpy as np
 
 from distretarget.body.limbs import Leg
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.joint_paths import heights_of, lowest_heights
+from distretarget.numerics.joint_rests import find_holding, write_speeds
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers
 
@@ -72,24 +72,8 @@ def joint_speeds(motion: Motion, joints: Numbers, shots: Shots) -> Array:
     reach = max(round(SPAN / motion.frame_time), 1)
     edges = np.array([0, *(shot.stop for shot in slices_of(shots))])
     speeds = np.empty((len(motion), len(joints)))
-    _write_speeds(read_only(motion.positions), read_only(np.asarray(joints)), edges, reach, motion.frame_time, speeds)
+    write_speeds(motion.positions, joints, edges, reach, motion.frame_time, speeds)
     return speeds
-
-
-@compiled()
-def _write_speeds(positions, joints, edges, reach, frame_time, speeds):  # type: ignore[no-untyped-def]
-    """Write the length of the mean step over `reach` frames before and after each frame, per time; shots, from each of
-    `edges` to the next, by themselves.
-    """
-    for shot in range(len(edges) - 1):
-        first, end = edges[shot], edges[shot + 1]
-        for frame in range(first, end):
-            before, after = max(frame - reach, first), min(frame + reach, end - 1)
-            for k in range(len(joints)):
-                square = 0.0
-                for i in range(3):
-                    square += (positions[after, joints[k], i] - positions[before, joints[k], i]) ** 2
-                speeds[frame, k] = np.sqrt(square) / max(after - before, 1) / frame_time
 
 
 def still_joints(motion: Motion, joints: Numbers, bases: Numbers, speeds: Array, length: float, shots: Shots) -> Flags:
@@ -100,38 +84,6 @@ def still_joints(motion: Motion, joints: Numbers, bases: Numbers, speeds: Array,
     slow = speeds < STILL_SPEED * length
     holding = np.zeros_like(slow)
     least = max(STILL_TIME / motion.frame_time, 2.0)
-    _find_holding(slow, motion.positions, joints, bases, length, least, shots, holding)
+    farther = FARTHER * length
+    find_holding(slow, motion.positions, joints, bases, TIMES_AS_FAR, farther, least, shots, holding)
     return holding
-
-
-@compiled()
-def _find_holding(slow, positions, joints, bases, length, least, shots, holding):  # type: ignore[no-untyped-def]
-    """Set `holding`, (frames, len(joints)), in runs of at least `least` slow frames of one shot in which a joint keeps
-    its place while the base of its limb moves.
-    """
-    for k in range(len(joints)):
-        first = 0
-        for frame in range(1, len(slow) + 1):
-            if frame == len(slow) or slow[frame, k] != slow[first, k] or shots[frame] != shots[first]:
-                if slow[first, k] and frame - first >= least:
-                    moves = _reach(positions, bases[k], first, frame)
-                    if moves > TIMES_AS_FAR * _reach(positions, joints[k], first, frame) + FARTHER * length:
-                        for held in range(first, frame):
-                            holding[held, k] = True
-                first = frame
-
-
-@inlined()
-def _reach(positions: Array, joint: int, first: int, end: int) -> float:
-    """The largest distance of a joint from its mean place in the frames from `first` to before `end`."""
-    farthest, a, b, c = 0.0, 0.0, 0.0, 0.0
-    for frame in range(first, end):
-        a += positions[frame, joint, 0] / (end - first)
-        b += positions[frame, joint, 1] / (end - first)
-        c += positions[frame, joint, 2] / (end - first)
-    for frame in range(first, end):
-        x, y, z = positions[frame, joint, 0], positions[frame, joint, 1], positions[frame, joint, 2]
-        square = (x - a) * (x - a) + (y - b) * (y - b) + (z - c) * (z - c)
-        if square > farthest:
-            farthest = square
-    return float(np.sqrt(farthest))

@@ -21,7 +21,6 @@ import click
 
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
-from distretarget.numerics.interrupts import interrupts_kept
 
 COMMANDS = {  # by name, with their short help; each is the function NAME_command in a module of its name
     "audit": "Say what is wrong with the clips in a folder.",
@@ -70,9 +69,22 @@ class ImportedCommand(click.Command):
         return self.command.make_context(info_name, args, parent, **extra)
 
 
+def _say_version(context: click.Context, _: click.Parameter, asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version  # here, as they are slow to import
+
+        click.echo(f"distretarget, version {version('distretarget')}")
+        if context.params["verbose"]:
+            from distretarget.numerics.compiled import LIBRARY, loaded
+
+            click.echo(f"compiled functions for {loaded().cpu}: {LIBRARY}")
+        context.exit()
+
+
 @click.group(cls=DefaultGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="distretarget")
-def cli() -> None:
+@click.option("-v", "verbose", is_flag=True, is_eager=True, help="With --version, show the compiled functions, too.")
+@click.option("--version", is_flag=True, expose_value=False, callback=_say_version, help="Show the version and exit.")
+def cli(verbose: bool) -> None:
     """Retarget motion to another body, so that hands that touch still touch and feet stay where they stand.
 
     \b
@@ -86,11 +98,6 @@ def cli() -> None:
     distretarget skeleton show FILE                   the joints of a file and their bone lengths
     distretarget view FILE                            a motion or character in the browser
     """  # noqa: D301
-    # Imported here, like the commands, so that --help does not wait for numba.
-    from distretarget.cli.outputs import say
-    from distretarget.numerics.compiled import announced_compilation
-
-    click.get_current_context().with_resource(announced_compilation(lambda line: say(line, err=True)))
 
 
 for name, short_help in COMMANDS.items():
@@ -148,8 +155,7 @@ def _interruptible() -> Iterator[None]:
 def _run() -> int:
     """Run the command and return its exit status."""
     try:
-        with interrupts_kept():
-            status: int | None = cli.main(prog_name="distretarget", standalone_mode=False)
+        status: int | None = cli.main(prog_name="distretarget", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return 2

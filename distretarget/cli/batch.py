@@ -239,7 +239,7 @@ def batch_command(
         return
     batch.check()
     tally = Tally(clips=len(clips))
-    stopped, status = _convert(batch, _workers(dask, jobs, options), tally)
+    stopped, status = _convert(batch, _workers(dask, jobs), tally)
     say(*tally.lines)
     complain(*(tally.failures if is_quiet() else ()))
     complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
@@ -270,9 +270,9 @@ def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_r
     return clips_folder(file)
 
 
-def _workers(dask: str | None, jobs: int | None, options: Options) -> Workers:
+def _workers(dask: str | None, jobs: int | None) -> Workers:
     if dask is None:
-        return Processes(jobs or cores(), options.objective)
+        return Processes(jobs or cores())
     return Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
 
 

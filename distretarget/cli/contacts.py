@@ -13,7 +13,6 @@ from distretarget.io.contacts_file import contacts_to_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import TargetFile
-from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.found_contacts import find_contacts
 
 
@@ -53,7 +52,6 @@ def contacts_command(
         file = TargetFile.of(read_input(target))
         body = file.target.for_source(motion.rigid_skeleton)
         pairs = joint_map(motion.rigid_skeleton, body, file.path, load_map(map_path))
-    warm("contact")
     try:
         found = find_contacts(motion, body, joint_map=pairs)
     except DistretargetError as error:

@@ -50,9 +50,7 @@ from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, o
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
-from distretarget.pipeline.compile_ahead import warm
 from distretarget.pipeline.options import Options
-from distretarget.pipeline.performer import has_skin, target_for
 from distretarget.pipeline.result import RetargetResult, labels_of
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
@@ -139,9 +137,6 @@ def retarget_command(
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
     builds = load_builds(skins) if options.skin == "none" else with_source(load_builds(skins), source_file)
-    reading = time.perf_counter() - started
-    warm(options.objective, skin=has_skin(target_for(motion, body.target), body.target, options, builds))
-    started = time.perf_counter()
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         result = retarget_onto(
             motion,
@@ -160,7 +155,7 @@ def retarget_command(
     named = settings.clip(written, name, result.world.up_vector)
     named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
-    seconds = reading + time.perf_counter() - started
+    seconds = time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
         metrics: lambda: metrics_json(result),

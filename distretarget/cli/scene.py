@@ -42,7 +42,6 @@ from distretarget.io.files import (
 from distretarget.io.input_file import MOTION_SUFFIXES, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
-from distretarget.pipeline.compile_ahead import warm
 from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.retargeting import SceneResult
@@ -255,7 +254,6 @@ def _retargeted(
     setup: SceneSetup, targets: Sequence[TargetFile], outputs: Sequence[Path], report: Path | None
 ) -> tuple[SceneResult, dict[Path, Content], float]:
     """Retarget a scene; return its result, the contents of its files, and the time that took [s]."""
-    warm("contact")
     began = time.perf_counter()
     result = setup.retargeted()
     clips = [DEFAULT_OUTPUT.clip(motion, name) for motion, name in zip(result.motions, setup.names, strict=False)]

@@ -33,7 +33,6 @@ from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import parse_full_target, parse_target
 from distretarget.matching.matching import Matching, find_matching, refusal
 from distretarget.matching.unmatched import parts_without_source
-from distretarget.numerics.compiled import uncompiled
 from distretarget.pipeline.performer import target_capsules
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
@@ -54,7 +53,6 @@ def of_bone(text: str) -> tuple[str, float]:
 @click.group("skeleton")
 def skeleton_command() -> None:
     """Show, edit and match skeletons, and write skeleton files. - means standard input or output."""
-    click.get_current_context().with_resource(uncompiled())
 
 
 @skeleton_command.command("show")

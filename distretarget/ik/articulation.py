@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from distretarget.numerics.compiled import inlined, read_only
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.vectors import F1, F2, I1, Array, Numbers
 from distretarget.skeleton import Skeleton
 
 SMALL = 1e-8  # [rad^2] below this squared angle, Taylor series replace sine and cosine
@@ -21,25 +21,25 @@ SMALL = 1e-8  # [rad^2] below this squared angle, Taylor series replace sine and
 class Articulation(NamedTuple):
     """The joints and rigid parts of a body, for the compiled functions. Lengths are in units of the solver."""
 
-    parents: Numbers  # (joints,), -1 for the root
-    parts: Numbers  # (joints,), the part that carries the bones below each joint
-    stiffness: Array  # (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path
+    parents: I1  # (joints,), -1 for the root
+    parts: I1  # (joints,), the part that carries the bones below each joint
+    stiffness: F1  # (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path
 
     @classmethod
     def of(cls, skeleton: Skeleton, parts: Numbers, stiffness: Array) -> Articulation:
         """The articulation of a skeleton."""
-        return cls(read_only(skeleton.parents), parts, stiffness)
+        return cls(skeleton.parents, parts, stiffness)
 
 
 class Scratch(NamedTuple):
     """Arrays that the compiled functions write to, for one body."""
 
-    x: Array  # (joints, 3), positions
-    bones: Array  # (joints, 3), the posed bone from the parent to each joint
-    rotations: Array  # (parts, 9), exp(v) of each part, row by row
-    series: Array  # (parts, 2), (1 - cos t) / t^2 and (t - sin t) / t^3 of the angle t = |v| of each part
+    x: F2  # (joints, 3), positions
+    bones: F2  # (joints, 3), the posed bone from the parent to each joint
+    rotations: F2  # (parts, 9), exp(v) of each part, row by row
+    series: F2  # (parts, 2), (1 - cos t) / t^2 and (t - sin t) / t^3 of the angle t = |v| of each part
     # (joints, 3), the gradient with respect to the positions; `pose_gradient` accumulates it to the root
-    gradient: Array
+    gradient: F2
 
     @classmethod
     def of(cls, body: Articulation) -> Scratch:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.ik.articulation import Articulation, Scratch, to_rotation_vector
-from distretarget.ik.springs import Below, Springs, couples, write_nodes, write_stiffness_below
-from distretarget.numerics.compiled import indices, inlined, merged
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.ik.springs import Below, FrameSprings, couples, write_nodes, write_stiffness_below
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.vectors import F1, F2, F3, I1, Array, Numbers, indices
 
 
 @inlined(fastmath=True)
@@ -93,14 +93,14 @@ LEAST_CURVATURE = 0.01  # of any direction, in the metric alone: so no step turn
 class Curvature(NamedTuple):
     """Work arrays for the curvature, each long enough for all parts of a body."""
 
-    H: Array  # (3 parts + 3, 3 parts + 3), the curvature of the active parts
-    active: Numbers  # (parts + 1,), their numbers
-    place: Numbers  # (parts + 1,), where each part is in `active`; -1 if it is not active
-    rows: Numbers  # (joints,), the same for the part that carries each bone of `below.way`
-    M: Array  # (joints, 3, 3), the moment matrix of each bone of `below.way`, transposed
-    bones: Numbers  # (joints,), the way that H is for, then -1
+    H: F2  # (3 parts + 3, 3 parts + 3), the curvature of the active parts
+    active: I1  # (parts + 1,), their numbers
+    place: I1  # (parts + 1,), where each part is in `active`; -1 if it is not active
+    rows: I1  # (joints,), the same for the part that carries each bone of `below.way`
+    M: F3  # (joints, 3, 3), the moment matrix of each bone of `below.way`, transposed
+    bones: I1  # (joints,), the way that H is for, then -1
     below: Below  # what is below bones
-    flat: Array  # (3 parts + 3,), scratch for what is solved
+    flat: F1  # (3 parts + 3,), scratch for what is solved
 
     @classmethod
     def of(cls, body: Articulation) -> Curvature:
@@ -120,9 +120,9 @@ def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
     return count == len(bones) or bones[count] < 0
 
 
-@merged
+@inlined()
 def write_curvature(
-    bones: int, v: Array, body: Articulation, scratch: Scratch, springs: Springs, count: int, curvature: Curvature
+    bones: int, v: Array, body: Articulation, scratch: Scratch, springs: FrameSprings, count: int, curvature: Curvature
 ) -> int:
     """Write the active parts at the pose `v` and the upper triangle of their curvature, (3 active, 3 active), and
     return their number. The first `count` springs depend on the first `bones` bones of `below.way`; `scratch` has the

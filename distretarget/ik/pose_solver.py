@@ -17,8 +17,8 @@ from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_
 from distretarget.ik.curvature import Curvature, are_first, factorise, solve_factored, write_curvature
 from distretarget.ik.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
 from distretarget.ik.springs import write_way
-from distretarget.numerics.compiled import clear, copy_to, inlined, merged
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.vectors import F2, F3, Array, Numbers, clear, copy_to
 
 ROUND_ITERATIONS = 30  # iterations before the curvature is recomputed
 ROUNDS = 20  # rounds per frame, each but the first with a new curvature
@@ -30,8 +30,8 @@ CONVERGED = Reason.CONVERGED.value
 class CopiedBones(NamedTuple):
     """The rotation copy of a block of frames."""
 
-    bones: Array  # (frames, joints, 3), from each joint's parent to it [solver units]
-    root: Array  # (frames, 3), the root's path [solver units]
+    bones: F3  # (frames, joints, 3), from each joint's parent to it [solver units]
+    root: F2  # (frames, 3), the root's path [solver units]
 
 
 class Workspace(NamedTuple):
@@ -39,9 +39,9 @@ class Workspace(NamedTuple):
 
     scratch: Scratch  # the posed body
     curvature: Curvature  # its curvature
-    gradient: Array  # (parts + 1, 3), the gradient at the start of a round
-    descent: Array  # scratch of the spectral gradient method
-    starts: Array  # (3, parts + 1, 3), the start poses
+    gradient: F2  # (parts + 1, 3), the gradient at the start of a round
+    descent: F3  # scratch of the spectral gradient method
+    starts: F3  # (3, parts + 1, 3), the start poses
 
     @classmethod
     def of(cls, body: Articulation) -> Workspace:
@@ -71,17 +71,17 @@ def pose_solver(
     terms_of(given, frame, start) -> terms: the terms of a frame; it may overwrite `start`, which is zero, the rotation
         copy, with another start pose.
     energy(scratch, terms) -> float: the value at the positions `scratch.x`; it adds the gradient to `scratch.gradient`.
-    like_springs(scratch, terms) -> (Springs, int): springs, and how many of them count, that have the same Gauss-Newton
-        curvature at `scratch.x`.
+    like_springs(scratch, terms) -> (FrameSprings, int): springs, and how many of them count, that have the same
+        Gauss-Newton curvature at `scratch.x`.
 
-    Returns a `merged` solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, the
+    Returns an `inlined` solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, the
     first of which is frame `first` of `v` and `log`, and writes their poses and efforts there. A frame starts from the
     best of three poses: that of `terms_of`, the previous frame's, and the linear extrapolation of the previous two. It
     stops when the norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of
     the objective].
     """
 
-    @merged
+    @inlined()
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
         body, scratch = problem.body, problem.scratch
         pose_body(v, body, problem.bones, problem.root, scratch)
@@ -89,7 +89,7 @@ def pose_solver(
         pose_gradient(v, body, scratch, gradient)
         return potential + stiffness_energy(v, body)
 
-    @merged
+    @inlined()
     def pose_best(starts, count, body, bones, root, terms, scratch, pose, gradient):  # type: ignore[no-untyped-def]
         """Write the best of the first `count` starts to `pose`, and pose the body in it. Return the objective there,
         with its `gradient`, and the number of evaluations.
@@ -111,7 +111,7 @@ def pose_solver(
 
     minimise = spectral_gradient(objective, _steepest_in_metric, adaptive=False)
 
-    @merged
+    @inlined()
     def solve(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature = work.scratch, work.curvature
         parts = 0

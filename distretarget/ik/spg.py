@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import copy_to, inlined, merged
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.vectors import Array, Numbers, copy_to
 
 ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone
 ARMIJO = 1e-4
@@ -140,13 +140,14 @@ def spectral_gradient(
     adaptive: whether to take the shorter step of Barzilai and Borwein where their two steps differ much; only for
         problems without a metric of their own.
 
-    Returns a `merged` minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array
-    with rows and columns, with the best iterate. `f` is the objective at `x` and `g` its gradient, which is overwritten
-    too; `scratch` is `scratch_for(x.shape)`. It stops when the norm |d| of the search direction is at most `tolerance`,
-    after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
+    Returns an `inlined` minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an
+    array with rows and columns, with the best iterate. `f` is the objective at `x` and `g` its gradient, which is
+    overwritten too; `scratch` is `scratch_for(x.shape)`. It stops when the norm |d| of the search direction is at most
+    `tolerance`, after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective
+    enough.
     """
 
-    @merged
+    @inlined()
     def minimise(x, f, g, problem, tolerance, limit, scratch):  # type: ignore[no-untyped-def]
         d, g_new, x_new, x_best = scratch[0], scratch[1], scratch[2], scratch[3]
         copy_to(x_best, x)

@@ -13,40 +13,50 @@ import numpy as np
 
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.vectors import B1, F2, F3, F4, I1, Array, Numbers
 
 NEGLIGIBLE = 1e-9  # springs of less stiffness are left out
 
 
-class Springs(NamedTuple):
-    """Springs that pull two joints to a given difference, or one joint to a place in the world.
+class FrameSprings(NamedTuple):
+    """Springs of one frame, which pull two joints to a given difference, or one joint to a place in the world.
 
     Spring s has the energy 1/2 r^T A[s] r, r = x[a[s]] - x[b[s]] - rest[s], or r = x[a[s]] - rest[s] where b[s] is -1.
     """
 
-    a: Numbers  # (springs,), joints
-    b: Numbers  # (springs,), joints; -1 where the spring is tied to the world
-    rest: Array  # (springs, 3)
-    A: Array  # (springs, 3, 3), symmetric, the stiffness in each direction
+    a: I1  # (springs,), joints
+    b: I1  # (springs,), joints; -1 where the spring is tied to the world
+    rest: F2  # (springs, 3)
+    A: F3  # (springs, 3, 3), symmetric, the stiffness in each direction
+
+
+class Springs(NamedTuple):
+    """The springs of some frames, between the same joints in all."""
+
+    a: I1  # (springs,), joints
+    b: I1  # (springs,), joints; -1 where the spring is tied to the world
+    rest: F3  # (frames, springs, 3)
+    A: F4  # (frames, springs, 3, 3)
 
     def of_frames(self, frames: slice) -> Springs:
-        """The springs of some frames, if frames are the first axis of `rest` and `A`."""
+        """The springs of some of the frames."""
         return self._replace(rest=self.rest[frames], A=self.A[frames])
 
 
 def no_springs(frames: int) -> Springs:
-    """No springs, with frames as the first axis of `rest` and `A`."""
+    """No springs."""
     none = np.zeros(0, np.intp)
     return Springs(none, none, np.zeros((frames, 0, 3)), np.zeros((frames, 0, 3, 3)))
 
 
-def room_for(count: int) -> Springs:
-    """Uninitialised arrays for `count` springs of one frame."""
-    return Springs(np.zeros(count, np.intp), np.zeros(count, np.intp), np.zeros((count, 3)), np.zeros((count, 3, 3)))
+def room_for(count: int) -> FrameSprings:
+    """Room for `count` springs of one frame."""
+    ends = np.zeros((2, count), np.intp)
+    return FrameSprings(ends[0], ends[1], np.zeros((count, 3)), np.zeros((count, 3, 3)))
 
 
 def joined(*springs: Springs) -> Springs:
-    """All of these springs as one, with frames as the first axis of `rest` and `A`."""
+    """All of these springs as one."""
     lists = [np.concatenate(arrays, axis=min(np.ndim(arrays[0]) - 1, 1)) for arrays in zip(*springs, strict=True)]
     return Springs(*lists)
 
@@ -58,7 +68,7 @@ def is_negligible(A: Array, s: int) -> bool:
 
 
 @inlined(fastmath=True)
-def spring_energy(scratch: Scratch, springs: Springs, count: int) -> float:
+def spring_energy(scratch: Scratch, springs: FrameSprings, count: int) -> float:
     """Return the energy of the first `count` springs at `scratch.x`, and add its gradient to `scratch.gradient`."""
     energy = 0.0
     x, gradient, A, rest = scratch.x, scratch.gradient, springs.A, springs.rest
@@ -86,13 +96,13 @@ def spring_energy(scratch: Scratch, springs: Springs, count: int) -> float:
 class Below(NamedTuple):
     """Work arrays for sums over subtrees, each long enough for all joints of a body."""
 
-    way: Numbers  # (joints,), the moving bones, see `write_way`
-    first: Numbers  # (joints + 1,), the index in `way` where each node begins, see `write_nodes`
-    G: Array  # (joints, joints, 3, 3), the stiffness between nodes, see `write_stiffness_below`
-    ends: Numbers  # (joints,), the number of springs with exactly one end at or below each joint
-    is_end: Flags  # (joints,), whether each joint is an end of a spring
-    children: Numbers  # (joints,), the number of moving bones below each joint
-    node: Numbers  # (joints,), the node of the bone to each joint; -1 if it does not move
+    way: I1  # (joints,), the moving bones, see `write_way`
+    first: I1  # (joints + 1,), the index in `way` where each node begins, see `write_nodes`
+    G: F4  # (joints, joints, 3, 3), the stiffness between nodes, see `write_stiffness_below`
+    ends: I1  # (joints,), the number of springs with exactly one end at or below each joint
+    is_end: B1  # (joints,), whether each joint is an end of a spring
+    children: I1  # (joints,), the number of moving bones below each joint
+    node: I1  # (joints,), the node of the bone to each joint; -1 if it does not move
 
     @classmethod
     def of(cls, body: Articulation) -> Below:
@@ -103,7 +113,7 @@ class Below(NamedTuple):
 
 
 @inlined(fastmath=True)
-def write_way(springs: Springs, count: int, body: Articulation, below: Below) -> int:
+def write_way(springs: FrameSprings, count: int, body: Articulation, below: Below) -> int:
     """Write the moving bones to `below.way`, and return their number: the bones whose rotation changes one of the first
     `count` springs. A bone is given by its lower joint, in descending order; the root, 0, follows if a spring is tied
     to the world.
@@ -160,7 +170,7 @@ def write_nodes(bones: int, parents: Numbers, below: Below) -> int:
 
 
 @inlined(fastmath=True)
-def write_stiffness_below(springs: Springs, count: int, nodes: int, parents: Numbers, below: Below) -> None:
+def write_stiffness_below(springs: FrameSprings, count: int, nodes: int, parents: Numbers, below: Below) -> None:
     """Write the stiffness between subtrees to the upper triangle of `below.G[:nodes, :nodes]`: the force on the subtree
     of one node per displacement of that of another. Bones that do not move change no spring, and add nothing.
     """
@@ -183,7 +193,7 @@ def write_stiffness_below(springs: Springs, count: int, nodes: int, parents: Num
 
 
 @inlined(fastmath=True)
-def _add_ends(springs: Springs, count: int, node: Numbers, G: Array) -> None:
+def _add_ends(springs: FrameSprings, count: int, node: Numbers, G: Array) -> None:
     """Add the stiffness of each spring to G at the nodes of its ends."""
     A = springs.A
     for s in range(count):

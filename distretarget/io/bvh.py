@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import BvhError, SkeletonError
-from distretarget.io.bvh_text import Words, is_number, parse_numbers
+from distretarget.io.bvh_text import Words, is_number
 from distretarget.io.files import read_text
+from distretarget.io.number_text import parse_numbers
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
 from distretarget.numerics.vectors import Array, extent, lengths

@@ -1,4 +1,4 @@
-"""Writing BVH files, their numbers by compiled code; and which other programs cannot read one."""
+"""Writing BVH files; and which other programs cannot read one."""
 
 from __future__ import annotations
 
@@ -12,15 +12,14 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, SkeletonError, counted
 from distretarget.io.bvh import MAX_DEPTH
-from distretarget.io.bvh_text import MINUS, POINT, SPACE, ZERO, is_name
+from distretarget.io.bvh_text import is_name
 from distretarget.io.files import write_whole
+from distretarget.io.number_text import rows_text
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.euler import angle_state, euler_angles, write_channel_angles
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, extent
@@ -28,14 +27,6 @@ from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 ANGLE_DECIMALS = 6  # decimals of an angle in degrees
 SURROGATES = re.compile(r"[\ud800-\udfff]")  # they hold bytes that are not UTF-8
-MOST_DECIMALS = 18  # that fit an integer of 64 bits
-LARGEST_SCALED = 2.0**50  # of a scaled number; larger ones have too few bits left to round them
-DOUBT = 2.0**-52  # relative error of a scaled number
-NEWLINE = ord("\n")
-SPLIT = 2.0**27 + 1.0  # halves the digits of a number
-TEN, HUNDRED = np.uint64(10), np.uint64(100)
-PAIRS = np.array([ord(digit) for number in range(100) for digit in f"{number:02}"], np.uint8)
-LONGEST_NUMBER = 22  # characters of a number: sign, digits, point, and the blank after it
 
 
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
@@ -156,92 +147,6 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
             write_channel_angles(motion.rotations[block], *each, values)
         values[np.abs(values) <= least] = 0.0
         yield values
-
-
-def rows_text(values: Array, decimals: Sequence[int]) -> str:
-    """Return the text of finite values (rows, columns): a line for each row, with spaces between the columns.
-
-    `decimals` is how many digits follow the point in each column, at least 1. The text is that of the operator `%`,
-    character by character.
-    """
-    text = np.empty(values.size * LONGEST_NUMBER, np.uint8)
-    short = values.size and max(decimals) <= MOST_DECIMALS
-    scales, places = np.array([10.0**n for n in decimals]), np.array(decimals, np.int64)
-    begin = _write_rows(np.ascontiguousarray(values), scales, places, PAIRS, text) if short else -1
-    if begin < 0:
-        line = " ".join(f"%.{places}f" for places in decimals)
-        return "".join(f"{line % tuple(row)}\n" for row in values.tolist())
-    return text[begin:].tobytes().decode("ascii")
-
-
-@compiled()
-def _write_rows(
-    values: Array, scales: Array, decimals: NDArray[np.int64], pairs: NDArray[np.uint8], text: NDArray[np.uint8]
-) -> int:
-    """Write numbers as decimals to the end of `text`, last digit first; return where the text begins, -1 if one is too
-    large. `pairs` are the two digits of each number below 100.
-    """
-    at, columns = len(text), len(decimals)
-    for row in range(len(values) - 1, -1, -1):
-        for column in range(columns - 1, -1, -1):
-            size = abs(values[row, column])
-            if not size * scales[column] < LARGEST_SCALED:
-                return -1
-            at -= 1
-            text[at] = SPACE if column < columns - 1 else NEWLINE
-            rest, left = np.uint64(_rounded(size, scales[column])), decimals[column]
-            for _ in range(left // 2):
-                at = _write_pair(rest, pairs, text, at)
-                rest //= HUNDRED
-            if left % 2:
-                at = _write_digit(rest, text, at)
-                rest //= TEN
-            at -= 1
-            text[at] = POINT
-            while rest >= TEN:
-                at = _write_pair(rest, pairs, text, at)
-                rest //= HUNDRED
-            if rest > 0 or text[at] == POINT:
-                at = _write_digit(rest, text, at)
-            if np.signbit(values[row, column]):
-                at -= 1
-                text[at] = MINUS
-    return at
-
-
-@inlined()
-def _write_digit(number: np.uint64, text: NDArray[np.uint8], at: int) -> int:
-    """Write the last digit of a number before a place; return the digit's."""
-    text[at - 1] = ZERO + np.int64(number % TEN)
-    return at - 1
-
-
-@inlined()
-def _write_pair(number: np.uint64, pairs: NDArray[np.uint8], text: NDArray[np.uint8], at: int) -> int:
-    """The same of the last two digits."""
-    pair = 2 * np.int64(number % HUNDRED)
-    text[at - 2], text[at - 1] = pairs[pair], pairs[pair + 1]
-    return at - 2
-
-
-@inlined()
-def _rounded(size: float, scale: float) -> int:
-    """The product of a positive number and a power of ten, rounded to a whole number; of two equally near ones, to the
-    even one.
-
-    Where scaling may have pushed it across a half, the error of the product decides, which is exact (T. J. Dekker, A
-    floating-point technique for extending the available precision, 1971).
-    """
-    scaled = size * scale
-    whole = np.rint(scaled)
-    if abs(scaled - whole) < 0.5 - DOUBT * scaled:
-        return int(whole)
-    a, b = SPLIT * size, SPLIT * scale
-    a, b = a - (a - size), b - (b - scale)
-    error = (size - a) * (scale - b) - (((scaled - a * b) - (size - a) * b) - a * (scale - b))
-    whole = np.floor(scaled)
-    above = (scaled - whole - 0.5) + error
-    return int(whole) + int(above > 0.0 or (above == 0.0 and whole % 2.0 == 1.0))
 
 
 def refusals(skeleton: Skeleton) -> Iterator[str]:

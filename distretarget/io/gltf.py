@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.files import is_inside, read_bytes
 from distretarget.io.json_node import Fields, Node, parse_json
-from distretarget.numerics.compiled import read_only
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, read_only
 
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
 

@@ -13,7 +13,6 @@ from distretarget.matching.undersides import Undersides
 from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.movement import (
-    INSTANT,
     bone_error,
     direction_error,
     expected_directions,
@@ -21,6 +20,7 @@ from distretarget.measure.movement import (
     shared_bones,
     turns,
 )
+from distretarget.measure.pops import INSTANT
 from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports

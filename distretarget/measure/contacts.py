@@ -16,7 +16,7 @@ from distretarget.body.limbs import hanging_distances, passing_regions
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, contiguous
+from distretarget.numerics.joint_pairs import write_nearest
 from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 
@@ -42,22 +42,6 @@ class Candidates:
     tau_source: Array  # (pairs of joints,), path lengths on the source, between their drivers [source file units]
     tau: Array  # (pairs of joints,), path lengths on the target [target file units]
     limits: Array  # (pairs of joints,), they touch while D in the source is below this
-
-
-@compiled()
-def _write_nearest(positions, u, v, limits, ends, nearest):  # type: ignore[no-untyped-def]
-    """Write the nearest pair of joints of each pair of regions, whose squared distance is smallest relative to its
-    limit, (pairs of joints,); -1 where none is below it. `ends` are the first pairs of each, and their number.
-    """
-    for frame in range(len(nearest)):
-        x = positions[frame]
-        for k in range(nearest.shape[1]):
-            least, nearest[frame, k] = 1.0, -1
-            for n in range(ends[k], ends[k + 1]):
-                i, j = u[n], v[n]
-                square = (x[i, 0] - x[j, 0]) ** 2 + (x[i, 1] - x[j, 1]) ** 2 + (x[i, 2] - x[j, 2]) ** 2
-                if square < least * limits[n]:
-                    least, nearest[frame, k] = square / limits[n], n
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -157,7 +141,7 @@ def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Conta
     u, v = (matching.drivers[joints] for joints in (candidates.u, candidates.v))
     limits, ends = (candidates.limits * candidates.tau_source) ** 2, np.append(candidates.first, len(u))
     nearest = np.empty((len(source), len(candidates.first)), np.int32)
-    _write_nearest(contiguous(source.positions), u, v, limits, ends, nearest)
+    write_nearest(np.ascontiguousarray(source.positions), u, v, limits, ends, nearest)
     frame, regions = np.nonzero((nearest >= 0) & ~(candidates.passing & strides[:, None]))
     pair = nearest[frame, regions].astype(np.intp)
     D = _apart(source, frame, u[pair], v[pair]) / candidates.tau_source[pair]

@@ -12,8 +12,7 @@ import numpy as np
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.skin import TOUCHING, Skin
-from distretarget.measure.skin_depths import find_depths
-from distretarget.measure.skin_shapes import LIMBS
+from distretarget.measure.skin_depths import LIMBS, find_depths
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, lengths

@@ -21,7 +21,7 @@ from distretarget.body.limbs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import turned_by
+from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, level, normalised
 
 UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]

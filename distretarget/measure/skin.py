@@ -13,11 +13,8 @@ from distretarget.body.body import Body
 from distretarget.body.limbs import raised
 from distretarget.body.segments import find_segments
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.skin_depths import find_depths
+from distretarget.measure.skin_depths import LIMBS, Clusters, Patches, find_depths
 from distretarget.measure.skin_shapes import (
-    LIMBS,
-    Clusters,
-    Patches,
     SkinPoints,
     clusters_of,
     inner_balls,

@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from distretarget.measure.skin_shapes import LIMBS, Clusters, Patches
-from distretarget.numerics.compiled import compiled, contiguous, inlined
-from distretarget.numerics.kinematics import turned
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.compiled import Out, compiled, inlined
+from distretarget.numerics.quaternions import turned
+from distretarget.numerics.vectors import F1, F2, F3, I1, I2, Array
 from distretarget.skin.capsules import SEGMENTS
+
+LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
+
+
+class Patches(NamedTuple):
+    """Points of one limb that one joint moves most, in patches of a few neighbours."""
+
+    limbs: I1  # (limbs + 1,), the first patch of each; the last is their end
+    patches: I2  # (patches + 1, 2), joint and first point of each; the last is their end
+    balls: F2  # (patches, 4), centre relative to the joint, and radius [file units]
+    joints: I2  # (points, influences), as in `SkinPoints`, but in this order
+    bound: F3  # (points, influences, 4), their offsets and weights
+    counts: F1  # (points,)
+
+
+class Clusters(NamedTuple):
+    """Capsules in groups of one joint and segment, and these in clusters of a few neighbours, each within a ball."""
+
+    groups: I2  # (groups + 1, 3), the joint and the segment of each, and its first cluster; the last is their end
+    first: I1  # (clusters + 1,), the first capsule of each; the last is their end
+    balls: F2  # (groups + clusters, 4), centre relative to the joint, and radius [file units]
+    # (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius where it
+    # begins, the change of the radius along it, and how far along it, over a point's distance to the axis, the nearest
+    # ball is off the point's foot
+    capsules: F2
 
 
 def find_depths(
@@ -23,11 +47,11 @@ def find_depths(
     `posed` are the positions and world rotations of the joints, (frames, joints, 3 and 4); `reach`, (frames or 1,
     limbs, segments), is how far from a segment to look [file units], negative infinity for not at all.
     """
-    depths = np.array(np.broadcast_to(-reach, (len(posed[0]), len(LIMBS), len(SEGMENTS))))
+    depths = np.array(np.broadcast_to(-reach, (len(posed[0]), len(LIMBS), len(SEGMENTS))), order="C")
     inside, near = np.zeros(len(depths)), np.empty((4, len(clusters.balls)), np.intp)
     placed, placed_patches = np.empty((len(clusters.balls), 4)), np.empty((len(patches.balls) + 2, 4))
-    given: list[Any] = [*map(contiguous, posed), patches, clusters, grazing, near, placed, placed_patches]
-    _find(*given, depths, inside)  # type: ignore[call-arg]
+    x, q = map(np.ascontiguousarray, posed)
+    _find(x, q, patches, clusters, grazing, near, placed, placed_patches, depths, inside)
     return np.where(depths == np.inf, -np.inf, depths), inside
 
 
@@ -114,7 +138,18 @@ def _enclose(ball, balls, first, end):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _find(positions, rotations, skin, body, grazing, near, placed, placed_patches, depths, inside):  # type: ignore[no-untyped-def]
+def _find(
+    positions: F3,
+    rotations: F3,
+    skin: Patches,
+    body: Clusters,
+    grazing: float,
+    near: Out[I2],
+    placed: Out[F2],
+    placed_patches: Out[F2],
+    depths: Out[F3],
+    inside: Out[F1],
+) -> None:
     """Write depths and counts of vertices inside; `near`, (4, balls), `placed`, (balls, 4), and `placed_patches`,
     (patches + 2, 4), are scratch: the near groups, and the near clusters and their groups; and balls in the world.
     """

@@ -17,12 +17,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from distretarget.measure.skin_depths import LIMBS, Clusters, Patches
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised, spread_out
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
 MOST = (128, 128, 64, 64)  # points of each limb
 INFLUENCES = 4  # most joints that move a point
 PATCH = 8  # most points of a patch
@@ -52,17 +52,6 @@ class SkinPoints:
 
     def __getitem__(self, chosen: Flags | Numbers) -> SkinPoints:
         return SkinPoints(*(each[chosen] for each in vars(self).values()))
-
-
-class Patches(NamedTuple):
-    """Points of one limb that one joint moves most, in patches of a few neighbours."""
-
-    limbs: Numbers  # (limbs + 1,), the first patch of each; the last is their end
-    patches: Numbers  # (patches + 1, 2), joint and first point of each; the last is their end
-    balls: Array  # (patches, 4), centre relative to the joint, and radius [file units]
-    joints: Numbers  # (points, influences), as in `SkinPoints`, but in this order
-    bound: Array  # (points, influences, 4), their offsets and weights
-    counts: Array  # (points,)
 
 
 def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
@@ -243,18 +232,6 @@ def _not_within_others(centres: Array, radii: Array, joints: Numbers, margin: fl
             out[0] = False
             on = on[out]
     return np.array(sorted(kept), np.intp)
-
-
-class Clusters(NamedTuple):
-    """Capsules in groups of one joint and segment, and these in clusters of a few neighbours, each within a ball."""
-
-    groups: Numbers  # (groups + 1, 3), the joint and the segment of each, and its first cluster; the last is their end
-    first: Numbers  # (clusters + 1,), the first capsule of each; the last is their end
-    balls: Array  # (groups + clusters, 4), centre relative to the joint, and radius [file units]
-    # (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius where it
-    # begins, the change of the radius along it, and how far along it, over a point's distance to the axis, the nearest
-    # ball is off the point's foot
-    capsules: Array
 
 
 def clusters_of(capsules: Capsules) -> Clusters:

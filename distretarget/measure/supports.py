@@ -22,7 +22,7 @@ from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
-from distretarget.numerics.kinematics import turned_by
+from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.time_series import largest, over_runs
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 

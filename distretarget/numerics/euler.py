@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.vectors import F1, F2, F3, I1, I2, Array, Numbers
 
 DEGREE, RADIAN = np.pi / 180.0, 180.0 / np.pi  # [rad], [degrees]
 TURN = 2.0 * np.pi
@@ -75,7 +75,7 @@ def _half_sums(rotations: Array, axes: str) -> tuple[Array, Array, Array, Array]
 
 
 @compiled()
-def _write_angles(halves, parity, state, unit, columns, values):  # type: ignore[no-untyped-def]
+def _write_angles(halves: F3, parity: float, state: Out[F2], unit: float, columns: I2, values: Out[F2]) -> None:
     """Write the angles of a block of frames, continued from frame to frame.
 
     `halves`, (6, frames, joints), are the total and the difference of the half angles, half of the middle angle, and
@@ -137,11 +137,22 @@ def write_channel_rotations(
     [degrees, or any `unit` in radians]. Axes that a joint lacks keep the angle 0.
     """
     cosines, sines = np.ones(3), np.zeros(3)
+    columns = np.ascontiguousarray(columns)
     _write_rotations(values, columns, unit, *_order(axes), joints, rotations, cosines, sines)
 
 
 @compiled()
-def _write_rotations(values, columns, unit, order, parity, joints, rotations, cosines, sines):  # type: ignore[no-untyped-def]
+def _write_rotations(
+    values: F2,
+    columns: I2,
+    unit: float,
+    order: I1,
+    parity: float,
+    joints: I1,
+    rotations: Out[F3],
+    cosines: Out[F1],
+    sines: Out[F1],
+) -> None:
     i, j, k = order[0], order[1], order[2]
     for frame in range(len(values)):
         for n in range(len(joints)):

@@ -1,13 +1,11 @@
-"""Ctrl-C and requests to end, where they must wait or would be lost."""
+"""Ctrl-C and requests to end, where they must wait."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
-import sys
 import threading
 from collections.abc import Iterator
-from typing import Any
 
 
 @contextlib.contextmanager
@@ -28,31 +26,3 @@ def interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         if received:
             signal.raise_signal(received[0])
-
-
-@contextlib.contextmanager
-def interrupts_kept() -> Iterator[None]:
-    """Raise an interruption that is lost in the block when the block ends.
-
-    LLVM calls Python back while it compiles or loads code. An exception cannot leave such a call: Python prints that it
-    is ignored and goes on, or fails because the work of the call is not done.
-    """
-    lost: list[Any] = []
-    hook = sys.unraisablehook
-
-    def keep(ignored: sys.UnraisableHookArgs) -> None:
-        if issubclass(ignored.exc_type, KeyboardInterrupt):
-            lost.append(ignored.exc_type)
-        else:
-            hook(ignored)
-
-    sys.unraisablehook = keep
-    try:
-        yield
-    except Exception:
-        if not lost:
-            raise
-    finally:
-        sys.unraisablehook = hook
-    if lost:
-        raise KeyboardInterrupt

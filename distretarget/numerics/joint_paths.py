@@ -7,20 +7,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.numerics.compiled import compiled, contiguous, read_only
-from distretarget.numerics.kinematics import multiply
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.compiled import Out, compiled
+from distretarget.numerics.quaternions import multiply, turned
+from distretarget.numerics.vectors import F1, F2, F3, I1, I2, Array, Numbers
 
 
 def heights_of(positions: Array, joints: Numbers | list[int], up: Array) -> Array:
     """(frames, joints), heights of joints along the unit vector up."""
     heights = np.empty((len(positions), len(joints)))
-    _write_heights(read_only(positions), np.array(joints, np.intp), read_only(up), heights)
+    _write_heights(positions, np.array(joints, np.intp), up, heights)
     return heights
 
 
 @compiled()
-def _write_heights(positions: Array, joints: Numbers, up: Array, heights: Array) -> None:
+def _write_heights(positions: F3, joints: I1, up: F1, heights: Out[F2]) -> None:
     for frame in range(len(positions)):
         for n in range(len(joints)):
             x = positions[frame, joints[n]]
@@ -37,12 +37,12 @@ def steps_along(paths: Array, joints: Numbers | None = None, lag: int = 1) -> Ar
     """(frames - lag, joints), the distance of joints, all if none are given, from their places `lag` frames earlier."""
     joints = np.arange(paths.shape[1]) if joints is None else joints
     steps = np.empty((max(len(paths) - lag, 0), len(joints)))
-    _write_steps(contiguous(paths), joints, lag, steps)
+    _write_steps(np.ascontiguousarray(paths), joints, lag, steps)
     return steps
 
 
 @compiled()
-def _write_steps(paths: Array, joints: Numbers, lag: int, steps: Array) -> None:
+def _write_steps(paths: F3, joints: I1, lag: int, steps: Out[F2]) -> None:
     for frame in range(len(steps)):
         for n in range(len(joints)):
             start, end = paths[frame, joints[n]], paths[frame + lag, joints[n]]
@@ -53,14 +53,14 @@ def _write_steps(paths: Array, joints: Numbers, lag: int, steps: Array) -> None:
 def angles_to_bones(vectors: Array, positions: Array, upper: Numbers, lower: Numbers) -> Array:
     """(frames, bones), the angles of `vectors`, (frames, bones, 3), to bones from joints `upper` to `lower` [rad]."""
     angles = np.empty(vectors.shape[:2])
-    _write_half_tangents(contiguous(vectors), contiguous(positions), upper, lower, angles)
+    _write_half_tangents(np.ascontiguousarray(vectors), np.ascontiguousarray(positions), upper, lower, angles)
     np.arctan(angles, out=angles)
     angles *= 2.0
     return angles
 
 
 @compiled()
-def _write_half_tangents(vectors, positions, upper, lower, tangents):  # type: ignore[no-untyped-def]
+def _write_half_tangents(vectors: F3, positions: F3, upper: I1, lower: I1, tangents: Out[F2]) -> None:
     """Write the tangents of half the angles; 0 for a zero vector."""
     for frame in range(len(vectors)):
         for n in range(len(lower)):
@@ -77,12 +77,12 @@ def _write_half_tangents(vectors, positions, upper, lower, tangents):  # type: i
 def thirds_along(paths: Array, joints: Numbers) -> Array:
     """(frames - 3,), the mean over joints of the length of their third differences; 0 without joints."""
     means = np.empty(max(len(paths) - 3, 0))
-    _write_thirds(contiguous(paths), joints, means)
+    _write_thirds(np.ascontiguousarray(paths), joints, means)
     return means
 
 
 @compiled()
-def _write_thirds(paths: Array, joints: Numbers, means: Array) -> None:
+def _write_thirds(paths: F3, joints: I1, means: Out[F1]) -> None:
     for frame in range(len(means)):
         total = 0.0
         for joint in joints:
@@ -105,7 +105,7 @@ def turns_along(parents: Numbers, rotations: Array, joints: Numbers) -> Array:
     all joints, 4), are local. The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
     """
     apart = np.empty((max(len(rotations) - 1, 0), len(joints)))
-    _write_apart(read_only(parents), contiguous(rotations), joints, np.empty((2, len(parents), 4)), apart)
+    _write_apart(parents, np.ascontiguousarray(rotations), joints, np.empty((2, len(parents), 4)), apart)
     apart *= 0.5
     np.arcsin(np.minimum(apart, 1.0, out=apart), out=apart)
     apart *= 4.0
@@ -113,7 +113,7 @@ def turns_along(parents: Numbers, rotations: Array, joints: Numbers) -> Array:
 
 
 @compiled()
-def _write_apart(parents, rotations, joints, world, apart):  # type: ignore[no-untyped-def]
+def _write_apart(parents: I1, rotations: F3, joints: I1, world: Out[F3], apart: Out[F2]) -> None:
     """Write the distances of quaternions to those of the next frame; `world`, (2, all joints, 4), is scratch."""
     for frame in range(len(rotations)):
         now, before = world[frame % 2], world[1 - frame % 2]
@@ -137,3 +137,24 @@ def speeds_along(paths: Array, frame_time: float, joints: Numbers | None = None)
         return np.zeros((len(paths), paths.shape[1] if joints is None else len(joints)))
     first, last = (2.0 * steps_along(paths[ends], joints) for ends in (slice(2), slice(-2, None)))
     return np.concatenate([first, steps_along(paths, joints, lag=2), last]) / (2.0 * frame_time)
+
+
+@compiled()
+def write_directions(
+    positions: F3, upper: I1, lower: I1, world: F3, turning: I2, blend: F1, bones: F3, directions: Out[F3]
+) -> None:
+    """Write the directions from the joints `upper` to `lower`, (bones,) each; of bones that joints turn, (bones, 2) or
+    -1, those of `bones`, (bones, 2, 3), with the world rotations R of both joints, blended: R A b.
+    """
+    for frame in range(len(directions)):
+        for n in range(len(lower)):
+            way, p, q = directions[frame, n], positions[frame, upper[n]], positions[frame, lower[n]]
+            way[0], way[1], way[2] = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            for k in range(2):
+                if turning[n, k] >= 0 and (k == 0 or blend[n] > 0.0):
+                    r, v = world[frame, turning[n, k]], bones[n, k]
+                    x, y, z = turned(r[0], r[1], r[2], r[3], v[0], v[1], v[2])
+                    share = blend[n] if k else 1.0
+                    way[0] = share * x + (1.0 - share) * way[0]
+                    way[1] = share * y + (1.0 - share) * way[1]
+                    way[2] = share * z + (1.0 - share) * way[2]

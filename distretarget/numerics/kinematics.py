@@ -11,9 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from distretarget.errors import SettingsError
-from distretarget.numerics.compiled import compiled, contiguous, inlined, read_only
+from distretarget.numerics.compiled import Out, compiled
 from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.quaternions import multiply
+from distretarget.numerics.vectors import F2, F3, I1, Array, Numbers
 
 ALL = slice(None)
 
@@ -38,11 +39,10 @@ def forward_kinematics(parents: Numbers, translations: Array, world: Array) -> A
 def joint_positions(parents: Numbers, root_positions: Array, bones: Array, world: Array) -> Array:
     """The same with `root_positions`, (frames, 3), and `bones`, (frames or 1, joints, 3), in place of translations."""
     positions = np.empty((len(world), len(parents), 3))
-    tree, path = read_only(parents), contiguous(root_positions)
-    moving, turned = read_only(bones), read_only(world)
+    path, moving, turned = map(np.ascontiguousarray, (root_positions, bones, world))
 
     def place(part: slice) -> None:
-        _positions(tree, path[part], moving[part if len(bones) > 1 else ALL], turned[part], positions[part])
+        _positions(parents, path[part], moving[part if len(bones) > 1 else ALL], turned[part], positions[part])
 
     over_blocks(place, *positions.shape[:2])
     return positions
@@ -50,7 +50,7 @@ def joint_positions(parents: Numbers, root_positions: Array, bones: Array, world
 
 def world_rotations(parents: Numbers, local: Array) -> Array:
     """World rotations from local ones, both (frames, joints, 4): the parent's world rotation times the joint's own."""
-    world, parents = np.array(local), read_only(parents)
+    world = np.array(local, order="C")
     over_blocks(lambda part: _world_rotations(parents, world[part]), *world.shape[:2])
     return world
 
@@ -58,12 +58,12 @@ def world_rotations(parents: Numbers, local: Array) -> Array:
 def line_rotations(line: Numbers, local: Array) -> Array:
     """(frames, 4), world rotations of the end of a line of joints from the root, from local (frames, all joints, 4)."""
     world = np.empty((len(local), 4))
-    _write_line(line, contiguous(local), world)
+    _write_line(line, np.ascontiguousarray(local), world)
     return world
 
 
 @compiled()
-def _write_line(line: Numbers, local: Array, world: Array) -> None:
+def _write_line(line: I1, local: F3, world: Out[F2]) -> None:
     for frame in range(len(world)):
         now = world[frame]
         for i in range(4):
@@ -73,24 +73,9 @@ def _write_line(line: Numbers, local: Array, world: Array) -> None:
             multiply(x, y, z, w, local[frame, joint], now)
 
 
-def turned_by(rotations: Array, vector: Array) -> Array:
-    """(frames, 3), a vector, (3,), turned by rotations, (frames, 4)."""
-    return np.stack(turned(*rotations.T, *vector), axis=-1)
-
-
 def make_local(parents: Numbers, rotations: Array) -> None:
     """Turn world rotations, (frames, joints, 4), into local ones in place; the inverse of `world_rotations`."""
-    parents = read_only(parents)
     over_blocks(lambda part: _make_local(parents, rotations[part]), *rotations.shape[:2])
-
-
-def rotation_products(first: Array, of_first: Numbers, second: Array) -> Array:
-    """(frames, joints, 4), for each joint the product of rotation number `of_first`, (joints,), of `first`, (frames, n,
-    4), and its rotation in `second`, (joints, 4); the identity where `of_first` is negative.
-    """
-    product = np.empty((len(first), len(second), 4))
-    _products(first, of_first, second, product)
-    return product
 
 
 def turn_parts(vectors: Array, parts: Numbers, rotations: Array) -> None:
@@ -99,13 +84,13 @@ def turn_parts(vectors: Array, parts: Numbers, rotations: Array) -> None:
     """
 
     def turn(part: slice) -> None:
-        _turn(vectors[part], parts, np.empty((vectors.shape[1], 4)), rotations[part])
+        _turn(np.ascontiguousarray(vectors[part]), parts, np.empty((vectors.shape[1], 4)), rotations[part])
 
     over_blocks(turn, *rotations.shape[:2])
 
 
 @compiled()
-def _world_rotations(parents: Numbers, world: Array) -> None:
+def _world_rotations(parents: I1, world: Out[F3]) -> None:
     """Turn local rotations into world rotations in place."""
     for frame in range(len(world)):
         for joint in range(1, len(parents)):
@@ -114,7 +99,7 @@ def _world_rotations(parents: Numbers, world: Array) -> None:
 
 
 @compiled()
-def _make_local(parents: Numbers, rotations: Array) -> None:
+def _make_local(parents: I1, rotations: Out[F3]) -> None:
     """Multiply the inverse of the parent's world rotation with the joint's own, from the leaves to the root."""
     for frame in range(len(rotations)):
         for joint in range(len(parents) - 1, 0, -1):
@@ -123,19 +108,7 @@ def _make_local(parents: Numbers, rotations: Array) -> None:
 
 
 @compiled()
-def _products(first: Array, of_first: Numbers, second: Array, product: Array) -> None:
-    for frame in range(len(first)):
-        for joint in range(len(of_first)):
-            if of_first[joint] >= 0:
-                p = first[frame, of_first[joint]]
-                multiply(p[0], p[1], p[2], p[3], second[joint], product[frame, joint])
-            else:
-                for i in range(4):
-                    product[frame, joint, i] = 1.0 if i == 3 else 0.0
-
-
-@compiled()
-def _turn(vectors: Array, parts: Numbers, turns: Array, rotations: Array) -> None:
+def _turn(vectors: F3, parts: I1, turns: Out[F2], rotations: Out[F3]) -> None:
     """Turn world rotations in place by the rotation vectors of their parts; `turns`, (parts, 4), is scratch."""
     for frame in range(len(rotations)):
         for part in range(len(turns)):
@@ -150,29 +123,8 @@ def _turn(vectors: Array, parts: Numbers, turns: Array, rotations: Array) -> Non
                 multiply(q[0], q[1], q[2], q[3], rotations[frame, joint], rotations[frame, joint])
 
 
-@inlined()
-def multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
-    """Write the product of the quaternion x y z w and q; `product` may be q itself."""
-    i, j, k, r = q[0], q[1], q[2], q[3]
-    product[0] = w * i + x * r + y * k - z * j
-    product[1] = w * j - x * k + y * r + z * i
-    product[2] = w * k + x * j - y * i + z * r
-    product[3] = w * r - x * i - y * j - z * k
-
-
-@inlined()
-def turned(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
-    """Return the vector a b c turned by the quaternion x y z w."""
-    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
-    return (
-        a + 2.0 * (w * i + y * k - z * j),
-        b + 2.0 * (w * j + z * i - x * k),
-        c + 2.0 * (w * k + x * j - y * i),
-    )
-
-
 @compiled()
-def _positions(parents: Numbers, root_positions: Array, bones: Array, world: Array, positions: Array) -> None:
+def _positions(parents: I1, root_positions: F2, bones: F3, world: F3, positions: Out[F3]) -> None:
     """Write positions: the parent's, plus the joint's translation rotated by the parent."""
     for frame in range(len(world)):
         for i in range(3):

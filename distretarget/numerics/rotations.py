@@ -7,24 +7,10 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.compiled import compiled, read_only
+from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.vectors import Array
 
 PULL = 1e-6  # weight of the identity in the fit of several vectors, relative to the vectors
-
-
-def first_not_unit(quaternions: Array, error: float) -> int:
-    """Return the index of the first of the quaternions, (n, 4), whose length is not 1 within `error`; -1 if none is."""
-    return int(_first_not_unit(read_only(quaternions), error))
-
-
-@compiled()
-def _first_not_unit(quaternions, error):  # type: ignore[no-untyped-def]
-    for n in range(len(quaternions)):
-        q = quaternions[n]
-        if not abs(np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) - 1.0) < error:
-            return n
-    return -1
 
 
 def best_rotation(a: Array, b: Array) -> Array:
@@ -45,38 +31,6 @@ def nearest_rotations(H: Array) -> Array:
     U, _, Vt = np.linalg.svd(H)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
     return np.asarray(U @ Vt)
-
-
-def least_rotation(a: Array, b: Array) -> Array:
-    """(frames, 4), the least rotations from the directions of `a` to those of `b`, both (frames, 3).
-
-    Opposite directions rotate about an axis perpendicular to `a` and to one coordinate axis; zero vectors do not.
-    """
-    quaternions = np.empty((len(a), 4))
-    _write_least(np.ascontiguousarray(a), np.ascontiguousarray(b), quaternions)
-    return quaternions
-
-
-@compiled()
-def _write_least(a, b, quaternions):  # type: ignore[no-untyped-def]
-    for n in range(len(a)):
-        x, y, z = a[n, 0], a[n, 1], a[n, 2]
-        u, v, w = b[n, 0], b[n, 1], b[n, 2]
-        scale = np.sqrt(x * x + y * y + z * z) * np.sqrt(u * u + v * v + w * w)
-        cosine = x * u + y * v + z * w
-        i, j, k, r = y * w - z * v, z * u - x * w, x * v - y * u, scale + cosine
-        if scale + cosine <= 1e-12 * scale:
-            if abs(x) <= abs(y) and abs(x) <= abs(z):
-                i, j, k, r = 0.0, z, -y, 0.0
-            elif abs(y) <= abs(z):
-                i, j, k, r = -z, 0.0, x, 0.0
-            else:
-                i, j, k, r = y, -x, 0.0, 0.0
-        if scale == 0.0:
-            i, j, k, r = 0.0, 0.0, 0.0, 1.0
-        size = np.sqrt(i * i + j * j + k * k + r * r)
-        quaternions[n, 0], quaternions[n, 1], quaternions[n, 2] = i / size, j / size, k / size
-        quaternions[n, 3] = r / size
 
 
 def least(a: Array, b: Array) -> Rotation:

@@ -1,16 +1,35 @@
 """The kinds of arrays, and lengths, directions, products and angles of vectors; components are the last axis.
 
-The functions are faster than numpy's `norm` along a short last axis, and than its `cross` for few vectors.
+The functions are faster than numpy's `norm` along a short last axis, and than its `cross` for few vectors. Compiled
+functions say how many axes an array has: F2 is a contiguous array of floats with two.
 """
 
 from __future__ import annotations
 
+from typing import Annotated, Any, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import Kind, inlined
+
+Value = TypeVar("Value", bound=np.generic)
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 Flags = NDArray[np.bool_]
+Letters = NDArray[np.uint8]
+
+F1 = Annotated[Array, Kind("float64", 1)]
+F2 = Annotated[Array, Kind("float64", 2)]
+F3 = Annotated[Array, Kind("float64", 3)]
+F4 = Annotated[Array, Kind("float64", 4)]
+I1 = Annotated[Numbers, Kind("intp", 1)]
+I2 = Annotated[Numbers, Kind("intp", 2)]
+B1 = Annotated[Flags, Kind("bool", 1)]
+B2 = Annotated[Flags, Kind("bool", 2)]
+S2 = Annotated[NDArray[np.int32], Kind("int32", 2)]
+L1 = Annotated[Letters, Kind("uint8", 1)]
 
 
 def lengths(vectors: Array) -> Array:
@@ -59,3 +78,32 @@ def spread_out(points: Array, most: int) -> Numbers:
         away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
         chosen.append(int(away.argmax()))
     return np.array(chosen, np.intp)
+
+
+def read_only(array: NDArray[Value]) -> NDArray[Value]:
+    """Return a view that cannot be written to."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+@inlined()
+def copy_to(target: Array, source: Array) -> None:
+    """target[:] = source, for contiguous arrays of one shape."""
+    flat_source, flat_target = source.flat, target.flat
+    for i in range(source.size):
+        flat_target[i] = flat_source[i]
+
+
+@inlined()
+def clear(array: NDArray[Any]) -> None:
+    """array[:] = 0, for a contiguous array."""
+    flat = array.flat
+    for i in range(array.size):
+        flat[i] = 0
+
+
+@inlined()
+def indices(first: int, end: int) -> range:
+    """range(first, end), not negative, as unsigned integers: loops over these are vectorised."""
+    return range(np.uintp(first), np.uintp(end))

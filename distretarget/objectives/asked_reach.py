@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asked_springs import off_by
 from distretarget.objectives.asking import Wish, Wishes

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.contact_entries import Contact, Distance, Entry, Plant
+from distretarget.ik.holds import LEAST_WEIGHT
 from distretarget.ik.springs import Springs, joined
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
@@ -24,7 +25,7 @@ from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
 from distretarget.objectives.skin import BodySkin, Skins
-from distretarget.objectives.supports import LEAST_WEIGHT, STIFFNESS, Supports
+from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
 
 STEADY = 0.3  # what is to be between joints is averaged over this time before and after [s]

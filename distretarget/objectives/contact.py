@@ -20,24 +20,22 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from distretarget.body.axes import perpendicular
-from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
+from distretarget.ik.articulation import Articulation
+from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks, subtree_lengths
-from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.ik.springs import joined, room_for
 from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots, averaged, slices_of, widened
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact_pairs import Contacts, NearPairs, write_pair_spring
-from distretarget.objectives.floor import Floor, add_floor, floor_energy
+from distretarget.objectives.contact_pairs import Contacts
+from distretarget.objectives.contact_terms import Given, solve_frames
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
 
@@ -171,7 +169,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
         springs = joined(held_springs, held.scene_springs, held.asked_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
         given = Given(near, springs, held.floor, room)
-        _solve(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
+        solve_frames(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit
     return Poses(v, log)
 
@@ -191,65 +189,3 @@ def _with_bent_knees(clip: Clip) -> Array:
         thigh += aside
         shin -= aside
     return bones
-
-
-class Given(NamedTuple):
-    """The terms of a block of frames."""
-
-    near: NearPairs  # contacts in all frames of the block
-    springs: Springs  # those of supports and scene contacts in all frames of the block
-    floor: Floor  # the floor in all frames of the block
-    room: Springs  # scratch for the springs of one frame
-
-
-class Terms(NamedTuple):
-    """The terms of one frame."""
-
-    springs: Springs  # those of contacts and supports, then room for a spring per joint that the floor pushes up
-    acting: int  # the number of springs in use
-    floor: Floor  # the floor in this frame
-
-
-@inlined(fastmath=True)
-def _energy(scratch: Scratch, terms: Terms) -> float:
-    return spring_energy(scratch, terms.springs, terms.acting) + floor_energy(scratch, terms.floor)
-
-
-@inlined(fastmath=True)
-def _like_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
-    return terms.springs, add_floor(scratch, terms.floor, terms.springs, terms.acting)
-
-
-@inlined(fastmath=True)
-def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
-    floor = given.floor
-    of_frame = Floor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
-    return Terms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
-
-
-@inlined(fastmath=True)
-def _write_springs(near: NearPairs, springs: Springs, frame: int, room: Springs) -> int:
-    """Write the springs that act in a frame to `room`; return how many they are."""
-    count = 0
-    for pair in range(len(near.a)):
-        if near.w[frame, pair] >= NEGLIGIBLE:
-            write_pair_spring(near, frame, pair, room.rest[count], room.A[count])
-            room.a[count], room.b[count] = near.a[pair], near.b[pair]
-            count += 1
-    for s in range(len(springs.a)):
-        if not is_negligible(springs.A[frame], s):
-            room.a[count], room.b[count] = springs.a[s], springs.b[s]
-            for i in range(3):
-                room.rest[count, i] = springs.rest[frame, s, i]
-                for j in range(3):
-                    room.A[count, i, j] = springs.A[frame, s, i, j]
-            count += 1
-    return count
-
-
-_solve_poses = pose_solver(_terms_of, _energy, _like_springs)
-
-
-@compiled()
-def _solve(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
-    _solve_poses(body, copy, given, tolerance, v, first, log, work)

@@ -1,31 +1,23 @@
-"""Contact pairs: when two joints count as a self-contact, and the spring that keeps the contact.
-
-    1/2 w r^T (k I + (1 - k) e e^T) r,   r = x_u - x_v - delta,   delta = d_copy + f (tau2 / tau1 d_source - d_copy)
-
-f is the activation, 0 to 1; w the stiffness; e the direction of d_source; k w the stiffness perpendicular to e.
-"""
+"""Contact pairs: when two joints count as a self-contact, and how firmly it is kept."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs, hanging_distances, passing_regions
 from distretarget.distances import DistanceProblem
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.joint_pairs import come_near, normalised_distances
 from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip, Drop
+from distretarget.objectives.contact_terms import TOUCH, NearPairs, write_stiffness
 
 LEAST_PATH = 5  # |P| of a pair: joints that are close along the tree make no contact
 STIFFNESS = 400.0  # of a pair, over reach / D, with `strength` 1
-WITHIN = 0.05  # a pair that asks the rotation copy to change by more than this pulls with a bounded force [body units]
-TOUCH = 0.005  # [D] added to D before the stiffness is divided by it, which keeps touching pairs finite
-DIRECTION_RANGE = 0.08  # pairs closer than about this keep their direction as well as their distance [body units]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,20 +57,6 @@ def candidate_pairs(
     ratio = distances.tau2[u, v] / unit / tau1
     D = np.maximum(hanging_distances(hanging, distances.sources[u], distances.sources[v], tau1), TOUCH)
     return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, D, passing)
-
-
-class NearPairs(NamedTuple):
-    """The contact pairs of a block of frames; `write_pair_spring` makes their springs."""
-
-    a: Numbers  # (pairs,), the target's joint at u
-    b: Numbers  # (pairs,), the target's joint at v
-    u: Numbers  # (pairs,), the first point
-    v: Numbers  # (pairs,), the second point
-    ratio: Array  # (pairs,), tau2 / tau1 [body units / file unit]
-    source: Array  # (frames, points, 3), the points of the source [file units]
-    copy: Array  # (frames, points, 3), the points of the rotation copy [body units]
-    f: Array  # (frames, pairs), activation
-    w: Array  # (frames, pairs), stiffness
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -135,81 +113,6 @@ class Contacts:
         return NearPairs(a, b, u, v, pairs.ratio[on], source[inside], self.copy[block], f, w)
 
 
-@inlined()
-def share_across(square):  # type: ignore[no-untyped-def]
-    """k: a pair's stiffness perpendicular to its direction over that along it, from its squared length [body units], a
-    number or an array; 1/2 at the length `DIRECTION_RANGE`.
-    """
-    return DIRECTION_RANGE**2 / (DIRECTION_RANGE**2 + square)
-
-
-@inlined(fastmath=True)
-def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
-    """Write the spring of a pair in a frame: its rest vector d_copy + f (ratio d_source - d_copy) to `rest`, (3,), and
-    its stiffness, w along d_source and k w perpendicular to it (`share_across`), to `A`, (3, 3).
-
-    The stiffness is bounded by the length c of the change that the pair asks for, f |ratio d_source - d_copy|: it is
-    divided by (1 + (c / WITHIN)^4)^(1/4). So contacts in reach are firm, and others hardly bend the body.
-    """
-    u, v, f, w, ratio = near.u[pair], near.v[pair], near.f[frame, pair], near.w[frame, pair], near.ratio[pair]
-    dx = near.source[frame, u, 0] - near.source[frame, v, 0]
-    dy = near.source[frame, u, 1] - near.source[frame, v, 1]
-    dz = near.source[frame, u, 2] - near.source[frame, v, 2]
-    rest[0], rest[1], rest[2] = dx, dy, dz
-    change = 0.0
-    for i in range(3):
-        copied = near.copy[frame, u, i] - near.copy[frame, v, i]
-        asked = f * (ratio * rest[i] - copied)
-        rest[i] = copied + asked
-        change += asked * asked
-    change /= WITHIN * WITHIN
-    w /= np.sqrt(np.sqrt(1.0 + change * change))
-    square = dx * dx + dy * dy + dz * dz
-    across = w * share_across(ratio * ratio * square)
-    along = (w - across) / square if square > 0.0 else 0.0
-    A[0, 0], A[0, 1], A[0, 2] = along * dx * dx + across, along * dx * dy, along * dx * dz
-    A[1, 0], A[1, 1], A[1, 2] = along * dx * dy, along * dy * dy + across, along * dy * dz
-    A[2, 0], A[2, 1], A[2, 2] = along * dx * dz, along * dy * dz, along * dz * dz + across
-
-
-def come_near(a: Array, b: Array, u: Numbers, v: Numbers, reach: Array) -> Flags:
-    """(pairs,), whether points u of `a` and v of `b`, (frames, points, 3), ever come closer than `reach`, (pairs,)."""
-    near = np.zeros(len(u), np.bool_)
-    _mark_near(a, b, u, v, reach, near)
-    return near
-
-
-@compiled(fastmath=True)
-def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
-    for pair in range(len(u)):
-        i, j, square = u[pair], v[pair], reach[pair] ** 2
-        for frame in range(len(a)):
-            x = a[frame, i, 0] - b[frame, j, 0]
-            y = a[frame, i, 1] - b[frame, j, 1]
-            z = a[frame, i, 2] - b[frame, j, 2]
-            if x * x + y * y + z * z < square:
-                near[pair] = True
-                break
-
-
-def normalised_distances(a: Array, b: Array, u: Numbers, v: Numbers, tau: Array) -> Array:
-    """D: (frames, pairs), distances between points u of `a` and v of `b`, (frames, points, 3), over path lengths."""
-    D = np.empty((len(a), len(u)))
-    _write_distances(a, b, u, v, tau, D)
-    return D
-
-
-@compiled()
-def _write_distances(a, b, u, v, tau, D):  # type: ignore[no-untyped-def]
-    for frame in range(len(a)):
-        for pair in range(len(u)):
-            i, j = u[pair], v[pair]
-            x = a[frame, i, 0] - b[frame, j, 0]
-            y = a[frame, i, 1] - b[frame, j, 1]
-            z = a[frame, i, 2] - b[frame, j, 2]
-            D[frame, pair] = np.sqrt(x * x + y * y + z * z) / tau[pair]
-
-
 def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: int, settings: ContactSettings) -> Array:
     """w: (frames, pairs), the stiffness of pairs with activations f and normalised distances D, (frames, pairs), whose
     `ends`, (pairs,) each, are numbers of `points` points.
@@ -217,22 +120,7 @@ def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: in
     An activation is divided by sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point: a point
     close to a cluster of points is pulled about as strongly as one close to a single point.
     """
+    f, D = np.ascontiguousarray(f), np.ascontiguousarray(D)
     w = np.empty_like(f)
-    _write_stiffness(f, D, *ends, settings.strength * STIFFNESS, settings.reach, np.empty(points), w)
+    write_stiffness(f, D, *ends, settings.strength * STIFFNESS, settings.reach, np.empty(points), w)
     return w
-
-
-@compiled()
-def _write_stiffness(f, D, u, v, stiffness, reach, sums, w):  # type: ignore[no-untyped-def]
-    """Write w = stiffness f / sqrt((1 + F_u) (1 + F_v)) reach / (D + TOUCH); `sums`, (points,), is scratch."""
-    for frame in range(len(f)):
-        for point in range(len(sums)):
-            sums[point] = 1.0
-        for s in range(len(u)):
-            sums[u[s]] += f[frame, s]
-            sums[v[s]] += f[frame, s]
-        for s in range(len(u)):
-            w[frame, s] = 0.0
-            if f[frame, s] > 0.0:
-                shared = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
-                w[frame, s] = stiffness * shared * reach / (D[frame, s] + TOUCH)

@@ -1,9 +1,4 @@
-"""The floor: a one-sided spring that keeps each joint above a height while the body rests on something.
-
-    1/2 sum over joints below their height h   k (h - x . up)^2
-
-The functions that write springs are compiled.
-"""
+"""The floor while the body rests on something: which joints stay above it, how high, and the root with them."""
 
 from __future__ import annotations
 
@@ -13,10 +8,8 @@ import numpy as np
 
 from distretarget.body.anatomy import WITHOUT_SIDE
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.ik.articulation import Scratch
-from distretarget.ik.springs import NEGLIGIBLE, Springs
+from distretarget.ik.floor import Floor, no_floor
 from distretarget.matching.undersides import Undersides
-from distretarget.numerics.compiled import inlined
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import Array, Numbers
@@ -26,24 +19,6 @@ STIFFNESS = 500.0  # k, shared by the joints of a region
 NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
 ROOT_BLEND = 0.2  # the root rises over about twice this time, and sinks back over as long [s]
 STEADY = 0.16  # the floor of a frame is the lowest within this time before and after it [s]
-
-
-class Floor(NamedTuple):
-    """The heights that joints stay above. `heights` and `stiffness` of several frames have the frames as first axis."""
-
-    joints: Numbers  # (joints,), joints of the target
-    heights: Array  # (joints,), h [body units]
-    stiffness: Array  # (joints,), k
-    up: Array  # (3,), the unit vector up
-
-    def of_frames(self, frames: slice) -> Floor:
-        """Return the floor of some of the frames."""
-        return self._replace(heights=self.heights[frames], stiffness=self.stiffness[frames])
-
-
-def no_floor(frames: int) -> Floor:
-    """Return a floor that supports no joint."""
-    return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
 
 
 class Flesh(NamedTuple):
@@ -116,38 +91,3 @@ def _height_of_floor(clip: Clip) -> Array:
     that leave the floor nor a faulty frame raise it.
     """
     return -clip.scale.height * largest(-clip.source_floor[:, None], round(STEADY / clip.frame_time))
-
-
-@inlined(fastmath=True)
-def depth_below(scratch, floor, n):  # type: ignore[no-untyped-def]
-    """How far the n-th joint is below its height at the positions `scratch.x`; negative above it."""
-    x = scratch.x[floor.joints[n]]
-    return floor.heights[n] - (x[0] * floor.up[0] + x[1] * floor.up[1] + x[2] * floor.up[2])
-
-
-@inlined(fastmath=True)
-def floor_energy(scratch: Scratch, floor: Floor) -> float:
-    """Return the floor's energy at the positions `scratch.x`, and add its gradient to `scratch.gradient`."""
-    energy = 0.0
-    for n in range(len(floor.joints)):
-        if floor.stiffness[n] < NEGLIGIBLE:
-            continue
-        depth = depth_below(scratch, floor, n)
-        if depth > 0.0:
-            energy += 0.5 * floor.stiffness[n] * depth * depth
-            for i in range(3):
-                scratch.gradient[floor.joints[n], i] -= floor.stiffness[n] * depth * floor.up[i]
-    return energy
-
-
-@inlined(fastmath=True)
-def add_floor(scratch: Scratch, floor: Floor, springs: Springs, count: int) -> int:
-    """Append a spring with the floor's curvature per joint below its height to `count` springs; return the count."""
-    for n in range(len(floor.joints)):
-        if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:
-            springs.a[count], springs.b[count] = floor.joints[n], -1
-            for i in range(3):
-                for j in range(3):
-                    springs.A[count, i, j] = floor.stiffness[n] * floor.up[i] * floor.up[j]
-            count += 1
-    return count

@@ -14,22 +14,28 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.contact_entries import ContactList, Distance
-from distretarget.distances import DistanceProblem, columns, filled, stress_and_gradient, target_distances
-from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
+from distretarget.distances import DistanceProblem, columns, filled
+from distretarget.ik.articulation import Articulation
+from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import Poses, Progress, fit_rotations, ignore_progress
-from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
-from distretarget.ik.springs import Springs
+from distretarget.ik.spg import Effort, scratch_for
+from distretarget.ik.springs import FrameSprings
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, copy_to, inlined
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.asking import Wishes
 from distretarget.objectives.clip import Clip
+from distretarget.objectives.paper_terms import (
+    AskedDistances,
+    Given,
+    Stress,
+    Terms,
+    no_distances,
+    solve_frames,
+    solve_points,
+)
 
-POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
-POINT_ITERATIONS = 2000  # at most, per frame
 FLAT = 1e-6  # [body sizes] a posture thinner than this counts as planar ...
 NUDGE = 1e-4  # [body sizes] ... and starts this far off its plane
 
@@ -67,27 +73,6 @@ def _fitted_poses(clip: Clip, postures: Postures) -> Array:
     return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
-class AskedDistances(NamedTuple):
-    """Pairs of points whose distances are asked for: they replace delta and pi, Eq. (2)."""
-
-    u: Numbers  # (pairs,), the first point
-    v: Numbers  # (pairs,), the second point
-    delta: Array  # (pairs,), their distance [body sizes]
-    pi: Array  # (pairs,), their priority
-    own: Array  # (pairs,), their priority where nothing is asked
-    weight: Array  # (frames, pairs), 1 where it is asked for, blended to 0
-
-    def of_frames(self, frames: slice) -> AskedDistances:
-        """Return those of some frames."""
-        return self._replace(weight=self.weight[frames])
-
-
-def no_distances(frames: int) -> AskedDistances:
-    """Return no pairs."""
-    none, nothing = np.zeros(0, np.intp), np.zeros(0)
-    return AskedDistances(none, none, nothing, nothing, nothing, np.zeros((frames, 0)))
-
-
 def find_distances(contacts: ContactList, wishes: Wishes) -> AskedDistances:
     """Return the distances of a contact list; a ContactsError for other entries, or joints that nothing drives."""
     problem, rows, weights = wishes.clip.distances, [], []
@@ -116,44 +101,6 @@ def _point(contacts: ContactList, entry: Distance, joint: int, clip: Clip) -> in
     return int(found[0])
 
 
-@inlined()
-def _put_distances(asked: AskedDistances, frame: int, delta: Array, pi: Array) -> None:
-    """Put what is asked in a frame in the place of target distances and priorities, (points, columns)."""
-    for n in range(len(asked.u)):
-        u, v, w = asked.u[n], asked.v[n], asked.weight[frame, n]
-        value = delta[u, v] + w * (asked.delta[n] - delta[u, v])
-        priority = asked.own[n] + w * (asked.pi[n] - asked.own[n])
-        delta[u, v] = delta[v, u] = value
-        pi[u, v] = pi[v, u] = priority
-
-
-class _Stress(NamedTuple):
-    """The stress of one frame: target distances and priorities, (points, columns)."""
-
-    delta: Array
-    pi: Array
-
-
-@inlined()
-def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
-    return stress_and_gradient(x, problem.delta, problem.pi, gradient)
-
-
-_minimise = spectral_gradient(_objective, steepest, adaptive=True)
-
-
-@compiled()
-def _solve_points(source, starts, ratio, problem, asked, solved, first, log, gradient, scratch):  # type: ignore[no-untyped-def]
-    """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
-    for t in range(len(source)):
-        copy_to(solved[t], starts[t])
-        target_distances(source[t], ratio, problem.delta)
-        _put_distances(asked, t, problem.delta, problem.pi)
-        sigma = _objective(solved[t], problem, gradient)
-        minimum = _minimise(solved[t], sigma, gradient, problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
-        record(minimum, log, first + t)
-
-
 def solve_postures(
     problem: DistanceProblem, source: Array, copy: Array, asked: AskedDistances | None = None
 ) -> Postures:
@@ -169,10 +116,10 @@ def solve_postures(
     log = np.zeros((4, len(C)))
     ratio, priorities = filled(problem.ratio), filled(problem.priorities)
     shape = 3, ratio.shape[1]
-    stress, gradient, scratch = _Stress(np.empty_like(ratio), priorities), np.zeros(shape), scratch_for(shape)
+    stress, gradient, scratch = Stress(np.empty_like(ratio), priorities), np.zeros(shape), scratch_for(shape)
     for block in blocks_of(len(C)):
         x, solved = filled(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
-        _solve_points(
+        solve_points(
             filled(S[block]), x, ratio, stress, asked.of_frames(block), solved, block.start, log, gradient, scratch
         )
         X[block] = solved[:, :, : len(problem)]
@@ -198,29 +145,6 @@ def aligned(x: Array, onto: Array) -> Array:
     """Postures (frames, points, 3) with centroids at the origin, rotated onto `onto` by Kabsch's method."""
     x = x - x.mean(axis=1, keepdims=True)
     return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))
-
-
-class Terms(NamedTuple):
-    """The stress of one frame."""
-
-    points: Numbers  # (points,), the joint at each point
-    delta: Array  # (points, points), target distances [body sizes]
-    pi: Array  # (points, points), priorities
-    x: Array  # (3, points), scratch
-    gradient: Array  # (3, points), scratch
-    priorities: Array  # (springs,), pi of each pair whose pi is not 0
-    springs: Springs  # one for each of these pairs, scratch for the curvature
-
-
-class Given(NamedTuple):
-    """A block of frames."""
-
-    source: Array  # (frames, 3, points), the source's points [source file units]
-    guess: Array  # (frames, parts + 1, 3), the start pose of each frame
-    ratio: Array  # (points, points), tau2 / tau1 [body sizes / source file unit]
-    terms: Terms  # those of one frame, scratch
-    asked: AskedDistances  # distances in place of the source's
-    springs: Numbers  # (asked,), the spring of each of them
 
 
 class Posed(NamedTuple):
@@ -252,7 +176,7 @@ def solve_poses(
     for block in blocks_of(len(clip.copy)):
         copy = CopiedBones(bones[block], root[block])
         given = Given(S[block], guess[block], distances.ratio, terms, asked.of_frames(block), springs)
-        _solve_poses(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)
+        solve_frames(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)
         progress(block.stop - block.start)
     v[:, -1] *= unit
     return Poses(v, log)
@@ -264,7 +188,7 @@ def _terms(distances: DistanceProblem) -> Terms:
     on = distances.priorities[u, v] > 0
     u, v = u[on], v[on]
     joints, pi = distances.targets, np.array(distances.priorities)
-    springs = Springs(joints[u], joints[v], np.zeros((len(u), 3)), np.zeros((len(u), 3, 3)))
+    springs = FrameSprings(joints[u], joints[v], np.zeros((len(u), 3)), np.zeros((len(u), 3, 3)))
     columns = np.zeros((2, 3, points))
     return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
 
@@ -274,49 +198,3 @@ def _springs_of(asked: AskedDistances, terms: Terms) -> Numbers:
     a, b = np.sort(terms.points[np.stack([asked.u, asked.v])], axis=0)
     on = (terms.springs.a == a[:, None]) & (terms.springs.b == b[:, None])
     return np.where(on.any(axis=1), on.argmax(axis=1), -1) if on.size else np.full(len(a), -1)
-
-
-@inlined(fastmath=True)
-def _stress(scratch: Scratch, terms: Terms) -> float:
-    for point, joint in enumerate(terms.points):
-        for i in range(3):
-            terms.x[i, point] = scratch.x[joint, i]
-    sigma = stress_and_gradient(terms.x, terms.delta, terms.pi, terms.gradient)
-    for point, joint in enumerate(terms.points):
-        for i in range(3):
-            scratch.gradient[joint, i] += terms.gradient[i, point]
-    return sigma
-
-
-@inlined(fastmath=True)
-def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
-    """A spring along each pair, with its priority as stiffness."""
-    springs = terms.springs
-    for s in range(len(springs.a)):
-        a, b = scratch.x[springs.a[s]], scratch.x[springs.b[s]]
-        square = 1e-30
-        for i in range(3):
-            square += (a[i] - b[i]) ** 2
-        for i in range(3):
-            for j in range(3):
-                springs.A[s, i, j] = terms.priorities[s] * (a[i] - b[i]) * (a[j] - b[j]) / square
-    return springs, len(springs.a)
-
-
-@inlined()
-def _terms_of(given: Given, frame: int, start: Array) -> Terms:
-    copy_to(start, given.guess[frame])
-    target_distances(given.source[frame], given.ratio, given.terms.delta)
-    _put_distances(given.asked, frame, given.terms.delta, given.terms.pi)
-    for n in range(len(given.springs)):
-        if given.springs[n] >= 0:
-            given.terms.priorities[given.springs[n]] = given.terms.pi[given.asked.u[n], given.asked.v[n]]
-    return given.terms
-
-
-_pose_solver = pose_solver(_terms_of, _stress, _pair_springs)
-
-
-@compiled()
-def _solve_poses(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
-    _pose_solver(body, copy, given, tolerance, v, first, log, work)

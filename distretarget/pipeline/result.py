@@ -20,7 +20,7 @@ from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
-from distretarget.measure.movement import find_pops
+from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion

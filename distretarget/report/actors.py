@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.vectors import Array
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import Looks, Material, SkinnedMesh

@@ -15,7 +15,7 @@ from distretarget.measure.contacts import CONTACT_DISTANCE
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.skin import TOUCHABLE
-from distretarget.measure.skin_shapes import LIMBS
+from distretarget.measure.skin_depths import LIMBS
 from distretarget.numerics.time_series import spans_of
 from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact

@@ -12,18 +12,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, read_only
 from distretarget.numerics.time_series import averaged, by_shot, over_runs, smoothstep, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, moved_by
+from distretarget.skin.balls import write_ways
 from distretarget.skin.capsules import SEGMENTS
 
 BALLS = 5  # along each capsule
@@ -63,27 +62,10 @@ class Core:
         more than `give`; only balls count that are apart in a direction whose cosine to these is above `ahead`.
         """
         ways = np.zeros(len(along))
-        given = (self.centres, self.radii, other.centres, other.radii, along)
-        arrays: list[Any] = [*(read_only(np.ascontiguousarray(each)) for each in given), give, ahead, ways]
-        _write_ways(*arrays)
+        bodies = self.centres, self.radii, other.centres, other.radii
+        centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
+        write_ways(centres, radii, others, other_radii, along, give, ahead, ways)
         return ways
-
-
-@compiled(fastmath=True)
-def _write_ways(centres, radii, others, other_radii, along, give, ahead, ways):  # type: ignore[no-untyped-def]
-    """Write the largest way of any ball out of any other: with d between their centres, and R the sum of their radii,
-    it is x = sqrt(R^2 - d^2 + (d n)^2) - d n along n.
-    """
-    for frame in range(len(ways)):
-        n = along[frame]
-        for a in range(len(radii)):
-            p = centres[frame, a]
-            for b in range(len(other_radii)):
-                q, reach = others[frame, b], radii[a] + other_radii[b] - give
-                x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
-                square, by = x * x + y * y + z * z, x * n[0] + y * n[1] + z * n[2]
-                if reach > 0.0 and square < reach * reach and by >= ahead * np.sqrt(square):
-                    ways[frame] = max(ways[frame], np.sqrt(reach * reach - square + by * by) - by)
 
 
 def kept_apart(contacts: SceneContacts, skins: Sequence[Skins | None]) -> SceneContacts:

@@ -12,12 +12,14 @@ import numpy as np
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.springs import Springs
+from distretarget.numerics.joint_pairs import come_near, normalised_distances
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact_pairs import come_near, normalised_distances, pair_stiffness, share_across
+from distretarget.objectives.contact_pairs import pair_stiffness
+from distretarget.objectives.contact_terms import share_across
 from distretarget.scene.props import Placement
 
 Both = tuple[Array, Array]

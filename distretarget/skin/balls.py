@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.vectors import F1, F2, F3, F4, I1, I2, Array, Numbers
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, Capsules, gap_at, write_axis
 
 SPACING = 1.2  # between the balls of a limb [radii]
@@ -43,16 +43,16 @@ def _touching_segments() -> list[tuple[int, int]]:
 class Balls(NamedTuple):
     """The balls of the limbs and the capsules of all parts of a body, each ordered by segment."""
 
-    carriers: Numbers  # (balls,), the capsule whose axis each ball is on
-    places: Array  # (balls,), where on it, from 0 to 1
-    radii: Array  # (balls,)
-    joints: Numbers  # (capsules,), the joint that carries each capsule
-    cap_radii: Array  # (capsules, 2)
-    of_ball: Numbers  # (segments + 1,), the first ball of each segment
-    of_capsule: Numbers  # (segments + 1,), the first capsule of each segment
-    pairs: Numbers  # (pairs, 2), the segments that can touch: that of the balls, that of the capsules
+    carriers: I1  # (balls,), the capsule whose axis each ball is on
+    places: F1  # (balls,), where on it, from 0 to 1
+    radii: F1  # (balls,)
+    joints: I1  # (capsules,), the joint that carries each capsule
+    cap_radii: F2  # (capsules, 2)
+    of_ball: I1  # (segments + 1,), the first ball of each segment
+    of_capsule: I1  # (segments + 1,), the first capsule of each segment
+    pairs: I2  # (pairs, 2), the segments that can touch: that of the balls, that of the capsules
     # (balls, capsules), the gap in the reference pose where it is less than 0; `NEVER` where the two do not meet
-    spare: Array
+    spare: F2
 
 
 def mean_radii(balls: Balls) -> Array:
@@ -93,7 +93,7 @@ def _rows(capsules: Capsules) -> tuple[Numbers, Array]:
 
 
 @compiled()
-def _write_spare(balls, posed, p, axis, spare):  # type: ignore[no-untyped-def]
+def _write_spare(balls: Balls, posed: F3, p: Out[F1], axis: Out[F1], spare: Out[F2]) -> None:
     """Write `Balls.spare`; the balls that meet a capsule have a finite value."""
     for pair in range(len(balls.pairs)):
         a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
@@ -114,11 +114,11 @@ def _write_spare(balls, posed, p, axis, spare):  # type: ignore[no-untyped-def]
 class Placed(NamedTuple):
     """Where balls and capsules are in a frame, and pairs of them that may be near."""
 
-    centres: Array  # (balls, 4), and their radii
-    axes: Array  # (capsules, 8), see `capsules.write_axis`
-    spheres: Array  # (capsules, 4), the centre and the radius of a ball that holds each
-    of_segments: Array  # (segments, 4), the same of the capsules of each segment
-    meetings: Numbers  # (meetings, 2), a ball and a capsule
+    centres: F2  # (balls, 4), and their radii
+    axes: F2  # (capsules, 8), see `capsules.write_axis`
+    spheres: F2  # (capsules, 4), the centre and the radius of a ball that holds each
+    of_segments: F2  # (segments, 4), the same of the capsules of each segment
+    meetings: I2  # (meetings, 2), a ball and a capsule
 
 
 def room_for(balls: Balls) -> Placed:
@@ -212,14 +212,14 @@ def segment_gaps(balls: Balls, posed: Array, farthest: float) -> Array:
     gaps = np.empty((len(posed), len(balls.pairs)))
 
     def write(block: slice) -> None:
-        _write_gaps(balls, read_only(posed[block]), farthest, room_for(balls), gaps[block])
+        _write_gaps(balls, posed[block], farthest, room_for(balls), gaps[block])
 
     over_blocks(write, len(posed), len(balls.carriers))
     return gaps
 
 
 @compiled(fastmath=True)
-def _write_gaps(balls, posed, farthest, placed, gaps):  # type: ignore[no-untyped-def]
+def _write_gaps(balls: Balls, posed: F4, farthest: float, placed: Placed, gaps: Out[F2]) -> None:
     for frame in range(len(posed)):
         place(balls, posed[frame], placed)
         for pair in range(len(balls.pairs)):
@@ -237,12 +237,12 @@ def nearest_skin(balls: Balls, posed: Array, pairs: Numbers) -> tuple[Array, Arr
     `segment_gaps`.
     """
     gaps, away = np.full(len(posed), NEVER), np.zeros((len(posed), 3))
-    _write_nearest(balls, read_only(posed), pairs, room_for(balls), gaps, away)
+    _write_nearest(balls, posed, pairs, room_for(balls), gaps, away)
     return gaps, away
 
 
 @compiled()
-def _write_nearest(balls, posed, pairs, placed, gaps, away):  # type: ignore[no-untyped-def]
+def _write_nearest(balls: Balls, posed: F4, pairs: I1, placed: Placed, gaps: Out[F1], away: Out[F2]) -> None:
     for frame in range(len(posed)):
         place(balls, posed[frame], placed)
         for pair in pairs:
@@ -250,3 +250,22 @@ def _write_nearest(balls, posed, pairs, placed, gaps, away):  # type: ignore[no-
                 gap, _, x, y, z = gap_of(balls, placed.meetings[meeting, 0], placed.meetings[meeting, 1], placed)
                 if gap < gaps[frame]:
                     gaps[frame], away[frame, 0], away[frame, 1], away[frame, 2] = gap, x, y, z
+
+
+@compiled(fastmath=True)
+def write_ways(
+    centres: F3, radii: F1, others: F3, other_radii: F1, along: F2, give: float, ahead: float, ways: Out[F1]
+) -> None:
+    """Write the largest way of any ball out of any other: with d between their centres, and R the sum of their radii,
+    it is x = sqrt(R^2 - d^2 + (d n)^2) - d n along n.
+    """
+    for frame in range(len(ways)):
+        n = along[frame]
+        for a in range(len(radii)):
+            p = centres[frame, a]
+            for b in range(len(other_radii)):
+                q, reach = others[frame, b], radii[a] + other_radii[b] - give
+                x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
+                square, by = x * x + y * y + z * z, x * n[0] + y * n[1] + z * n[2]
+                if reach > 0.0 and square < reach * reach and by >= ahead * np.sqrt(square):
+                    ways[frame] = max(ways[frame], np.sqrt(reach * reach - square + by * by) - by)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled, inlined, read_only
-from distretarget.numerics.kinematics import turned
+from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import Array, Flags, Numbers, cross, normalised
+from distretarget.numerics.quaternions import turned
+from distretarget.numerics.vectors import F3, F4, I1, Array, Flags, Numbers, cross, normalised
 from distretarget.skeleton import HALF_TURN
+
+if TYPE_CHECKING:  # it needs scipy, which the build does without
+    from distretarget.motion import Motion
 
 LEAST = 1e-9  # a shorter axis is a point, and a smaller distance has no direction [any unit of length]
 MOST_TAPER = 0.99  # of the radius per length of the axis; beyond, the larger ball holds the smaller
@@ -64,15 +67,15 @@ class Capsules:
         posed = np.empty((len(motion), *self.ends.shape))
 
         def pose(block: slice) -> None:
-            world, places = motion.world_rotations_in(block), read_only(motion.positions[block])
-            _write_posed(world, places, self.joints, read_only(self.ends), posed[block])
+            world, places = motion.world_rotations_in(block), motion.positions[block]
+            _write_posed(world, places, self.joints, self.ends, posed[block])
 
         over_blocks(pose, len(motion), len(motion.skeleton))
         return posed
 
 
 @compiled()
-def _write_posed(world, positions, joints, ends, posed):  # type: ignore[no-untyped-def]
+def _write_posed(world: F3, positions: F3, joints: I1, ends: F3, posed: Out[F4]) -> None:
     for frame in range(len(world)):
         for capsule in range(len(joints)):
             q, x = world[frame, joints[capsule]], positions[frame, joints[capsule]]

@@ -13,13 +13,23 @@ doi:10.1145/1243980.1243986).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from distretarget.numerics.compiled import clear, compiled, copy_to, inlined
+from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import Array
-from distretarget.skin.balls import Balls, room_for
-from distretarget.skin.tangents import Displaced, find_gaps, find_lengths, place_displaced, push, tangents_for
+from distretarget.numerics.vectors import B1, F2, F3, F4, Array, clear, copy_to
+from distretarget.skin.balls import Balls, Placed, room_for
+from distretarget.skin.tangents import (
+    Displaced,
+    Tangents,
+    find_gaps,
+    find_lengths,
+    place_displaced,
+    push,
+    tangents_for,
+)
 
 TURNS = 2  # tangents of a frame are found so many times, the second time to do what is left
 AFRESH = 4  # the same without those of the frame before
@@ -28,6 +38,29 @@ SWEEPS = 12  # over all tangents
 SETTLED = 1e-3  # it ends where limbs move by less than this in sum [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not touch [body units]
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
+
+
+class Constraints(NamedTuple):
+    """What is asked of limbs in some frames, see `displacements`."""
+
+    limbs: F4
+    free: F3
+    soft: F2
+    aims: F2
+    firmness: F2
+
+
+class Room(NamedTuple):
+    """Scratch for one frame."""
+
+    placed: Placed
+    rows: Tangents
+    ends: F3  # (capsules, 2, 3)
+    nowhere: F3  # (limbs, 2, 3), no displacements
+    least: F3  # (limbs, 2, 3), those that are to change by the least
+    before: F3  # (limbs, 2, 3), those of the turn before
+    afresh: F3  # (limbs, 2, 3), those found from none
+    pushed: B1  # (limbs,), which the next frame starts from
 
 
 def displacements(
@@ -67,12 +100,12 @@ def displacements(
     if start is not None:
         result[:, :count] = start
     sides = result if outside is None else np.pad(outside, ((0, 0), (0, 1), (0, 0), (0, 0)))
-    constraints = [np.ascontiguousarray(each) for each in (limbs, free, soft, aims, firmness)]
+    constraints = Constraints(*map(np.ascontiguousarray, (limbs, free, soft, aims, firmness)))
 
     def write(frames: slice) -> None:
-        some = tuple(each[frames] for each in constraints)
+        some = Constraints(*(each[frames] for each in constraints))
         of_limbs = *np.zeros((4, count + 1, 2, 3)), np.zeros(count + 1, np.bool_)
-        room = room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *of_limbs
+        room = Room(room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *of_limbs)
         _write_displacements(balls, moved, posed[frames], some, given, reach, room, sides[frames], result[frames])
 
     if given:
@@ -83,7 +116,17 @@ def displacements(
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, displaced, posed, constraints, given, reach, room, outside, result):  # type: ignore[no-untyped-def]
+def _write_displacements(
+    balls: Balls,
+    displaced: Displaced,
+    posed: F4,
+    constraints: Constraints,
+    given: bool,
+    reach: float,
+    room: Room,
+    outside: F4,
+    result: Out[F4],
+) -> None:
     limbs, free, soft, aims, firmness = constraints
     placed, rows, ends, nowhere, least, before, afresh, pushed = room
     for frame in range(len(posed)):

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import multiply
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.quaternions import least_rotation, multiply
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.skeleton import Skeleton
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from distretarget.numerics.compiled import clear, inlined
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.vectors import B1, F1, F2, F3, I1, I2, Array, clear
 from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, place
 from distretarget.skin.capsules import LEAST
 
@@ -23,23 +23,23 @@ LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay w
 class Displaced(NamedTuple):
     """What moves with the joints that can be displaced: the middle of each limb, such as an elbow, and its end."""
 
-    limbs: Numbers  # (capsules,), the limb that each capsule belongs to; -1 for none
-    shares: Array  # (capsules, 2, 2), how much of the displacements of middle and end its own two ends move by
-    mutual: Flags  # (pairs,), whether both segments of a pair give way, or that of the balls alone
+    limbs: I1  # (capsules,), the limb that each capsule belongs to; -1 for none
+    shares: F3  # (capsules, 2, 2), how much of the displacements of middle and end its own two ends move by
+    mutual: B1  # (pairs,), whether both segments of a pair give way, or that of the balls alone
 
 
 class Tangents(NamedTuple):
     """Functions of displacements: a value, plus the sum of shares of displacements along a normal."""
 
-    limbs: Numbers  # (tangents, 2), which are displaced
-    shares: Array  # (tangents, 4), of the middle and the end of the two limbs
-    moves: Array  # (tangents, 4), how far a push of 1 displaces them
-    normals: Array  # (tangents, 3)
-    values: Array  # (tangents,), without displacements
-    firmness: Array  # (tangents,), the push that a value of -1 asks for
-    gives: Array  # (tangents,), by how much each push of 1 gives way
-    least: Array  # (tangents,), the least push: 0 for what only pushes
-    pushes: Array  # (tangents,)
+    limbs: I2  # (tangents, 2), which are displaced
+    shares: F2  # (tangents, 4), of the middle and the end of the two limbs
+    moves: F2  # (tangents, 4), how far a push of 1 displaces them
+    normals: F2  # (tangents, 3)
+    values: F1  # (tangents,), without displacements
+    firmness: F1  # (tangents,), the push that a value of -1 asks for
+    gives: F1  # (tangents,), by how much each push of 1 gives way
+    least: F1  # (tangents,), the least push: 0 for what only pushes
+    pushes: F1  # (tangents,)
 
 
 def tangents_for(balls: Balls, limbs: int) -> Tangents:

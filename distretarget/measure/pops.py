@@ -1,0 +1,78 @@
+"""Pops of joints in a result: steps that the rotation copy does not make."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from distretarget.numerics.compiled import Out, compiled, inlined
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.vectors import B1, F2, F3, I1, Array
+
+if TYPE_CHECKING:  # they need scipy, which the build does without
+    from distretarget.body.body import Body
+    from distretarget.motion import Motion
+    from distretarget.numerics.time_series import Shots
+
+INSTANT = 1 / 60  # the time over which turns and pops are measured [s]
+FAR = 4.0  # a joint pops if it moves farther than this ...
+CALM = 1.5  # ... while it moves less than this in the rotation copy [both % of leg length in INSTANT]; ...
+SUDDEN = 4.0  # ... or if its deviation from the copy goes as far, and this many times its usual way
+NEAR = 2  # how many steps before and after it show its usual way
+
+
+def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
+    """(frames - 1, joints), how far each joint of a result pops on the way to the next frame [% of leg length in
+    `INSTANT`]; 0 where it does not pop.
+
+    A joint pops if it moves farther than `FAR` while it hardly moves in the rotation copy, or if its deviation from the
+    copy does, `SUDDEN` times the median of the two steps before and the two after it. Joints outside the body, such as
+    a root on the floor, do not pop, and no joint pops at a cut of the source between `shots`, (frames,).
+    """
+    scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
+    pops, going_on = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
+    joints = np.flatnonzero(body.regions.of_joint >= 0)
+    for block in blocks_of(len(pops)):
+        first = max(block.start - NEAR, 0)
+        steps = slice(first, block.stop + NEAR)
+        frames, rows = slice(first, steps.stop + 1), slice(block.start - first, block.stop - first)
+        before, after = (np.ascontiguousarray(motion.positions_in(frames)) for motion in (copy, result))
+        found = np.zeros_like(pops[steps])
+        _write_pops(before, after, joints, going_on[steps], scale, found)
+        pops[block] = found[rows]
+    return pops
+
+
+@compiled()
+def _write_pops(copy: F3, result: F3, joints: I1, going_on: B1, scale: float, pops: Out[F2]) -> None:
+    """Write the steps that are pops, in % of leg length in `INSTANT`."""
+    last = len(pops) - 1
+    for frame in range(len(pops)):
+        if not going_on[frame]:
+            continue
+        for joint in joints:
+            step = _step(result, copy, frame, joint, 0.0) * scale
+            if step > FAR and _step(copy, copy, frame, joint, 0.0) * scale < CALM:
+                pops[frame, joint] = step
+                continue
+            step = _step(result, copy, frame, joint, 1.0) * scale
+            if step > FAR:
+                total, least, most = 0.0, np.inf, 0.0
+                for lag in (-NEAR, -1, 1, NEAR):  # beyond the ends as in a mirror
+                    near = max(last - abs(last - abs(frame + lag)), 0)
+                    other = _step(result, copy, near, joint, 1.0) * scale
+                    total, least, most = total + other, min(least, other), max(most, other)
+                if step > SUDDEN * 0.5 * (total - least - most):
+                    pops[frame, joint] = step
+
+
+@inlined()
+def _step(motion: Array, copy: Array, frame: int, joint: int, share: float) -> float:
+    """How far a joint goes to the next frame, less a share of its way in the copy."""
+    square = 0.0
+    for i in range(3):
+        step = motion[frame + 1, joint, i] - motion[frame, joint, i]
+        step -= share * (copy[frame + 1, joint, i] - copy[frame, joint, i])
+        square += step * step
+    return float(np.sqrt(square))

@@ -1,0 +1,167 @@
+"""The stress of a frame as what the solvers minimise, over points and over rotations of rigid bones. Compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from distretarget.distances import stress_and_gradient, target_distances
+from distretarget.ik.articulation import Articulation, Scratch
+from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
+from distretarget.ik.spg import record, spectral_gradient, steepest
+from distretarget.ik.springs import FrameSprings
+from distretarget.numerics.compiled import Out, compiled, inlined
+from distretarget.numerics.vectors import F1, F2, F3, I1, Array, copy_to
+
+POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
+POINT_ITERATIONS = 2000  # at most, per frame
+
+
+class AskedDistances(NamedTuple):
+    """Pairs of points whose distances are asked for: they replace delta and pi, Eq. (2)."""
+
+    u: I1  # (pairs,), the first point
+    v: I1  # (pairs,), the second point
+    delta: F1  # (pairs,), their distance [body sizes]
+    pi: F1  # (pairs,), their priority
+    own: F1  # (pairs,), their priority where nothing is asked
+    weight: F2  # (frames, pairs), 1 where it is asked for, blended to 0
+
+    def of_frames(self, frames: slice) -> AskedDistances:
+        """Return those of some frames."""
+        return self._replace(weight=self.weight[frames])
+
+
+def no_distances(frames: int) -> AskedDistances:
+    """Return no pairs."""
+    none, nothing = np.zeros(0, np.intp), np.zeros(0)
+    return AskedDistances(none, none, nothing, nothing, nothing, np.zeros((frames, 0)))
+
+
+@inlined()
+def _put_distances(asked: AskedDistances, frame: int, delta: Array, pi: Array) -> None:
+    """Put what is asked in a frame in the place of target distances and priorities, (points, columns)."""
+    for n in range(len(asked.u)):
+        u, v, w = asked.u[n], asked.v[n], asked.weight[frame, n]
+        value = delta[u, v] + w * (asked.delta[n] - delta[u, v])
+        priority = asked.own[n] + w * (asked.pi[n] - asked.own[n])
+        delta[u, v] = delta[v, u] = value
+        pi[u, v] = pi[v, u] = priority
+
+
+class Stress(NamedTuple):
+    """The stress of one frame: target distances and priorities, (points, columns)."""
+
+    delta: F2
+    pi: F2
+
+
+@inlined()
+def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
+    return stress_and_gradient(x, problem.delta, problem.pi, gradient)
+
+
+_minimise = spectral_gradient(_objective, steepest, adaptive=True)
+
+
+@compiled()
+def solve_points(
+    source: F3,
+    starts: F3,
+    ratio: F2,
+    problem: Stress,
+    asked: AskedDistances,
+    solved: Out[F3],
+    first: int,
+    log: Out[F2],
+    gradient: Out[F2],
+    scratch: Out[F3],
+) -> None:
+    """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
+    for t in range(len(source)):
+        copy_to(solved[t], starts[t])
+        target_distances(source[t], ratio, problem.delta)
+        _put_distances(asked, t, problem.delta, problem.pi)
+        sigma = _objective(solved[t], problem, gradient)
+        minimum = _minimise(solved[t], sigma, gradient, problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
+        record(minimum, log, first + t)
+
+
+class Terms(NamedTuple):
+    """The stress of one frame."""
+
+    points: I1  # (points,), the joint at each point
+    delta: F2  # (points, points), target distances [body sizes]
+    pi: F2  # (points, points), priorities
+    x: F2  # (3, points), scratch
+    gradient: F2  # (3, points), scratch
+    priorities: F1  # (springs,), pi of each pair whose pi is not 0
+    springs: FrameSprings  # one for each of these pairs, scratch for the curvature
+
+
+class Given(NamedTuple):
+    """A block of frames."""
+
+    source: F3  # (frames, 3, points), the source's points [source file units]
+    guess: F3  # (frames, parts + 1, 3), the start pose of each frame
+    ratio: F2  # (points, points), tau2 / tau1 [body sizes / source file unit]
+    terms: Terms  # those of one frame, scratch
+    asked: AskedDistances  # distances in place of the source's
+    springs: I1  # (asked,), the spring of each of them
+
+
+@inlined(fastmath=True)
+def _stress(scratch: Scratch, terms: Terms) -> float:
+    for point, joint in enumerate(terms.points):
+        for i in range(3):
+            terms.x[i, point] = scratch.x[joint, i]
+    sigma = stress_and_gradient(terms.x, terms.delta, terms.pi, terms.gradient)
+    for point, joint in enumerate(terms.points):
+        for i in range(3):
+            scratch.gradient[joint, i] += terms.gradient[i, point]
+    return sigma
+
+
+@inlined(fastmath=True)
+def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[FrameSprings, int]:
+    """A spring along each pair, with its priority as stiffness."""
+    springs = terms.springs
+    for s in range(len(springs.a)):
+        a, b = scratch.x[springs.a[s]], scratch.x[springs.b[s]]
+        square = 1e-30
+        for i in range(3):
+            square += (a[i] - b[i]) ** 2
+        for i in range(3):
+            for j in range(3):
+                springs.A[s, i, j] = terms.priorities[s] * (a[i] - b[i]) * (a[j] - b[j]) / square
+    return springs, len(springs.a)
+
+
+@inlined()
+def _terms_of(given: Given, frame: int, start: Array) -> Terms:
+    copy_to(start, given.guess[frame])
+    target_distances(given.source[frame], given.ratio, given.terms.delta)
+    _put_distances(given.asked, frame, given.terms.delta, given.terms.pi)
+    for n in range(len(given.springs)):
+        if given.springs[n] >= 0:
+            given.terms.priorities[given.springs[n]] = given.terms.pi[given.asked.u[n], given.asked.v[n]]
+    return given.terms
+
+
+_solve_poses = pose_solver(_terms_of, _stress, _pair_springs)
+
+
+@compiled()
+def solve_frames(
+    body: Articulation,
+    copy: CopiedBones,
+    given: Given,
+    tolerance: float,
+    v: Out[F3],
+    first: int,
+    log: Out[F2],
+    work: Workspace,
+) -> None:
+    """Solve the frames of `copy` over rotations, see `pose_solver`."""
+    _solve_poses(body, copy, given, tolerance, v, first, log, work)
