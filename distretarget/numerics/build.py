@@ -7,6 +7,7 @@ It needs numba, and to link the system's `cc`, or for another platform the packa
 
 from __future__ import annotations
 
+import functools
 import importlib
 import json
 import os
@@ -15,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
@@ -23,7 +24,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 import numpy as np
 
 from distretarget.numerics import compiled
-from distretarget.numerics.compiled import LIBRARY, MANIFEST, PACKAGE, WRITTEN, Kind, digest, symbol_of, this_platform
+from distretarget.numerics.compiled import LIBRARY, MANIFEST, PACKAGE, WRITTEN, digest, symbol_of, this_platform
 
 
 class Platform(NamedTuple):
@@ -49,16 +50,19 @@ PLATFORMS = {
 FEATURES = {"x86-64-v3": "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,+sse4.2,+xsave"}
 FOREIGN = {"cos", "sin", "sqrt"}  # functions of the system that the library may call, beside those that LLVM adds
 CONTIGUOUS, ALIGNED, WRITEABLE = 0x1, 0x100, 0x400  # numpy's flags of arrays
-# What follows the head of numpy's arrays: data, number of axes, lengths, strides; see PyArrayObject_fields.
-ARRAY = "%array = type { ptr, i32, ptr, ptr }"
+NUMBERS = {"int64": ("i64", "fptosi"), "bool": ("i1", "fptoui"), "float64": ("double", "")}  # of Python's floats
+LENGTHS, STRIDES = 16, 24  # where numpy's arrays have them, after the head of an object; data come first
 
 
-def build(folder: Path, platform: str) -> str:
-    """Write the library for a platform and its manifest to a folder; return a line about it.
+def build(folder: Path, other: str | None = None) -> str:
+    """Write the library and its manifest to a folder, for this machine or for a platform; return a line about it.
 
     Raises:
-        SystemExit: a function does not compile, or nothing here can link the library.
+        SystemExit: the platform is unknown, a function does not compile, or nothing here can link the library.
     """
+    platform = other or this_platform()
+    if platform not in PLATFORMS:
+        raise SystemExit(f"distretarget: {platform} is unknown; expected one of {', '.join(PLATFORMS)}")
     target, is_own = PLATFORMS[platform], platform == this_platform()
     with tempfile.TemporaryDirectory() as scratch:
         objects = [Path(scratch, f"{cpu}.o") for cpu in target.cpus]
@@ -71,7 +75,7 @@ def build(folder: Path, platform: str) -> str:
         if any(list(map(subprocess.Popen.wait, calls))):
             raise SystemExit("distretarget: its functions do not compile")
         library = Path(scratch, f"library{target.library}")
-        _link(objects, library, None if is_own else target.zig)
+        _link(objects, library, target.zig if other else None)
         content = library.read_bytes()
         types = json.loads(objects[0].with_suffix(".json").read_bytes())
     known = {"platform": platform, "cpus": target.cpus, "digest": digest(content), "functions": types}
@@ -109,12 +113,11 @@ def write_object(path: Path, triple: str, cpu: str) -> None:
     prefix = f"{cpu.replace('-', '_')}_"
     head = f'target triple = "{triple}"\ntarget datalayout = "{machine.target_data}"\n'
     whole, types = llvm.parse_assembly(f"{head}@{prefix}head = dllexport global i64 0"), {}
-    for function, name, text in _compile():
-        leaves = [leaf for hint in _hints(function) for leaf in _leaves(hint)]
-        types[symbol_of(function)] = [_kept(*leaf) for leaf in leaves]
-        entry = _entry(prefix, symbol_of(function), name, leaves)
+    for symbol, name, text, leaves in _compile():
+        types[symbol] = leaves
+        entry = _entry(f"{prefix}{symbol}", f"{prefix}head", name, leaves)
         text = re.sub(r"^target .*$", "", text, flags=re.MULTILINE)
-        whole.link_in(llvm.parse_assembly(f"{head}{text}\n{ARRAY}\n@{prefix}head = external global i64{entry}"))
+        whole.link_in(llvm.parse_assembly(f"{head}{text}\n@{prefix}head = external global i64{entry}"))
     for each in (*whole.functions, *whole.global_variables):
         if not each.is_declaration and each.storage_class != llvm.StorageClass.dllexport:
             each.linkage = "internal"
@@ -129,8 +132,10 @@ def write_object(path: Path, triple: str, cpu: str) -> None:
     path.with_suffix(".json").write_text(json.dumps(types))
 
 
-def _compile() -> Iterator[tuple[Callable[..., Any], str, str]]:
-    """Yield each function that Python calls, its name in LLVM's language, and its text with all that it calls."""
+def _compile() -> Iterator[tuple[str, str, str, list[Any]]]:
+    """Yield each function that Python calls: its symbol, its name in LLVM's language, its text with all that it calls,
+    and what it takes.
+    """
     from numba.core import compiler, compiler_lock, cpu_options, registry
 
     for path in _sources():
@@ -142,11 +147,16 @@ def _compile() -> Iterator[tuple[Callable[..., Any], str, str]]:
         flags, function = compiler.Flags(), call.__wrapped__
         flags.error_model, flags.fastmath = "numpy", cpu_options.FastMathOptions(fastmath)
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
-        types = [_numba_type(hint, WRITTEN in get_args(hint)) for hint in _hints(function)]
+        hints = get_type_hints(function, include_extras=True)
+        hints.pop("return")
+        types = [_numba_type(hint, WRITTEN in get_args(hint)) for hint in hints.values()]
         made = compiler.compile_extra(*contexts, function, types, None, flags, {})
         with compiler_lock.global_compiler_lock:
             made.library.finalize()
-        yield function, made.fndesc.mangled_name, made.library.get_llvm_str()
+        flags = CONTIGUOUS | ALIGNED
+        written = [flags | WRITEABLE * getattr(each, "mutable", False) for each in types]
+        leaves = [leaf for each in zip(types, written, strict=True) for leaf in _leaves(*each)]
+        yield symbol_of(function), made.fndesc.mangled_name, made.library.get_llvm_str(), leaves
 
 
 def introduce_parts() -> None:
@@ -158,12 +168,7 @@ def introduce_parts() -> None:
         register_jitable(fastmath=fastmath, forceinline=True, error_model="numpy", _nrt=False)(part)
 
 
-def _hints(function: Callable[..., Any]) -> list[Any]:
-    hints = get_type_hints(function, include_extras=True)
-    return [hint for name, hint in hints.items() if name != "return"]
-
-
-def _numba_type(hint: Any, written: bool = True) -> Any:
+def _numba_type(hint: Any, written: bool) -> Any:
     """What numba calls a type; arrays in tuples may be written to."""
     from numba import from_dtype
     from numba.core import types
@@ -173,64 +178,55 @@ def _numba_type(hint: Any, written: bool = True) -> Any:
         return types.Array(from_dtype(np.dtype(kind.dtype)), kind.axes, "C", readonly=not written)
     if hasattr(hint, "_fields"):
         fields = get_type_hints(hint, include_extras=True).values()
-        return types.BaseTuple.from_types([_numba_type(field) for field in fields], hint)
+        return types.BaseTuple.from_types([_numba_type(field, True) for field in fields], hint)
     return {int: types.int64, float: types.float64, bool: types.boolean}[hint]
 
 
-def _leaves(hint: Any) -> Iterator[tuple[Any, bool]]:
-    """Yield a `Kind` or a class of numbers, and whether it is written, for each value in a type."""
-    if get_origin(hint) is Annotated:
-        yield get_args(hint)[1], WRITTEN in get_args(hint)
-    elif hasattr(hint, "_fields"):
-        for field in get_type_hints(hint, include_extras=True).values():
-            yield from _leaves(field)
+def _leaves(given: Any, flags: int) -> Iterator[Any]:
+    """Yield the dtype, axes and flags of each array in a type of numba's, and the name of the type of each number."""
+    if hasattr(given, "layout"):
+        yield given.dtype.name.replace("boolean", "bool"), given.ndim, flags
+    elif hasattr(given, "types"):
+        for each in given.types:
+            yield from _leaves(each, CONTIGUOUS | ALIGNED)
     else:
-        yield hint, False
+        yield given.name
 
 
-def _kept(kind: Any, written: bool) -> tuple[str, int, int] | None:
-    """What the manifest says of a value: the dtype, the axes and the flags of an array."""
-    flags = CONTIGUOUS | ALIGNED | (WRITEABLE if written else 0)
-    return (kind.dtype, kind.axes, flags) if isinstance(kind, Kind) else None
-
-
-def _entry(prefix: str, symbol: str, name: str, leaves: list[tuple[Any, bool]]) -> str:
+def _entry(symbol: str, head: str, name: str, leaves: list[Any]) -> str:
     """The function of the library, in LLVM's language: it takes a list of addresses of arrays and floats, and calls the
-    function `name` with what is there, an array as numba does: two owners, number and size of items, data,
-    lengths, strides.
+    function `name` with what is there. numba passes an array as two owners, number and size of items, data, lengths
+    and strides.
     """
-    lines, given = [f"%head = load i64, ptr @{prefix}head", "%result = alloca i64", "%raised = alloca ptr"], []
-    for n, (kind, _) in enumerate(leaves):
-        lines += [f"%at{n} = getelementptr ptr, ptr %values, i64 {n}", f"%object{n} = load ptr, ptr %at{n}"]
-        lines += [f"%body{n} = getelementptr i8, ptr %object{n}, i64 %head"]
-        if not isinstance(kind, Kind):
-            given.append(f"double %v{n}")
-            lines += [f"%v{n} = load double, ptr %body{n}"]
-            if kind is not float:
-                given[-1] = f"i64 %i{n}" if kind is int else f"i1 %i{n}"
-                lines += [f"%i{n} = {'fptosi' if kind is int else 'fptoui'} double %v{n} to {given[-1].split()[0]}"]
+    lines: list[str] = []
+
+    def made(text: str) -> str:
+        lines.append(f"%t{len(lines)} = {text}")
+        return f"%t{len(lines) - 1}"
+
+    def at(place: str, offset: int, kind: str = "ptr") -> str:
+        return made(f"load {kind}, ptr {made(f'getelementptr i8, ptr {place}, i64 {offset}')}")
+
+    size, given = made(f"load i64, ptr @{head}"), [f"ptr {made('alloca i64')}", f"ptr {made('alloca ptr')}"]
+    for n, leaf in enumerate(leaves):
+        body = made(f"getelementptr i8, ptr {at('%values', 8 * n)}, i64 {size}")
+        if isinstance(leaf, str):
+            value, (kind, how) = at(body, 0, "double"), NUMBERS[leaf]
+            given.append(f"{kind} {made(f'{how} double {value} to {kind}') if how else value}")
             continue
-        lines += [f"%data{n} = load ptr, ptr %body{n}", f"%count{n}_0 = add i64 1, 0"]
-        for field, what in ((2, "length"), (3, "stride")):
-            lines += [f"%p{n}_{what} = getelementptr %array, ptr %body{n}, i32 0, i32 {field}"]
-            lines += [f"%{what}{n} = load ptr, ptr %p{n}_{what}"]
-            for axis in range(kind.axes):
-                lines += [f"%q{n}_{what}_{axis} = getelementptr i64, ptr %{what}{n}, i64 {axis}"]
-                lines += [f"%{what}{n}_{axis} = load i64, ptr %q{n}_{what}_{axis}"]
-        for axis in range(kind.axes):
-            lines += [f"%count{n}_{axis + 1} = mul i64 %count{n}_{axis}, %length{n}_{axis}"]
-        given += ["ptr null", "ptr null", f"i64 %count{n}_{kind.axes}", f"i64 {np.dtype(kind.dtype).itemsize}"]
-        given += [
-            f"ptr %data{n}",
-            *(f"i64 %{what}{n}_{axis}" for what in ("length", "stride") for axis in range(kind.axes)),
-        ]
-    lines += [f'%status = call i32 @"{name}"({", ".join(["ptr %result", "ptr %raised", *given])})']
-    body = "\n".join([*lines, "%value = load i64, ptr %result", "ret i64 %value"])
-    return f"\ndefine dllexport i64 @{prefix}{symbol}(ptr %values) {{\n{body}\n}}\n"
+        lengths, strides = (
+            [at(at(body, field), 8 * axis, "i64") for axis in range(leaf[1])] for field in (LENGTHS, STRIDES)
+        )
+        count = functools.reduce(lambda one, other: made(f"mul i64 {one}, {other}"), lengths)
+        given += ["ptr null", "ptr null", f"i64 {count}", f"i64 {np.dtype(leaf[0]).itemsize}", f"ptr {at(body, 0)}"]
+        given += [f"i64 {word}" for word in lengths + strides]
+    made(f'call i32 @"{name}"({", ".join(given)})')
+    lines.append(f"ret i64 {at(given[0].removeprefix('ptr '), 0, 'i64')}")
+    return f"\ndefine dllexport i64 @{symbol}(ptr %values) {{\n{chr(10).join(lines)}\n}}\n"
 
 
 if __name__ == "__main__":
     if sys.argv[1] == "--object":
         write_object(Path(sys.argv[2]), *sys.argv[3:])
     else:
-        print(build(Path(sys.argv[1]), *(sys.argv[2:] or [this_platform()])))
+        print(build(Path(sys.argv[1]), *sys.argv[2:]))

@@ -57,17 +57,15 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
     """
 
     def decorate(function: Function) -> Function:
-        entry: Callable[..., int] | None = None
-        kinds: list[Any] = []
+        found: tuple[Callable[..., int], list[Any]] | None = None
         returns = function.__annotations__["return"] == "int"
 
         @functools.wraps(function)
         def call(*arguments: Any) -> int | None:
-            nonlocal entry, kinds
-            if entry is None:
-                entry, kinds = loaded().entry(function)
-            given = _checked(function, arguments, kinds)
-            result = entry((ctypes.py_object * len(given))(*given))
+            nonlocal found
+            found = found or loaded().entry(function)
+            given = _checked(function, arguments, found[1])
+            result = found[0]((ctypes.py_object * len(given))(*given))
             return result if returns else None
 
         functions.append((call, fastmath))
@@ -123,7 +121,7 @@ class Library:
         name = symbol_of(function)
         if name not in self.types:
             raise LibraryError(LIBRARY, f"has no code of {function.__module__}.{function.__qualname__}", _remedy())
-        kinds = [kind and (np.dtype(kind[0]), *kind[1:]) for kind in self.types[name]]
+        kinds = [None if isinstance(kind, str) else (np.dtype(kind[0]), *kind[1:]) for kind in self.types[name]]
         code = self.code[f"{self.cpu.replace('-', '_')}_{name}"]
         code.restype = ctypes.c_int64
         return code, kinds
