@@ -4,16 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from distretarget.numerics.time_series import (
-    averaged,
-    largest,
-    median_of_three,
-    over_runs,
-    runs_of,
-    smoothed,
-    steadied,
-    widened,
-)
+from distretarget.numerics.moving import averaged, largest
+from distretarget.numerics.time_series import median_of_three, over_runs, runs_of, smoothed, steadied, widened
 
 NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
 

@@ -17,7 +17,7 @@ from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import write_nearest
-from distretarget.numerics.time_series import largest
+from distretarget.numerics.moving import largest
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...

@@ -23,7 +23,7 @@ from distretarget.measure.skin_shapes import (
     points_of_mesh,
 )
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import blocks_of, over_blocks
+from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import PLACE, PLACES, SEGMENTS, Capsules, no_capsules
@@ -144,7 +144,7 @@ class SourceSkin:
             gaps[rows] = -np.where(there, of_arm, -np.inf).max(axis=1, initial=-np.inf)
 
         if frames:
-            over_blocks(measure, *result.positions.shape[:2])
+            over_blocks(measure, frames, len(skin.patches.counts))
         to_percent = 100.0 / skin.height
         cell = self.touches[0] * len(LIMBS) + self.touches[1]
         counts = np.bincount(cell, minlength=frames * len(LIMBS))
@@ -161,24 +161,26 @@ class SourceSkin:
 
 def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: Skin) -> SourceSkin:
     """Find what touches in a source; `skin` is that of its `body`, `up`, (3,), the unit vector up."""
-    found = [np.zeros((3, 0), np.intp)], [np.zeros(0)]
     both = skin.can_touch & target.can_touch
-    if both.any():
-        hanging = _hanging(source, body, up)
-        reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
-        for block in blocks_of(len(source)):
-            depths, _ = _depths(skin, source, block, reach)
-            touching = (depths > -reach) & both & ~(hanging[block, :, None] & BESIDE)
-            for place in range(len(PLACES)):  # where a limb touches several parts of one place, the nearest counts
-                on = np.flatnonzero(PLACE[:-1] == place)
-                some = np.where(touching[:, :, on], depths[:, :, on], -np.inf)
-                touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
-            rows = np.nonzero(touching)
-            found[0].append(np.stack([rows[0] + block.start, *rows[1:]]))
-            frame, limb, segment = rows
-            of_arm = np.maximum(depths[rows], depths[frame, HAND[limb], segment])
-            found[1].append(-100.0 / skin.height * of_arm)
-    return SourceSkin(target=target, touches=np.concatenate(found[0], axis=1), gaps=np.concatenate(found[1]))
+    if not both.any():
+        return SourceSkin(target=target, touches=np.zeros((3, 0), np.intp), gaps=np.zeros(0))
+    hanging = _hanging(source, body, up)
+    reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
+
+    def touch(block: slice) -> tuple[Numbers, Array]:
+        depths, _ = _depths(skin, source, block, reach)
+        touching = (depths > -reach) & both & ~(hanging[block, :, None] & BESIDE)
+        for place in range(len(PLACES)):  # where a limb touches several parts of one place, the nearest counts
+            on = np.flatnonzero(PLACE[:-1] == place)
+            some = np.where(touching[:, :, on], depths[:, :, on], -np.inf)
+            touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
+        frame, limb, segment = rows = np.nonzero(touching)
+        of_arm = np.maximum(depths[rows], depths[frame, HAND[limb], segment])
+        return np.stack([frame + block.start, limb, segment]), -100.0 / skin.height * of_arm
+
+    side_by_side = mapper_for(len(source), len(skin.patches.counts))
+    touches, gaps = zip(*side_by_side(touch, blocks_of(len(source))), strict=True)
+    return SourceSkin(target=target, touches=np.concatenate(touches, axis=1), gaps=np.concatenate(gaps))
 
 
 def _depths(skin: Skin, motion: Motion, frames: slice, reach: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.quaternions import turned
-from distretarget.numerics.vectors import F1, F2, F3, I1, I2, Array
+from distretarget.numerics.vectors import F1, F2, F3, I1, I2, I3, Array
 from distretarget.skin.capsules import SEGMENTS
 
 LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
@@ -50,8 +50,9 @@ def find_depths(
     depths = np.array(np.broadcast_to(-reach, (len(posed[0]), len(LIMBS), len(SEGMENTS))), order="C")
     inside, near = np.zeros(len(depths)), np.empty((4, len(clusters.balls)), np.intp)
     placed, placed_patches = np.empty((len(clusters.balls), 4)), np.empty((len(patches.balls) + 2, 4))
+    last = np.full((len(LIMBS), len(SEGMENTS), 3), -1, np.intp)
     x, q = map(np.ascontiguousarray, posed)
-    _find(x, q, patches, clusters, grazing, near, placed, placed_patches, depths, inside)
+    _find(x, q, patches, clusters, grazing, near, placed, placed_patches, last, depths, inside)
     return np.where(depths == np.inf, -np.inf, depths), inside
 
 
@@ -147,11 +148,14 @@ def _find(
     near: Out[I2],
     placed: Out[F2],
     placed_patches: Out[F2],
+    last: Out[I3],
     depths: Out[F3],
     inside: Out[F1],
 ) -> None:
     """Write depths and counts of vertices inside; `near`, (4, balls), `placed`, (balls, 4), and `placed_patches`,
     (patches + 2, 4), are scratch: the near groups, and the near clusters and their groups; and balls in the world.
+    `last`, (limbs, segments, 3), begins as -1: the point, cluster and group that were deepest in the frame before, with
+    which the search begins, as all that is farther off need not be looked at.
     """
     groups, first, balls, capsules = body.groups, body.first, body.balls, body.capsules
     limbs, patches = skin.limbs, skin.patches
@@ -168,6 +172,13 @@ def _find(
             near[2, group] = 0  # its clusters are not placed yet
         for limb in range(len(limbs) - 1):
             near_groups, deepest_of = 0, depths[frame, limb]
+            for segment in range(len(deepest_of)):
+                point, cluster, group = last[limb, segment, 0], last[limb, segment, 1], last[limb, segment, 2]
+                if point >= 0 and deepest_of[segment] < 0.0:
+                    a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
+                    i, j, k = _relative(x[groups[group, 0]], q[groups[group, 0]], a, b, c)
+                    deepest = _depth(capsules, first[cluster], first[cluster + 1], deepest_of[segment], i, j, k)
+                    deepest_of[segment] = min(deepest, 0.0)
             _enclose(around, placed_patches, limbs[limb], limbs[limb + 1])
             for group in range(all_groups):
                 if not _meet(placed[group], around, _reach(deepest_of[groups[group, 1]])):
@@ -214,5 +225,10 @@ def _find(
                             is_inside = True
                         if deepest > deepest_of[segment]:
                             deepest_of[segment] = deepest
+                            last[limb, segment, 0], last[limb, segment, 1], last[limb, segment, 2] = (
+                                point,
+                                cluster,
+                                group,
+                            )
                     if is_inside:
                         inside[frame] += skin.counts[point]

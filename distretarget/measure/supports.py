@@ -22,8 +22,9 @@ from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
+from distretarget.numerics.moving import largest
 from distretarget.numerics.quaternions import turned_by
-from distretarget.numerics.time_series import largest, over_runs
+from distretarget.numerics.time_series import over_runs
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 
 SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...

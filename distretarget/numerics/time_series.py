@@ -1,4 +1,4 @@
-"""Time series over the frames of a clip: moving maxima and averages, medians, runs, shots between cuts, key frames."""
+"""Time series over the frames of a clip: widened values, medians, runs, shots between cuts, key frames."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
-from scipy.ndimage import correlate1d, maximum_filter1d
 
 from distretarget.numerics.joint_paths import steps_along
+from distretarget.numerics.moving import averaged, largest
 from distretarget.numerics.vectors import Array, Flags, Numbers
 
 UNKNOWN = 1e-3  # weight of the nearest known values, in a smoothed series, where nothing is known
@@ -33,24 +33,6 @@ def widened(values: Array, frames: float) -> Array:
     """
     reach = round(frames)
     return values if reach < 1 else averaged(largest(values, reach), reach)
-
-
-def largest(values: Array, reach: int) -> Array:
-    """The moving maximum of values, (frames, ...), over `reach` frames before and after."""
-    return np.asarray(maximum_filter1d(values, 2 * reach + 1, axis=0, mode="nearest"))
-
-
-def averaged(values: Array, reach: int) -> Array:
-    """Values, (frames, ...), averaged over `reach` frames before and after by a raised cosine; the ends repeat."""
-    return np.asarray(correlate1d(values, _raised_cosine(reach), axis=0, mode="nearest"))
-
-
-def _raised_cosine(reach: int) -> Array:
-    """(2 reach + 1,), weights in whole 2^-52ths, so that ones have the average 1 in any order of the sum."""
-    window = np.hanning(2 * reach + 3)[1:-1]
-    weights = np.round(2.0**52 * window / window.sum())
-    weights[reach] += 2.0**52 - weights.sum()
-    return np.asarray(weights / 2.0**52)
 
 
 def smoothstep(values: Array) -> Array:

@@ -28,6 +28,7 @@ I1 = Annotated[Numbers, Kind("intp", 1)]
 I2 = Annotated[Numbers, Kind("intp", 2)]
 B1 = Annotated[Flags, Kind("bool", 1)]
 B2 = Annotated[Flags, Kind("bool", 2)]
+I3 = Annotated[Numbers, Kind("intp", 3)]
 S2 = Annotated[NDArray[np.int32], Kind("int32", 2)]
 L1 = Annotated[Letters, Kind("uint8", 1)]
 

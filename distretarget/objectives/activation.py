@@ -15,8 +15,10 @@ import numpy as np
 
 from distretarget.checks import brief
 from distretarget.errors import SettingsError
-from distretarget.numerics.time_series import Shots, by_shot, largest, median_of_three, smoothstep, widened
+from distretarget.numerics.moving import raised_cosine
+from distretarget.numerics.time_series import Shots, by_shot, median_of_three, widened
 from distretarget.numerics.vectors import Array
+from distretarget.objectives.setting_in import Pairs, write_activation
 
 FADE = 0.05  # [D] a contact fades out from `reach` to `reach` plus this
 # A pair is in contact up to `NEARER` times its D in a body with hanging arms, and in none from `AS_FAR` times it on.
@@ -105,15 +107,14 @@ class SelfContact:
         return by_shot(partial(self._activation, hanging), shots, D, raised, kept)
 
     def _activation(self, hanging: Array, D: Array, raised: Array, kept: Array) -> Array:
-        reach, farthest = self.reach, self.reach + FADE
-        f = _sets_in(D, np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging))
+        reach, farthest, frames = self.reach, self.reach + FADE, len(D)
+        near, apart = np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging)
         hangs = np.flatnonzero((AS_FAR * hanging < farthest) & raised.any(axis=0))
-        if len(hangs):
-            D, raised = (median_of_three(np.take(each, hangs, axis=1)) for each in (D, raised))
-            varies = largest(D, self.held) + largest(-D, self.held)
-            held = smoothstep((UNSTEADY - varies) / (UNSTEADY - STEADY)) * raised
-            f[:, hangs] = np.maximum(f[:, hangs], held * _sets_in(D, reach, farthest))
-        return widened(f * kept, self.lead)
+        pairs = Pairs(D, kept, near, apart, hangs, np.take(D, hangs, axis=1), np.take(raised, hangs, axis=1))
+        weights, f = raised_cosine(round(self.lead)), np.empty_like(D)
+        of_all, of_some = np.empty((3, *D.shape)), np.empty((6, frames, len(hangs)))
+        write_activation(pairs, reach, farthest, STEADY, UNSTEADY, self.held, weights, of_all, of_some, f)
+        return f
 
 
 def _sets_in(D: Array, near: Array | float, apart: Array | float) -> Array:

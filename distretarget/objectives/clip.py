@@ -17,7 +17,8 @@ from distretarget.ik.poses import part_of_joint
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
-from distretarget.numerics.time_series import Shots, averaged, by_shot, widened
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import Shots, by_shot, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
 

@@ -29,8 +29,9 @@ from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks, subtree_lengths
 from distretarget.ik.springs import joined, room_for
 from distretarget.numerics.joint_paths import steps_along
+from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.time_series import Shots, averaged, slices_of, widened
+from distretarget.numerics.time_series import Shots, slices_of, widened
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip

@@ -109,7 +109,8 @@ class Contacts:
         f = contact.activation(D, pairs.hanging[on], arms, self.shots[around], kept)[inside]
         f *= 1.0 - np.outer(standing, pairs.passing[on])
         D = D[inside]
-        w = pair_stiffness(f, D, (u, v), source.shape[1], self.settings) / (1.0 + (D / self.settings.reach) ** 4)
+        w = pair_stiffness(f, D, (u, v), source.shape[1], self.settings)
+        w /= 1.0 + np.square(np.square(D / self.settings.reach))  # sooner than the fourth power
         return NearPairs(a, b, u, v, pairs.ratio[on], source[inside], self.copy[block], f, w)
 
 

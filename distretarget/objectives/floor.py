@@ -11,7 +11,7 @@ from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.floor import Floor, no_floor
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
-from distretarget.numerics.time_series import largest
+from distretarget.numerics.moving import largest
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.clip import Clip
 

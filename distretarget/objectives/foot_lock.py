@@ -34,8 +34,9 @@ from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_hei
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
+from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied
+from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, steadied
 from distretarget.numerics.vectors import Array, Flags, lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports

@@ -17,8 +17,8 @@ from distretarget.body.body import Body
 from distretarget.distances import distance_problem
 from distretarget.ik.poses import part_of_joint, posed_motion
 from distretarget.motion import Motion
+from distretarget.numerics.moving import averaged
 from distretarget.numerics.rotations import best_rotation
-from distretarget.numerics.time_series import averaged
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
 from distretarget.objectives.paper import Posed, solve_poses
 from distretarget.skeleton import Skeleton

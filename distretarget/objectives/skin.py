@@ -20,8 +20,9 @@ from distretarget.body.body import Body
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of, in_threads
-from distretarget.numerics.time_series import KeyFrames, Shots, averaged, by_shot, median_of_three, smoothstep, widened
+from distretarget.numerics.time_series import KeyFrames, Shots, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip

@@ -17,7 +17,8 @@ import numpy as np
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import averaged, by_shot, over_runs, smoothstep, widened
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import by_shot, over_runs, smoothstep, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports

@@ -16,7 +16,8 @@ from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds
 from distretarget.ik.springs import Springs, joined, no_springs
 from distretarget.measure.gaps import TOUCH_DISTANCE
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import Shots, averaged, by_shot, over_runs
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import Shots, by_shot, over_runs
 from distretarget.numerics.vectors import Array, Numbers, level, spread_out
 from distretarget.objectives.supports import RESTS, ROOT_BLEND
 from distretarget.pipeline.performer import Performer

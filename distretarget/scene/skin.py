@@ -18,7 +18,8 @@ from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import KeyFrames, averaged, by_shot, smoothstep, widened
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import KeyFrames, by_shot, smoothstep, widened
 from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.objectives.skin import (
     APART,

@@ -22,7 +22,8 @@ from distretarget.contact_entries import ContactList
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.ik.springs import Springs, joined
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import averaged, by_shot
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import by_shot
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asking import Carrier, Wishes
 from distretarget.objectives.contact import solve_contact
