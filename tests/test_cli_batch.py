@@ -21,7 +21,7 @@ CLIPS = 16  # of the length LONG
 LONG = 600  # frames, which take a moment to convert
 LONGER = 6000  # frames, which take longer to convert than all other clips
 TINY = 150  # clips of one frame
-HANGS = 300  # after this time a process counts as hanging [s]
+HANGS = 1800  # after this time a process counts as hanging [s]
 
 
 def batch(*arguments, **options):
