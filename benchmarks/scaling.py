@@ -149,7 +149,9 @@ def start_lines(corpus: Path, folder: Path, rounds: int) -> Iterator[Line]:
     yield _line("`--version` over `import numpy`, processor time", times[:, 0] / times[:, 1])
     yield _line("524 frames over `import numpy, scipy.spatial.transform`, processor time", times[:, 2] / times[:, 3])
     clap = [*program, str(SAMPLES / "clap.bvh"), str(HERO), "-o", str(folder / "clap.glb"), "--overwrite"]
-    yield _line("clap onto the hero, a process [s]", alternating([partial(_run, clap)], rounds, time.perf_counter)[:, 0])
+    yield _line(
+        "clap onto the hero, a process [s]", alternating([partial(_run, clap)], rounds, time.perf_counter)[:, 0]
+    )
 
 
 def memory_line(corpus: Path, folder: Path) -> Line:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.skin import find_skin, find_source_skin
+from distretarget.measure.skin import TOUCHING, find_skin, find_source_skin
 from distretarget.measure.skin_shapes import inner_balls
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
@@ -24,7 +24,7 @@ ROLES = BODY.anatomy.roles
 HANDS = [ROLES["leftHand"], ROLES["rightHand"]]
 BENDS = np.arange(0, 105, 5.0)  # of the elbow [degrees]
 UPRIGHT = Rotation.identity()
-REST = Motion(PERSON, PERSON.rest_positions[:1], PERSON.unturned[None], "0.02")
+REST = Motion(PERSON, PERSON.rest_positions[:1], PERSON.unturned[None], "0.0333333")
 
 
 def bending(body=PERSON, world=UPRIGHT):
@@ -33,7 +33,7 @@ def bending(body=PERSON, world=UPRIGHT):
     rotations[:, ROLES["leftUpperArm"]] = Rotation.from_euler("Z", -60, degrees=True).as_quat()
     rotations[:, ROLES["leftLowerArm"]] = Rotation.from_euler("Z", -BENDS[:, None], degrees=True).as_quat()
     rotations[:, 0] = world.as_quat()
-    return Motion(body, np.tile(body.rest_positions[0], (len(rotations), 1)), rotations, "0.02")
+    return Motion(body, np.tile(body.rest_positions[0], (len(rotations), 1)), rotations, "0.0333333")
 
 
 def round_body(scale=1.0, rings=24):
@@ -187,7 +187,7 @@ def test_a_hanging_arm_touches_nothing():
     skin = find_skin(BODY, wide)
     rotations = np.tile(PERSON.unturned, (1, 1, 1))
     rotations[0, ROLES["leftUpperArm"]] = Rotation.from_euler("Z", -90, degrees=True).as_quat()
-    hanging = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.02")
+    hanging = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.0333333")
     assert measured(skin, hanging).deepest[0, 0] > 0
     assert not measured(skin, hanging).touching.any()
 
@@ -198,7 +198,7 @@ def arms_in_front(*bends):
     for side, sign in (("left", 1.0), ("right", -1.0)):
         turns = Rotation.from_euler("Y", -sign * np.array(bends)[:, None], degrees=True)
         rotations[:, ROLES[f"{side}UpperArm"]] = turns.as_quat()
-    return Motion(PERSON, np.tile(PERSON.rest_positions[0], (len(bends), 1)), rotations, "0.02")
+    return Motion(PERSON, np.tile(PERSON.rest_positions[0], (len(bends), 1)), rotations, "0.0333333")
 
 
 def test_two_hands_touch_each_other_once_each():
@@ -270,3 +270,25 @@ def test_winding_numbers_of_the_mesh_agree():
     np.testing.assert_allclose(found, share, atol=2.5)
     assert (found[share > 3] > 1).all()
     np.testing.assert_array_equal(found[share == 0], 0)
+
+
+def test_frames_between_those_that_are_measured_hold_the_last():
+    """At 240 frames a second one in eight is measured, and all between two in which not the same parts touch."""
+    skin, slow = find_skin(BODY, round_body()[1]), bending()
+    frames = np.repeat(np.arange(len(slow)), 12)
+    fast = Motion(PERSON, slow.root_positions[frames], slow.rotations[frames], "0.00416667")
+    reference = find_source_skin(fast, BODY, UP, skin, skin)
+    every = replace(
+        reference,
+        seen=np.arange(len(fast)),
+        touches=np.vstack([reference.seen[reference.touches[0]], reference.touches[1:]]),
+    )
+    some, all_of_them = reference.in_result(fast), every.in_result(fast)
+    assert len(reference.seen) < 0.5 * len(fast)
+    np.testing.assert_array_equal(some.deepest[reference.seen], all_of_them.deepest[reference.seen])
+    last = np.searchsorted(reference.seen, np.arange(len(fast)), side="right") - 1
+    np.testing.assert_array_equal(some.deepest, all_of_them.deepest[reference.seen[last]])
+    touching = known_depths(fast) > -TOUCHING / 100.0 * BODY.height
+    edges = np.flatnonzero(np.diff(touching)) + 1
+    assert len(edges)
+    assert np.isin(edges, reference.seen).all()

@@ -23,6 +23,7 @@ from distretarget.measure.skin_shapes import (
     points_of_mesh,
 )
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
@@ -32,6 +33,7 @@ from distretarget.skin.mesh import SkinnedMesh
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
 GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
+RATE = 30.0  # skin is measured about as often [1/s]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 OWN_ARM = ("hand", "forearm", "upper arm")
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
@@ -121,13 +123,14 @@ class SourceSkin:
     """What touches in a source, which the skin of results is measured against."""
 
     target: Skin  # the skin of results
-    touches: Numbers  # (3, contacts), frame, limb and segment, by frames
+    seen: Numbers  # (some frames,), those that are measured; each holds up to the next
+    touches: Numbers  # (3, contacts), which of these, limb and segment, by frames
     gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""
         skin = self.target
-        frames = len(result) if skin.can_touch.any() else 0
+        frames = len(self.seen) if skin.can_touch.any() else 0
         shape = frames, len(LIMBS)
         deepest, vertices, gaps = np.zeros(shape), np.zeros(frames), np.zeros(len(self.gaps))
 
@@ -138,7 +141,7 @@ class SourceSkin:
             there = PLACE[:-1] == PLACE[segment][:, None]
             for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
                 reach[frame[there[:, part]], either[there[:, part]], part] = np.inf
-            depths, vertices[block] = _depths(skin, result, block, _of_first(reach))
+            depths, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach))
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
             of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
             gaps[rows] = -np.where(there, of_arm, -np.inf).max(axis=1, initial=-np.inf)
@@ -151,41 +154,69 @@ class SourceSkin:
         too_far = to_percent * gaps - np.maximum(self.gaps, 0.0)
         too_near = self.gaps - to_percent * gaps
         errors = np.bincount(cell, np.maximum(np.maximum(too_far, too_near), 0.0), minlength=frames * len(LIMBS))
+        last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
         return SkinMeasured(
-            deepest=to_percent * deepest,
-            inside=100.0 * vertices / max(skin.patches.counts.sum(), 1.0),
-            gap_error=(errors / np.maximum(counts, 1)).reshape(shape),
-            touching=counts.reshape(shape),
+            deepest=to_percent * deepest[last],
+            inside=100.0 * vertices[last] / max(skin.patches.counts.sum(), 1.0),
+            gap_error=(errors / np.maximum(counts, 1)).reshape(shape)[last],
+            touching=counts.reshape(shape)[last],
         )
 
 
 def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: Skin) -> SourceSkin:
-    """Find what touches in a source; `skin` is that of its `body`, `up`, (3,), the unit vector up."""
+    """Find what touches in a source; `skin` is that of its `body`, `up`, (3,), the unit vector up. About `RATE` frames
+    a second are looked at, and all around the first and the last of each touch.
+    """
     both = skin.can_touch & target.can_touch
+    seen = _spread(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
     if not both.any():
-        return SourceSkin(target=target, touches=np.zeros((3, 0), np.intp), gaps=np.zeros(0))
+        return SourceSkin(target=target, seen=seen, touches=np.zeros((3, 0), np.intp), gaps=np.zeros(0))
     hanging = _hanging(source, body, up)
     reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
 
-    def touch(block: slice) -> tuple[Numbers, Array]:
-        depths, _ = _depths(skin, source, block, reach)
-        touching = (depths > -reach) & both & ~(hanging[block, :, None] & BESIDE)
+    def touch(frames: Numbers) -> tuple[Numbers, Array]:
+        depths, _ = _depths(skin, source, frames, reach)
+        touching = (depths > -reach) & both & ~(hanging[frames, :, None] & BESIDE)
         for place in range(len(PLACES)):  # where a limb touches several parts of one place, the nearest counts
             on = np.flatnonzero(PLACE[:-1] == place)
             some = np.where(touching[:, :, on], depths[:, :, on], -np.inf)
             touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
         frame, limb, segment = rows = np.nonzero(touching)
         of_arm = np.maximum(depths[rows], depths[frame, HAND[limb], segment])
-        return np.stack([frame + block.start, limb, segment]), -100.0 / skin.height * of_arm
+        return np.stack([frames[frame], limb, segment]), -100.0 / skin.height * of_arm
 
-    side_by_side = mapper_for(len(source), len(skin.patches.counts))
-    touches, gaps = zip(*side_by_side(touch, blocks_of(len(source))), strict=True)
-    return SourceSkin(target=target, touches=np.concatenate(touches, axis=1), gaps=np.concatenate(gaps))
+    def touches_in(frames: Numbers) -> tuple[Numbers, Array]:
+        side_by_side = mapper_for(len(frames), len(skin.patches.counts))
+        found = [*side_by_side(touch, [frames[block] for block in blocks_of(len(frames))])]
+        return np.concatenate([each for each, _ in found], axis=1), np.concatenate([gaps for _, gaps in found])
+
+    touches, gaps = touches_in(seen)
+    if len(between := _around_changes(seen, touches)):
+        others, of_others = touches_in(between)
+        touches, gaps, seen = np.hstack([touches, others]), np.append(gaps, of_others), np.union1d(seen, between)
+        order = np.argsort(touches[0], kind="stable")
+        touches, gaps = touches[:, order], gaps[order]
+    touches[0] = np.searchsorted(seen, touches[0])
+    return SourceSkin(target=target, seen=seen, touches=touches, gaps=gaps)
 
 
-def _depths(skin: Skin, motion: Motion, frames: slice, reach: Array) -> tuple[Array, Array]:
-    """`find_depths`, where two limbs meet those of the first of the two."""
-    posed = motion.positions[frames], motion.world_rotations_in(frames)
+def _spread(frames: Numbers, step: float) -> Numbers:
+    """Every so many of the frames, rounded, and the last."""
+    return np.union1d(frames[:: max(round(step), 1)], frames[-1:])
+
+
+def _around_changes(seen: Numbers, touches: Numbers) -> Numbers:
+    """The frames between two of those that were `seen` in which not the same parts touch."""
+    touching = np.zeros((len(seen), len(LIMBS), len(SEGMENTS)), bool)
+    touching[np.searchsorted(seen, touches[0]), touches[1], touches[2]] = True
+    changes = np.flatnonzero((touching[1:] != touching[:-1]).any(axis=(1, 2)))
+    spans = [np.arange(seen[change] + 1, seen[change + 1]) for change in changes]
+    return np.concatenate([np.zeros(0, np.intp), *spans])
+
+
+def _depths(skin: Skin, motion: Motion, frames: Numbers, reach: Array) -> tuple[Array, Array]:
+    """`find_depths` in some frames, where two limbs meet those of the first of the two."""
+    posed = motion.positions[frames], world_rotations(motion.skeleton.parents, motion.rotations[frames])
     depths, inside = find_depths(skin.patches, skin.clusters, posed, reach, GRAZING / 100.0 * skin.height)
     return _of_first(depths), inside
 
