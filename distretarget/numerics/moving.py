@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
@@ -25,7 +27,7 @@ def averaged(values: Array, reach: int) -> Array:
 
 
 def _columns(values: Array) -> Array:
-    return np.ascontiguousarray(values, np.float64).reshape(len(values), -1)
+    return np.ascontiguousarray(values, np.float64).reshape(len(values), math.prod(values.shape[1:]))
 
 
 def raised_cosine(reach: int) -> Array:
