@@ -17,7 +17,7 @@ from distretarget.checks import brief
 from distretarget.errors import SettingsError
 from distretarget.numerics.moving import raised_cosine
 from distretarget.numerics.time_series import Shots, by_shot, median_of_three, widened
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, Flags
 from distretarget.objectives.setting_in import Pairs, write_activation
 
 FADE = 0.05  # [D] a contact fades out from `reach` to `reach` plus this
@@ -92,10 +92,12 @@ class SelfContact:
         """The number of frames on each side that an activation depends on."""
         return activation_window(self.lead) + self.held
 
-    def apart(self, hanging: Array, raised: Array) -> Array:
-        """Return the D from which pairs are in no contact, (pairs,); `hanging` and `raised` as in `activation`."""
+    def apart(self, hanging: Array, raised: Flags) -> Array:
+        """Return the D from which pairs are in no contact, (pairs,); `hanging` as in `activation`, `raised`, (pairs,),
+        is whether the arm of either joint ever is raised or bent.
+        """
         farthest = self.reach + FADE
-        return np.where(raised.any(axis=0), farthest, np.minimum(farthest, AS_FAR * hanging))
+        return np.where(raised, farthest, np.minimum(farthest, AS_FAR * hanging))
 
     def activation(self, D: Array, hanging: Array, raised: Array, shots: Shots, kept: Array) -> Array:
         """f: (frames, pairs), as `activation` for two bodies.

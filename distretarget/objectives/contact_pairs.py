@@ -98,7 +98,8 @@ class Contacts:
         first = max(block.start - contact.window, 0)
         around, inside = slice(first, block.stop + contact.window), slice(block.start - first, block.stop - first)
         source, raised = self.source[around], self.raised[around]
-        apart = contact.apart(pairs.hanging, raised[:, pairs.u] + raised[:, pairs.v])
+        ever_raised = raised.any(axis=0)
+        apart = contact.apart(pairs.hanging, ever_raised[pairs.u] | ever_raised[pairs.v])
         on = np.flatnonzero(come_near(source, source, pairs.u, pairs.v, apart * pairs.tau1))
         u, v, a, b = pairs.u[on], pairs.v[on], pairs.a[on], pairs.b[on]
         D = normalised_distances(source, source, u, v, pairs.tau1[on])
@@ -107,7 +108,7 @@ class Contacts:
             kept[np.ix_(drop.frames[around], drop.of(a, b))] = 0.0
         arms = np.maximum(raised[:, u], raised[:, v])
         f = contact.activation(D, pairs.hanging[on], arms, self.shots[around], kept)[inside]
-        f *= 1.0 - np.outer(standing, pairs.passing[on])
+        f[:, pairs.passing[on]] *= (1.0 - standing)[:, None]
         D = D[inside]
         w = pair_stiffness(f, D, (u, v), source.shape[1], self.settings)
         w /= 1.0 + np.square(np.square(D / self.settings.reach))  # sooner than the fourth power
