@@ -38,6 +38,8 @@ def rest_alignment(matching: Matching) -> Array:
     the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
     part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
     """
+    if matching.rig is not None and matching.source_normals is None:
+        matching = matching.rig
     if matching not in _FOUND:
         source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
         back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)

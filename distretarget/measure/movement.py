@@ -14,6 +14,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along, write_directions
 from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.vectors import Array, Numbers, lengths
+from distretarget.rig import found_once
 
 Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
 
@@ -21,6 +22,7 @@ Expected = Callable[[slice], Array]  # directions of bones in a block of frames,
 BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
 
 
+@found_once
 def shared_bones(matching: Matching) -> Numbers:
     """(bones,), the lower joints of the target's bones that both bodies have, with a length on both."""
     source, skeleton, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers

@@ -19,6 +19,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, averaged, by_shot, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
 
 
@@ -98,9 +99,9 @@ class Clip:
             regions=matching.regions,
             limb_joints=matching.joints_but_feet(),
             undriven_joints=matching.joints_but_feet(driven=False),
-            distances=distance_problem(source.skeleton, body.skeleton, matching.drivers),
+            distances=_shared_distances(matching),
             roots=roots,
-            parts=part_of_joint(body.skeleton, roots),
+            parts=_parts(matching),
         )
 
     def __len__(self) -> int:
@@ -164,6 +165,19 @@ def _raised_arms(body: Body, motion: Motion) -> Array:
     return values
 
 
+@found_once
+def _shared_distances(matching: Matching) -> DistanceProblem:
+    """The distance problem of the points that both bodies of a matching have."""
+    return distance_problem(matching.source.skeleton, matching.target.skeleton, matching.drivers)
+
+
+@found_once
+def _parts(matching: Matching) -> Numbers:
+    """`Clip.parts` of a matching."""
+    return part_of_joint(matching.target.skeleton, rigid_part_roots(matching))
+
+
+@found_once
 def rigid_part_roots(matching: Matching) -> Numbers:
     """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 
