@@ -20,6 +20,7 @@ from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.quaternions import rotation_products
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import Array, Numbers, lengths, level, read_only
+from distretarget.rig import found_once
 
 FIRST_BONES = ("UpperArm", "UpperLeg")  # roles of the bones with which limbs begin
 FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))
@@ -38,12 +39,15 @@ def rest_alignment(matching: Matching) -> Array:
     the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
     part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
     """
-    if matching.rig is not None and matching.source_normals is None:
-        matching = matching.rig
+    rig = matching.rig
+    if rig is not None and matching.source_normals is None:
+        matching = rig
     if matching not in _FOUND:
         source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
         back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
-        alignments = back @ (_joint_alignments(matching, _sole_normals(matching, source, target)) @ target)[:, None]
+        known = None if rig is None or rig is matching else _shared_alignments(rig)
+        turns = _joint_alignments(matching, _sole_normals(matching, source, target), known)
+        alignments = back @ (turns @ target)[:, None]
         quaternions = Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat()
         _FOUND[matching] = read_only(quaternions.reshape(-1, 2, 4))
     return _FOUND[matching]
@@ -74,8 +78,25 @@ def _trunk(body: Body, roles: Mapping[int, str]) -> set[int]:
     return body.skeleton.lines([*body.skeleton.parents[limbs], *tops])
 
 
-def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Array]]) -> Array:
-    """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses.
+@found_once
+def _shared_alignments(matching: Matching) -> Array:
+    """(target joints, 3, 3), `_joint_alignments` with the soles that rest poses show."""
+    source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
+    return _joint_alignments(matching, _sole_normals(matching, source, target))
+
+
+@found_once
+def _shared_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
+    """`Matching.shared_bones` in the poses in which the bodies are aligned."""
+    source, target = matching.poses
+    return matching.shared_bones(source.positions, target.positions)
+
+
+def _joint_alignments(
+    matching: Matching, normals: Mapping[int, tuple[Array, Array]], known: Array | None = None
+) -> Array:
+    """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses;
+    those that are `known` already with other soles change in the feet alone.
 
     Upper arms turn by way of the direction straight out to the source's side, so that a target in A-pose is aligned
     like the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
@@ -86,11 +107,15 @@ def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Arr
     foot = slice(1 if in_t_pose else 0)  # of the bones of an ankle
     left, trunk = source_pose.axes[:, 0], _trunk(matching.target, roles)
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
-    upper, *directions = matching.shared_bones(source_pose.positions, target_pose.positions)
+    upper, *directions = _shared_bones(matching)
+    feet = {below for ankle in normals for below in matching.target.skeleton.subtree(ankle)}
     alignments: list[Array] = []
     parents = matching.target.skeleton.parents.tolist()
     edges = np.searchsorted(upper, range(len(parents) + 1)).tolist()
     for joint, parent in enumerate(parents):
+        if known is not None and joint not in feet:
+            alignments.append(known[joint])
+            continue
         role = roles.get(joint, "")
         b, a = (each[edges[joint] : edges[joint + 1]] for each in directions)
         turn = whole if not joint or role.endswith("Foot") else alignments[parent]

@@ -216,6 +216,13 @@ class Body:
 
     def shots_of(self, motion: Motion) -> Shots:
         """Return the shot of each frame of a motion of the body, (frames,), as `find_shots`."""
+        return self._own_shots if motion is self.motion else self._find_shots(motion)
+
+    @cached_property
+    def _own_shots(self) -> Shots:
+        return self._find_shots(self.motion) if self.motion else np.zeros(0, np.intp)
+
+    def _find_shots(self, motion: Motion) -> Shots:
         joints = np.flatnonzero(self.regions.of_joint >= 0)
         return find_shots(motion.positions, joints, 0.5 * self.unit, motion.frame_time)
 

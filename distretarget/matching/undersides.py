@@ -79,13 +79,9 @@ class Underside:
 
     def thickness(self, ankle: int, sole: Sole) -> float:
         """Return how far the skin of a foot that stands flat is below its lowest joint [file units]; 0 without skin."""
-        if self.mesh is not None:
-            points = self.mesh.vertices[self.foot(ankle)] @ sole.normal
-        else:
-            on = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
-            points = (self._rest_ends[on] @ sole.normal - self.capsules.radii[on]).ravel()
+        points, radii = self._once(self._points_of_foot, ankle)
         rest = self.body.skeleton.rest_positions[ankle] @ sole.normal - sole.ankle
-        return float(rest - points.min()) if len(points) else 0.0
+        return float(rest - (points @ sole.normal - radii).min()) if len(points) else 0.0
 
     @property
     def _rest_ends(self) -> Array:
@@ -107,6 +103,14 @@ class Underside:
         whole = self._whole_about(joint)
         away = lengths(self._rest_ends[whole] - self.body.skeleton.rest_positions[joint]) + self.capsules.radii[whole]
         return AROUND * float(away.max(initial=0.0))
+
+    def _points_of_foot(self, ankle: int) -> tuple[Array, Array]:
+        """(points, 3) and (points,), the skin of a foot while no joint is turned, as balls."""
+        if self.mesh is not None:
+            on = self.foot(ankle)
+            return self.mesh.vertices[on], np.zeros(len(on))
+        of_foot = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
+        return self._rest_ends[of_foot], self.capsules.radii[of_foot]
 
     def _skin_of_foot(self, ankle: int) -> Balls | None:
         return self._of_vertices(self.foot(ankle))

@@ -289,9 +289,10 @@ def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> F
 
     for column, joint in enumerate(joints.tolist()):
         if names[of_joint[joint]] in ENDS:
-            above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
-            base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
             way = way_of(joint)
             stays = way < PLACE
-            holds[:, column] = stays & (way_of(base) > SWAY * way + FARTHER) if stays.any() else stays
+            if stays.any():
+                above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
+                base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
+                holds[:, column] = stays & (way_of(base) > SWAY * way + FARTHER)
     return holds

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -13,7 +14,7 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import correlate1d, maximum_filter1d
 
 from distretarget.numerics.joint_paths import steps_along
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.vectors import Array, Flags, Numbers, read_only
 
 UNKNOWN = 1e-3  # weight of the nearest known values, in a smoothed series, where nothing is known
 SECOND_DIFFERENCE = (1.0, -2.0, 1.0)
@@ -45,12 +46,13 @@ def averaged(values: Array, reach: int) -> Array:
     return np.asarray(correlate1d(values, _raised_cosine(reach), axis=0, mode="nearest"))
 
 
+@lru_cache(maxsize=64)
 def _raised_cosine(reach: int) -> Array:
     """(2 reach + 1,), weights in whole 2^-52ths, so that ones have the average 1 in any order of the sum."""
     window = np.hanning(2 * reach + 3)[1:-1]
     weights = np.round(2.0**52 * window / window.sum())
     weights[reach] += 2.0**52 - weights.sum()
-    return np.asarray(weights / 2.0**52)
+    return read_only(weights / 2.0**52)
 
 
 def smoothstep(values: Array) -> Array:

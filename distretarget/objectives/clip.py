@@ -149,7 +149,9 @@ class Clip:
     @property
     def loose_parts(self) -> Numbers:
         """The parts without a driven joint, such as undriven fingers: only the floor moves them."""
-        return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.driven)]])
+        loose = np.ones(self.parts.max() + 1, bool)
+        loose[self.parts[[*self.skeleton.lines(self.driven)]]] = False
+        return np.flatnonzero(loose)
 
     @property
     def driven(self) -> Numbers:
