@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -281,18 +280,19 @@ def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> F
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
     holds = np.zeros((len(source), len(joints)), bool)
 
-    @cache
-    def way_of(joint: int) -> Array:
-        """(frames,), the diagonal of the box that a joint's path fills within `reach` frames before and after."""
-        path = source.positions[:, drivers[joint]] / leg
-        return lengths(largest(path, reach) + largest(-path, reach))
+    def ways_of(some: Numbers) -> Array:
+        """(frames, some), the diagonal of the box that each joint's path fills within `reach` frames on each side."""
+        paths = source.positions[:, drivers[some]] / leg
+        return lengths(largest(paths, reach) + largest(-paths, reach))
 
-    for column, joint in enumerate(joints.tolist()):
-        if names[of_joint[joint]] in ENDS:
-            way = way_of(joint)
-            stays = way < PLACE
-            if stays.any():
-                above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
-                base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
-                holds[:, column] = stays & (way_of(base) > SWAY * way + FARTHER)
+    def base_of(joint: int) -> int:
+        above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
+        return next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
+
+    ends = np.flatnonzero([names[region] in ENDS for region in of_joint[joints].tolist()])
+    ways = ways_of(joints[ends])
+    stay = ways < PLACE
+    some = stay.any(axis=0)
+    bases, at = np.unique([base_of(joint) for joint in joints[ends[some]].tolist()], return_inverse=True)
+    holds[:, ends[some]] = stay[:, some] & (ways_of(bases.astype(np.intp))[:, at] > SWAY * ways[:, some] + FARTHER)
     return holds
