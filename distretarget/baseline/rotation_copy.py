@@ -223,13 +223,14 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
     alignment = rest_alignment(matching).copy()
     sources, blend = matching.rotation_sources.copy(), matching.blend.copy()
-    stance = Rotation.from_quat(matching.target.reference.rotations)
-    for joint, parent in enumerate(skeleton.parents):
-        if joint and sources[joint, 0] < 0:
-            sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
-            if not matching.target.stands_at_rest:
-                turn = stance[parent].inv() * stance[joint]
-                alignment[joint] = (Rotation.from_quat(alignment[parent]) * turn).as_quat()
+    stance = matching.target.reference.rotations
+    for joint in (np.flatnonzero(sources[1:, 0] < 0) + 1).tolist():
+        parent = skeleton.parents[joint]
+        sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
+        if not matching.target.stands_at_rest:
+            above, own = Rotation.from_quat(stance[[parent, joint]])
+            turn = above.inv() * own
+            alignment[joint] = (Rotation.from_quat(alignment[parent]) * turn).as_quat()
     between = np.flatnonzero(blend > 0)
 
     def aligned(turned: Array, joints: Numbers, k: int) -> Array:

@@ -108,6 +108,8 @@ class Clip:
         return len(self.copy)
 
     def __getitem__(self, frames: slice) -> Clip:
+        if frames == slice(0, len(self)):
+            return self
         source, copy = self.source[frames], self.copy[frames]
         root, shots, arms = self.root[frames], self.shots[frames], self.raised_arms[frames]
         drops = tuple(replace(drop, frames=drop.frames[frames]) for drop in self.drops)
