@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import FINGERS
 from distretarget.body.body import Body
 from distretarget.body.resting import feet_at_rest
-from distretarget.matching.matching import BUILD_ANGLE, Matching
+from distretarget.matching.matching import BUILD_ANGLE, Matching, by_soles
 from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.quaternions import rotation_products
 from distretarget.numerics.rotations import least_matrix
@@ -28,29 +27,23 @@ BY_BONE = (*FIRST_BONES, "LowerArm", "LowerLeg", *FINGER_BONES)  # roles that ar
 SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
 MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must be within reach [%]
 
-_FOUND: WeakKeyDictionary[Matching, Array] = WeakKeyDictionary()  # as long as the matching is in use
 
-
+@by_soles
 def rest_alignment(matching: Matching) -> Array:
     """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources: where a
-    source joint has the world rotation R, the target joint gets R A. It is found once for each matching, and read-only.
+    source joint has the world rotation R, the target joint gets R A. It is read-only.
 
     Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the parent bone, which also gives
     the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
     part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
     """
-    rig = matching.rig
-    if rig is not None and matching.source_normals is None:
-        matching = rig
-    if matching not in _FOUND:
-        source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
-        back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
-        known = None if rig is None or rig is matching else _shared_alignments(rig)
-        turns = _joint_alignments(matching, _sole_normals(matching, source, target), known)
-        alignments = back @ (turns @ target)[:, None]
-        quaternions = Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat()
-        _FOUND[matching] = read_only(quaternions.reshape(-1, 2, 4))
-    return _FOUND[matching]
+    source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
+    back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
+    known = None if matching.rig in (None, matching) else _shared_alignments(matching)
+    turns = _joint_alignments(matching, _sole_normals(matching, source, target), known)
+    alignments = back @ (turns @ target)[:, None]
+    quaternions = Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat()
+    return read_only(quaternions.reshape(-1, 2, 4))
 
 
 def _roles(matching: Matching) -> dict[int, str]:

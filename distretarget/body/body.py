@@ -273,8 +273,15 @@ class Body:
         """Whether the joints named left are on the left of a body whose feet point forward; None if that is unclear."""
         if self.anatomy is None:
             return None
-        directions = self.at_rest if self.stands_at_rest else self.moving
-        feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES]
+        return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.moving)
+
+    @of_rig
+    def _left_at_rest(self) -> bool | None:
+        return self._left_is_left(self.at_rest)
+
+    def _left_is_left(self, directions: Directions | None) -> bool | None:
+        """The same by some directions."""
+        feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES] if self.anatomy else []
         if directions is None or None in feet:
             return None
         forward = sum(direction(directions.positions, *foot) for foot in feet if foot)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, wraps
 from types import NoneType
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -20,6 +22,8 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, normalised, read_only
 from distretarget.rig import KEPT, found_once, of_rig
 from distretarget.skeleton import JointMap
+
+Found = TypeVar("Found")
 
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
@@ -233,6 +237,22 @@ class Matching:
         first = int(np.argmax(self.drivers >= 0))
         joint = self.target.pelvis_joint if self.legs else None
         return first if joint is None or self.drivers[joint] < 0 else joint
+
+
+def by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Found]:
+    """Decorate a function of a matching that takes its soles, too: it is found once for each matching, and once for all
+    clips where rest poses show the soles. What it finds is not written to, and does not hold the matching.
+    """
+    found: WeakKeyDictionary[Matching, Found] = WeakKeyDictionary()  # as long as the matching is in use
+
+    @wraps(function)
+    def find(matching: Matching) -> Found:
+        owner = matching.rig if matching.rig and matching.source_normals is None else matching
+        if owner not in found:
+            found[owner] = function(owner)
+        return found[owner]
+
+    return find
 
 
 @lru_cache(maxsize=KEPT)

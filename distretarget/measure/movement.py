@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.body.body import Body
-from distretarget.matching.matching import Matching
+from distretarget.matching.matching import Matching, by_soles
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along, write_directions
 from distretarget.numerics.parallel import in_blocks
@@ -50,11 +50,7 @@ def expected_directions(source: Motion, matching: Matching, lower: Numbers) -> E
     head and feet point differently in every build: the source's rotation, relative to the rest poses, should turn the
     target's own bone.
     """
-    drivers, upper = matching.drivers, matching.target.skeleton.parents[lower]
-    own, alignment = np.isin(upper, _built_differently(matching)), rest_alignment(matching)
-    bones = matching.target.skeleton.offsets[lower]
-    aligned = np.stack([Rotation.from_quat(alignment[upper, k]).apply(bones) for k in (0, 1)], axis=1)
-    turns = np.where(own[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
+    drivers, upper, turns = matching.drivers, matching.target.skeleton.parents[lower], _turned_bones(matching)
 
     def directions(block: slice) -> Array:
         world = source.world_rotations_in(block)
@@ -63,6 +59,18 @@ def expected_directions(source: Motion, matching: Matching, lower: Numbers) -> E
         return expected
 
     return directions
+
+
+@by_soles
+def _turned_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
+    """For each of the `shared_bones` the joints that turn it, (bones, 2), or -1, their blend, (bones,), and the bone in
+    the axes of these joints, (bones, 2, 3).
+    """
+    lower, skeleton, alignment = shared_bones(matching), matching.target.skeleton, rest_alignment(matching)
+    upper, bones = skeleton.parents[lower], skeleton.offsets[lower]
+    own = np.isin(upper, _built_differently(matching))
+    aligned = np.stack([Rotation.from_quat(alignment[upper, k]).apply(bones) for k in (0, 1)], axis=1)
+    return np.where(own[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
 
 
 def _built_differently(matching: Matching) -> list[int]:

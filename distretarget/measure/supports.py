@@ -17,7 +17,7 @@ from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.body.soles import Sole, floor_height, level_on_floor
-from distretarget.matching.matching import Matching
+from distretarget.matching.matching import Matching, by_soles
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
@@ -155,12 +155,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersi
     of both bodies, if known.
     """
     on_mesh = undersides if undersides is not None and undersides.feet_have_mesh else None
-    legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
-    both = [
-        (FlatFoot.of(matching.source, one, sole), FlatFoot.of(matching.target, other, own_sole))
-        for one, other, (sole, own_sole) in legs
-    ]
-    source_feet, feet = zip(*both, strict=True) if both else ((), ())
+    source_feet, feet = _flat_feet(matching)
     length, target_length = matching.leg_lengths
     stance, tracks = _stance(source, source_feet, length, up), _FootTracks.of(source, source_feet, length, up)
     return SourceFeet(
@@ -172,6 +167,18 @@ def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersi
         belongs=tracks.sole if on_mesh is None else _on_floor(tracks.sole, stance[:, ::2] | stance[:, 1::2]),
         undersides=on_mesh,
     )
+
+
+@by_soles
+def _flat_feet(matching: Matching) -> tuple[Sequence[FlatFoot], Sequence[FlatFoot]]:
+    """The feet of source and target."""
+    legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
+    both = [
+        (FlatFoot.of(matching.source, one, sole), FlatFoot.of(matching.target, other, own_sole))
+        for one, other, (sole, own_sole) in legs
+    ]
+    source_feet, feet = zip(*both, strict=True) if both else ((), ())
+    return source_feet, feet
 
 
 def _on_floor(soles: Array, rests: Flags) -> Array:
