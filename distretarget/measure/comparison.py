@@ -131,7 +131,7 @@ class Reference:
         self._supports = find_supports(source, matching, up, undersides)
         self._posture = find_posture(source, matching, up, self._feet.stance)
         self._bones = shared_bones(matching)
-        self._directions = expected_directions(source, matching, self._bones)
+        self._directions = expected_directions(source, matching)
         self._turned = np.flatnonzero(matching.drivers >= 0)
         self._turns = turns(source, matching.drivers[self._turned])
         self._cuts = np.diff(matching.source.shots_of(source)) > 0

@@ -43,14 +43,15 @@ def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array
     return in_blocks(angles, len(result))
 
 
-def expected_directions(source: Motion, matching: Matching, lower: Numbers) -> Expected:
-    """Return where the target's bones above the joints `lower`, from `shared_bones`, should point.
+def expected_directions(source: Motion, matching: Matching) -> Expected:
+    """Return where the `shared_bones` of the target should point.
 
     A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
     head and feet point differently in every build: the source's rotation, relative to the rest poses, should turn the
     target's own bone.
     """
-    drivers, upper, turns = matching.drivers, matching.target.skeleton.parents[lower], _turned_bones(matching)
+    drivers, lower, turns = matching.drivers, shared_bones(matching), _turned_bones(matching)
+    upper = matching.target.skeleton.parents[lower]
 
     def directions(block: slice) -> Array:
         world = source.world_rotations_in(block)
