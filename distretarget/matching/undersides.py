@@ -31,9 +31,9 @@ BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its
 DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
 
 
-class Balls(NamedTuple):
-    """Balls of skin. With joints at x, turned by R, at `rest` before, the height of a centre is the sum over joints of
-    w (x + R (point - rest)) . up: linear in R^T up and x . up.
+class BoundBalls(NamedTuple):
+    """Balls that joints move. With joints at x, turned by R, at `rest` before, the height of a centre is the sum
+    over joints of w (x + R (point - rest)) . up: linear in R^T up and x . up.
     """
 
     joints: list[int]  # that move them
@@ -112,16 +112,16 @@ class Underside:
         of_foot = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
         return self._rest_ends[of_foot], self.capsules.radii[of_foot]
 
-    def _skin_of_foot(self, ankle: int) -> Balls | None:
+    def _skin_of_foot(self, ankle: int) -> BoundBalls | None:
         return self._of_vertices(self.foot(ankle))
 
-    def _of_vertices(self, on: Numbers) -> Balls | None:
+    def _of_vertices(self, on: Numbers) -> BoundBalls | None:
         """Some vertices of the mesh; None without any."""
         if self.mesh is None or not len(on):
             return None
         return self._balls(self.mesh.vertices[on], self.mesh.joints[on], self.mesh.weights[on], np.zeros(len(on)))
 
-    def _skin_about(self, joint: int) -> Balls | None:
+    def _skin_about(self, joint: int) -> BoundBalls | None:
         """The skin about a joint; None where there is none."""
         near, t, radii = self._capsules_about(joint)
         if not len(near):
@@ -136,7 +136,7 @@ class Underside:
         centres, carriers = (shares[..., None] * ends).sum(axis=1), self.capsules.joints[on][:, None]
         return self._balls(centres, carriers, np.ones(carriers.shape), (shares * radii).sum(axis=1))
 
-    def _balls(self, points: Array, joints: Numbers, weights: Array, radii: Array) -> Balls:
+    def _balls(self, points: Array, joints: Numbers, weights: Array, radii: Array) -> BoundBalls:
         """Balls, given by their centres while no joint is turned, (balls, 3), the joints that move them and their
         weights, (balls, n) each, and radii.
         """
@@ -144,7 +144,7 @@ class Underside:
         shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
         bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]
         linear = np.concatenate([share * each.T for share, each in zip(shares, bound, strict=True)])
-        return Balls(moving, linear, radii)
+        return BoundBalls(moving, linear, radii)
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
         """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
@@ -208,22 +208,18 @@ class Undersides:
         return cls(source, target, (mean, mean_of_target), have_mesh)
 
 
-def _lowest(motion: Motion, skins: Sequence[Balls], up: Array) -> list[Array]:
+def _lowest(motion: Motion, skins: Sequence[BoundBalls], up: Array) -> list[Array]:
     """The height of the lowest ball of each skin in each frame of a motion, (frames,)."""
-    joints = sorted({joint for skin in skins for joint in skin.joints})
-    if not joints:
-        return []
-    world = np.stack([motion.world_rotations_of(joint) for joint in joints])
-    turned = Rotation.from_quat(world.reshape(-1, 4)).inv().apply(up).reshape(*world.shape[:2], 3)
-    both = zip(joints, turned, strict=True)
-    pose = {joint: np.column_stack([each, motion.positions[:, joint] @ up]) for joint, each in both}
-    heights = []
-    for skin in skins:
-        poses, lowest = np.concatenate([pose[joint] for joint in skin.joints], axis=1), np.empty(len(motion))
-        for block in blocks_of(len(motion)):
-            lowest[block] = (poses[block] @ skin.linear - skin.radii).min(axis=1)
-        heights.append(lowest)
-    return heights
+    joints, lowest = sorted({joint for skin in skins for joint in skin.joints}), [np.empty(len(motion)) for _ in skins]
+    heights = {joint: motion.positions[:, joint] @ up for joint in joints}
+    for block in blocks_of(len(motion)) if joints else ():
+        world = np.stack([motion.world_rotations_of(joint)[block] for joint in joints])
+        turned = Rotation.from_quat(world.reshape(-1, 4)).inv().apply(up).reshape(len(joints), -1, 3)
+        poses = {j: np.column_stack([each, heights[j][block]]) for j, each in zip(joints, turned, strict=True)}
+        for skin, found in zip(skins, lowest, strict=True):
+            moved = np.concatenate([poses[joint] for joint in skin.joints], axis=1)
+            found[block] = (moved @ skin.linear - skin.radii).min(axis=1)
+    return lowest
 
 
 @found_once
