@@ -163,6 +163,8 @@ class Motion:
         Raises:
             IndexError: there is no such frame, or `frames` is none of these.
         """
+        if isinstance(frames, slice) and frames == slice(0, len(self)):
+            return self
         if isinstance(frames, int | np.integer):
             frames = np.arange(len(self))[[frames]]
         path, moving = self.root_positions[frames], None if self.moving is None else self.moving[frames]

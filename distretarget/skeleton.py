@@ -150,6 +150,19 @@ class Skeleton:
                 raise SkeletonError(f"the humanoid has {twice[0]!r} twice")
         object.__setattr__(self, "humanoid", pairs)
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether another skeleton is the same in all attributes."""
+        return self is other or (isinstance(other, Skeleton) and self._content == other._content)
+
+    def __hash__(self) -> int:
+        return hash(self._content[:2])
+
+    @cached_property
+    def _content(self) -> tuple[object, ...]:
+        arrays = (array.tobytes() for array in (self.offsets, self.parents, self.end_sites))
+        others = self.channels, self.units, self.up, self.humanoid, self.looks_back, self.floor_at_zero
+        return self.names, *arrays, *others
+
     def __len__(self) -> int:
         return len(self.names)
 

@@ -36,6 +36,7 @@ FLOORS = (
     "motion",
     "skeleton",
     "stick_figures",
+    "rig",
     "numerics",
     "checks",
     "errors",

@@ -340,8 +340,7 @@ def test_directions_of_a_posture_are_found_once(monkeypatch):
     monkeypatch.setattr(
         Directions.trunk, "func", lambda way, find=Directions.trunk.func: calls.append(way) or find(way)
     )
-    source = sample("walk")
-    body = Body.of_motion(source)
+    body = Body.of_motion(sample("walk").scaled(1.01))  # a rig of which nothing is known yet
     for _ in range(2):
         assert (body.up, body.stands_at_rest, body.left_is_left, body.on_all_fours) == ("Y", True, True, False)
     assert len(calls) == len({id(way) for way in calls}) == 2  # the rest pose's and the motion's
@@ -350,8 +349,10 @@ def test_directions_of_a_posture_are_found_once(monkeypatch):
 def test_legs_are_found_once_for_each_body_of_a_retargeting(monkeypatch):
     found = counted(monkeypatch, distretarget.body.body, "find_legs")
     by_tree = counted(monkeypatch, distretarget.body.limbs, "tree_legs")
-    source, target = sample("walk"), rig("mixamo", "T")
-    retarget(source, target)
+    source, target = sample("walk").scaled(1.02), rig("mixamo", "T")
+    target = target.with_offsets(1.02 * target.offsets)
+    for _ in range(2):
+        retarget(source, target)
     assert [skeleton for skeleton, _ in found] == [source.rigid_skeleton, target]
     assert not by_tree
 

@@ -15,7 +15,7 @@ def errors(source, result):
     """The mean error of each bone by the name of its lower joint."""
     matching = matched(source, result.skeleton)
     bones = shared_bones(matching)
-    values = direction_error(expected_directions(source, matching, bones), result, bones)
+    values = direction_error(expected_directions(source, matching), result, bones)
     assert values.shape == (len(source), len(PERSON) - 1)
     return dict(zip(PERSON.names[1:], values.mean(axis=0), strict=True))
 

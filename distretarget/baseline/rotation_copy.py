@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,11 +14,12 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import FINGERS
 from distretarget.body.body import Body
 from distretarget.body.resting import feet_at_rest
-from distretarget.matching.matching import BUILD_ANGLE, Matching
+from distretarget.matching.matching import BUILD_ANGLE, Matching, by_soles
 from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.quaternions import rotation_products
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import Array, Numbers, lengths, level, read_only
+from distretarget.rig import found_once
 
 FIRST_BONES = ("UpperArm", "UpperLeg")  # roles of the bones with which limbs begin
 FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))
@@ -27,24 +27,23 @@ BY_BONE = (*FIRST_BONES, "LowerArm", "LowerLeg", *FINGER_BONES)  # roles that ar
 SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
 MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must be within reach [%]
 
-_FOUND: WeakKeyDictionary[Matching, Array] = WeakKeyDictionary()  # as long as the matching is in use
 
-
+@by_soles
 def rest_alignment(matching: Matching) -> Array:
     """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources: where a
-    source joint has the world rotation R, the target joint gets R A. It is found once for each matching, and read-only.
+    source joint has the world rotation R, the target joint gets R A. It is read-only.
 
     Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the parent bone, which also gives
     the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
     part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
     """
-    if matching not in _FOUND:
-        source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
-        back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
-        alignments = back @ (_joint_alignments(matching, _sole_normals(matching, source, target)) @ target)[:, None]
-        quaternions = Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat()
-        _FOUND[matching] = read_only(quaternions.reshape(-1, 2, 4))
-    return _FOUND[matching]
+    source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
+    back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
+    known = None if matching.rig in (None, matching) else _shared_alignments(matching)
+    turns = _joint_alignments(matching, _sole_normals(matching, source, target), known)
+    alignments = back @ (turns @ target)[:, None]
+    quaternions = Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat()
+    return read_only(quaternions.reshape(-1, 2, 4))
 
 
 def _roles(matching: Matching) -> dict[int, str]:
@@ -72,8 +71,25 @@ def _trunk(body: Body, roles: Mapping[int, str]) -> set[int]:
     return body.skeleton.lines([*body.skeleton.parents[limbs], *tops])
 
 
-def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Array]]) -> Array:
-    """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses.
+@found_once
+def _shared_alignments(matching: Matching) -> Array:
+    """(target joints, 3, 3), `_joint_alignments` with the soles that rest poses show."""
+    source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
+    return _joint_alignments(matching, _sole_normals(matching, source, target))
+
+
+@found_once
+def _shared_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
+    """`Matching.shared_bones` in the poses in which the bodies are aligned."""
+    source, target = matching.poses
+    return matching.shared_bones(source.positions, target.positions)
+
+
+def _joint_alignments(
+    matching: Matching, normals: Mapping[int, tuple[Array, Array]], known: Array | None = None
+) -> Array:
+    """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses;
+    those that are `known` already with other soles change in the feet alone.
 
     Upper arms turn by way of the direction straight out to the source's side, so that a target in A-pose is aligned
     like the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
@@ -84,11 +100,15 @@ def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Arr
     foot = slice(1 if in_t_pose else 0)  # of the bones of an ankle
     left, trunk = source_pose.axes[:, 0], _trunk(matching.target, roles)
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
-    upper, *directions = matching.shared_bones(source_pose.positions, target_pose.positions)
+    upper, *directions = _shared_bones(matching)
+    feet = {below for ankle in normals for below in matching.target.skeleton.subtree(ankle)}
     alignments: list[Array] = []
     parents = matching.target.skeleton.parents.tolist()
     edges = np.searchsorted(upper, range(len(parents) + 1)).tolist()
     for joint, parent in enumerate(parents):
+        if known is not None and joint not in feet:
+            alignments.append(known[joint])
+            continue
         role = roles.get(joint, "")
         b, a = (each[edges[joint] : edges[joint + 1]] for each in directions)
         turn = whole if not joint or role.endswith("Foot") else alignments[parent]
@@ -196,13 +216,14 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
     alignment = rest_alignment(matching).copy()
     sources, blend = matching.rotation_sources.copy(), matching.blend.copy()
-    stance = Rotation.from_quat(matching.target.reference.rotations)
-    for joint, parent in enumerate(skeleton.parents):
-        if joint and sources[joint, 0] < 0:
-            sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
-            if not matching.target.stands_at_rest:
-                turn = stance[parent].inv() * stance[joint]
-                alignment[joint] = (Rotation.from_quat(alignment[parent]) * turn).as_quat()
+    stance = matching.target.reference.rotations
+    for joint in (np.flatnonzero(sources[1:, 0] < 0) + 1).tolist():
+        parent = skeleton.parents[joint]
+        sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
+        if not matching.target.stands_at_rest:
+            above, own = Rotation.from_quat(stance[[parent, joint]])
+            turn = above.inv() * own
+            alignment[joint] = (Rotation.from_quat(alignment[parent]) * turn).as_quat()
     between = np.flatnonzero(blend > 0)
 
     def aligned(turned: Array, joints: Numbers, k: int) -> Array:

@@ -106,6 +106,8 @@ def find_root_offset(body: Body, up: Array) -> RootOffset:
     if motion is None or not length or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
         return "replaced"
     rise = float(motion.skeleton.offsets[0] @ up)
+    if not rise:
+        return "replaced"
     lowest = body.lowest(up)
     return "added" if abs(lowest) > OFF_FLOOR * length and abs(lowest + rise) < ON_FLOOR * length else "replaced"
 

@@ -57,6 +57,9 @@ class Anatomy:
     convention: str
     method: Literal["names", "shape", "humanoid"]
 
+    def __hash__(self) -> int:
+        return hash((frozenset(self.roles.items()), self.spine, self.neck))
+
     def joints(self, *roles: str) -> list[int]:
         """Return the joints of those of some roles that the body has."""
         return [self.roles[role] for role in roles if role in self.roles]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import NoneType
 
 import numpy as np
@@ -21,6 +21,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
 from distretarget.numerics.vectors import Array
+from distretarget.rig import KEPT, of_rig
 from distretarget.skeleton import Skeleton
 
 STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
@@ -83,31 +84,42 @@ class Body:
         check_kind("motion", motion, Motion)
         return cls.of(motion.rigid_skeleton, motion)
 
+    @cached_property
+    def rig(self) -> Body | None:
+        """The body without its motion, one object for all with equal skeletons, if the rest pose, or another that the
+        caller knows, shows how it stands; else itself, or None if it has a motion. `up` may be another.
+        """
+        if self.anatomy is not None:
+            rig = _rig(self.skeleton, self.anatomy, None if self.standing is None else self.standing.tobytes())
+            if rig.stands:
+                return rig
+        return None if self.motion else self
+
     # ---- limbs and size
 
-    @cached_property
+    @of_rig
     def legs(self) -> Legs | None:
         """The two legs; None where the body has none, or they have no length."""
         legs = find_legs(self.skeleton, self.anatomy)
         return legs if legs and leg_length(self.skeleton, legs) > 0.0 else None
 
-    @cached_property
+    @of_rig
     def arms(self) -> tuple[Arm, ...]:
         """The arms that have all three joints, left before right; none without an anatomy."""
         arms = [self.anatomy.joints(*(side + part for part in ARM[1:])) for side in SIDES] if self.anatomy else []
         return tuple(Arm(*arm) for arm in arms if len(arm) == len(ARM[1:]))
 
-    @cached_property
+    @of_rig
     def leg_length(self) -> float:
         """Length of thigh and shin, the mean of both legs [file units]; 0 without legs."""
         return leg_length(self.skeleton, self.legs) if self.legs else 0.0
 
-    @cached_property
+    @of_rig
     def unit(self) -> float:
         """The body unit [file units]: twice the leg length, about the height; the longest path without legs."""
         return 2.0 * self.leg_length if self.legs else self.skeleton.longest_path
 
-    @cached_property
+    @of_rig
     def height(self) -> float:
         """The extent upwards of the standing body; without an anatomy along its legs, else the largest [file units]."""
         of_body, rest = self.regions.of_joint >= 0, self.skeleton.rest_positions
@@ -117,31 +129,31 @@ class Body:
             return float(np.ptp(rest[of_body] @ axis_vector(_axis_of_legs(self.legs, rest[None]))))
         return float(np.ptp(self.reference.positions[of_body] @ self.reference.axes[:, 1]))
 
-    @cached_property
+    @of_rig
     def pelvis_joint(self) -> int | None:
         """The joint where the legs branch off; None without legs."""
         return self.skeleton.meet(leg.hip for leg in self.legs) if self.legs else None
 
-    @cached_property
+    @of_rig
     def above_hips(self) -> tuple[int, ...]:
         """The joints above hips and legs, such as a root on the floor: they carry the body and are no part of it."""
         hips = self.anatomy.roles.get("hips") if self.anatomy else None
         tops = [joint for joint in (hips, self.pelvis_joint) if joint is not None]
         return tuple(self.skeleton.line(min(tops))[1:]) if tops else ()
 
-    @cached_property
+    @of_rig
     def regions(self) -> Regions:
         """The regions of the body."""
         return find_regions(self.skeleton, self.anatomy, self.above_hips)
 
-    @cached_property
+    @of_rig
     def handles(self) -> dict[int, int]:
         """The joint whose position and rotation each IK handle copies, by handle."""
         return find_handles(self.skeleton, self.anatomy, self.regions)
 
     # ---- how the body stands
 
-    @cached_property
+    @of_rig
     def at_rest(self) -> Directions | None:
         """The directions of the rest pose; None without an anatomy."""
         return Directions(self.anatomy, self.skeleton.rest_positions) if self.anatomy else None
@@ -151,7 +163,7 @@ class Body:
         """The directions of the body in each frame of its motion; None without an anatomy or a motion."""
         return Directions(self.anatomy, self.motion.positions) if self.anatomy and self.motion else None
 
-    @cached_property
+    @of_rig
     def stands_at_rest(self) -> bool:
         """Whether a person can stand in the rest pose; false without an anatomy."""
         return self.at_rest is not None and stands_at_rest(self.at_rest)
@@ -161,7 +173,7 @@ class Body:
         """Whether the rest pose, or another pose that the caller knows, shows how the body stands."""
         return self.stands_at_rest or self.standing is not None
 
-    @cached_property
+    @of_rig
     def up_at_rest(self) -> str | None:
         """Which of `AXES` points up in the rest pose; None where a person cannot stand in it."""
         return nearest_axis(self.at_rest.up)[0] if self.at_rest and self.stands_at_rest else None
@@ -204,15 +216,22 @@ class Body:
 
     def shots_of(self, motion: Motion) -> Shots:
         """Return the shot of each frame of a motion of the body, (frames,), as `find_shots`."""
+        return self._own_shots if motion is self.motion else self._find_shots(motion)
+
+    @cached_property
+    def _own_shots(self) -> Shots:
+        return self._find_shots(self.motion) if self.motion else np.zeros(0, np.intp)
+
+    def _find_shots(self, motion: Motion) -> Shots:
         joints = np.flatnonzero(self.regions.of_joint >= 0)
         return find_shots(motion.positions, joints, 0.5 * self.unit, motion.frame_time)
 
-    @cached_property
+    @of_rig
     def rest(self) -> Pose:
         """The rest pose."""
         return self._pose(self.skeleton.unturned)
 
-    @cached_property
+    @of_rig
     def reference(self) -> Pose:
         """The pose in which the body is aligned with another: one that the caller knows, else the rest pose if a person
         can stand in it, else a T-pose, with Y up and facing Z.
@@ -235,7 +254,7 @@ class Body:
         bones = [direction(x[rests], leg.ankle, leg.toe) for leg, rests in zip(feet, resting, strict=True)]
         return usual_pitch(-np.arcsin(np.clip(np.concatenate(bones) @ up, -1.0, 1.0))) if any(map(len, bones)) else None
 
-    @cached_property
+    @of_rig
     def hanging(self) -> Array | None:
         """(joints, 3), the joints in the reference pose with hanging arms [file units]; None without an anatomy."""
         places, up = self.reference.positions, self.reference.axes[:, 1]
@@ -254,8 +273,15 @@ class Body:
         """Whether the joints named left are on the left of a body whose feet point forward; None if that is unclear."""
         if self.anatomy is None:
             return None
-        directions = self.at_rest if self.stands_at_rest else self.moving
-        feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES]
+        return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.moving)
+
+    @of_rig
+    def _left_at_rest(self) -> bool | None:
+        return self._left_is_left(self.at_rest)
+
+    def _left_is_left(self, directions: Directions | None) -> bool | None:
+        """The same by some directions."""
+        feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES] if self.anatomy else []
         if directions is None or None in feet:
             return None
         forward = sum(direction(directions.positions, *foot) for foot in feet if foot)
@@ -305,6 +331,15 @@ class Body:
     def with_up(self, up: str) -> Body:
         """Return the same body with the axis `up` known to point up."""
         return self if up == self.up else replace(self, known_up=up)
+
+
+@lru_cache(maxsize=KEPT)
+def _rig(skeleton: Skeleton, anatomy: Anatomy, standing: bytes | None) -> Body:
+    """The body without a motion that stands in these world rotations, if they are given."""
+    rotations = None if standing is None else np.frombuffer(standing).reshape(-1, 4)
+    rig = Body(skeleton, anatomy, standing=rotations)
+    vars(rig)["rig"] = rig  # fill the cached property
+    return rig
 
 
 def _axis_of_legs(legs: Legs, positions: Array) -> str:

@@ -24,6 +24,7 @@ from distretarget.body.body import Body
 from distretarget.body.segments import find_segments, frames, proportions
 from distretarget.checks import brief, check_kind
 from distretarget.numerics.vectors import Array
+from distretarget.rig import found_once
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -129,6 +130,7 @@ def age_of(body: Body) -> str:
     return AGES[int(np.argmin(off))]
 
 
+@found_once
 def average_for(body: Body) -> Build:
     """Return the average build for the age that a body's bones show."""
     return average_build(age_of(body))
@@ -151,6 +153,12 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
         return _as_thick(average_for(body).on(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
     return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
+
+
+@found_once
+def built(body: Body, build: Build | None = None) -> Capsules:
+    """Return the capsules of a body with a build, by default the average one for its age."""
+    return (build or average_for(body)).on(body)
 
 
 def radii_of(capsules: Capsules) -> dict[int, float]:

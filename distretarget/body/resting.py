@@ -37,7 +37,8 @@ def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shot
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
     joints = np.array([leg.ankle, leg.toe])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
-    of_body = np.setdiff1d(np.arange(len(motion.skeleton)), motion.skeleton.line(leg.hip)[1:])
+    outside = {*motion.skeleton.line(leg.hip)[1:]}
+    of_body = np.array([joint for joint in range(len(motion.skeleton)) if joint not in outside])
     speeds = joint_speeds(motion, joints, shots)
     heights = heights_of(motion.positions, below, up).min(axis=1)
     slow = speeds.min(axis=1) < FADE * REST_SPEED * length

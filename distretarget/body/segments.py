@@ -18,6 +18,7 @@ from distretarget.body.axes import axes_of
 from distretarget.body.body import Body
 from distretarget.body.limbs import Legs
 from distretarget.numerics.vectors import Array, Numbers, level, normalised
+from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS
 
@@ -56,6 +57,7 @@ class Segments:
         return np.flatnonzero(self.carriers == carrier).tolist()
 
 
+@found_once
 def find_segments(body: Body) -> Segments:
     """Return the segments of a body; none of its joints is in one where it has no anatomy."""
     skeleton, anatomy = body.skeleton, body.anatomy

@@ -17,7 +17,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
 
 PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average lie flat [rad]
 ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average lie flat [rad]
@@ -128,7 +128,7 @@ def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array,
     resting = np.flatnonzero(feet_at_rest(motion, leg, up, length).all(axis=1))
     if not len(resting):
         return None
-    to_ankle = Rotation.from_quat(motion[resting].world_rotations_of(leg.ankle)).inv()
+    to_ankle = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[resting]).inv()
     x = motion.positions[resting]
     toe = np.median(to_ankle.apply(x[:, leg.toe] - x[:, leg.ankle]), axis=0)
     return normalised(np.median(to_ankle.apply(up), axis=0)), toe
@@ -154,8 +154,8 @@ def _resting_normal(motion: Motion, leg: Leg, normal: Array, up: Array, length: 
     if at_rest is None:
         return normal
     found, toe = at_rest
-    axes = np.stack([aside := normalised(np.cross(normal, toe)), np.cross(aside, normal)])
-    axis = np.cross(normal, found)
+    axes = np.stack([aside := normalised(cross(normal, toe)), cross(aside, normal)])
+    axis = cross(normal, found)
     angles = axes @ normalised(axis) * np.arctan2(np.linalg.norm(axis), normal @ found)
     angles *= 1.0 - smoothstep(np.abs(angles) / [PITCH, ROLL] - 1.0)
     return np.asarray(Rotation.from_rotvec(angles @ axes).apply(normal))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache, wraps
 from types import NoneType
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -17,8 +19,11 @@ from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Numbers, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, normalised, read_only
+from distretarget.rig import KEPT, found_once, of_rig
 from distretarget.skeleton import JointMap
+
+Found = TypeVar("Found")
 
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
@@ -58,6 +63,17 @@ class Matching:
         matched = sum(self.drivers[joint] >= 0 for joint in joints)
         return f"<Matching of {matched} of the target's {len(joints)} joints>"
 
+    @cached_property
+    def rig(self) -> Matching | None:
+        """The same matching of bodies without motions, one object for all clips of the same rigs, without
+        `source_normals`; None where rest poses do not show how both bodies and their feet stand.
+        """
+        source, target = self.source.rig, self.target.rig
+        if source is None or target is None:
+            return None
+        arrays = (each.tobytes() for each in (self.drivers, self.rotation_sources, self.blend))
+        return _rig(source, target, *arrays, self.method)
+
     @property
     def source_motion(self) -> Motion:
         """The motion of the source; a MotionError if it has none."""
@@ -95,7 +111,7 @@ class Matching:
         others = {self.target.skeleton.keys[joint] for joint in (0, *self.target.handles)}
         return [key for key in self.without_driver if key not in others]
 
-    @cached_property
+    @of_rig
     def legs(self) -> tuple[Legs, Legs] | None:
         """The source joints that drive the target's legs, and these legs. The ankle replaces a toe without a driver.
         None unless hip joints and ankles have drivers and the source's legs have a length.
@@ -107,36 +123,40 @@ class Matching:
         driven = min(*a.joints, *b.joints) >= 0
         return ((a, b), (left, right)) if driven and leg_length(self.source.skeleton, (a, b)) > 0 else None
 
-    @cached_property
+    @of_rig
     def leg_lengths(self) -> tuple[float, float]:
         """The lengths of these legs, thigh plus shin, in source and target [file units of each]; 0 without legs."""
         return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
 
-    @cached_property
+    @of_rig
     def regions(self) -> Regions:
         """The regions of the target; joints that a map drives belong to the region they are attached to."""
         mapped = [joint for joint, method in enumerate(self.method) if method == "map"]
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
-    @cached_property
+    @of_rig
     def body_joints(self) -> Numbers:
         """The joints of the target's body that have drivers."""
         return np.flatnonzero((self.drivers >= 0) & (self.regions.of_joint >= 0))
 
     def joints_but_feet(self, *, driven: bool = True) -> Numbers:
         """Return the joints of the target's body, with or without driver, but those of the feet; none without legs."""
+        return np.flatnonzero(((self.drivers >= 0) == driven) & self._but_feet)
+
+    @of_rig
+    def _but_feet(self) -> Flags:
+        """(joints,), the joints of the target's body but those of the feet; none without legs."""
         of_joint = self.regions.of_joint
         feet = [of_joint[leg.ankle] for leg in self.legs[1]] if self.legs else []
-        wanted = (self.drivers >= 0) == driven
-        return np.flatnonzero(wanted & (of_joint >= 0) & ~np.isin(of_joint, feet) & bool(feet))
+        return np.asarray((of_joint >= 0) & ~np.isin(of_joint, feet) & bool(feet))
 
-    @cached_property
+    @of_rig
     def rest_poses_alike(self) -> bool:
         """Whether every bone points about the same way in both rest poses, so that these are the same pose."""
         _, a, b = self.shared_bones(self.source.skeleton.rest_positions, self.target.skeleton.rest_positions)
         return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
 
-    @cached_property
+    @of_rig
     def in_reference(self) -> bool:
         """Whether the bodies are aligned in their reference poses, not in their rest poses: where both stand, since
         they may face different ways, and where their rest poses differ.
@@ -177,18 +197,30 @@ class Matching:
         """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
         same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle.
         """
+        if self.source_normals is None or not self._soles:
+            return self._soles
+        known = zip(self._soles, self.source_normals, strict=True)
+        return tuple((replace(sole, normal=normal, known=True), own) for (sole, own), normal in known)
+
+    @of_rig
+    def _soles(self) -> tuple[tuple[Sole, Sole], ...]:
+        """The same without `source_normals`."""
         if self.legs is None:
             return ()
         feet = [*zip((self.source, self.target), self.legs, self.poses, strict=True)]
-        source, target = (find_soles(*each) for each in feet)
+        source, target = self._own_soles
         if self.rest_poses_alike and not target[0].known:
             target = find_soles(*feet[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
             source = find_soles(*feet[0], (target[0].normal, target[1].normal))
-        if self.source_normals is not None:
-            source = find_soles(*feet[0], self.source_normals)
         pairs = zip(self.legs[1], source, target, strict=True)
         return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for leg, a, b in pairs)
+
+    @of_rig
+    def _own_soles(self) -> tuple[tuple[Sole, Sole], ...]:
+        """The soles of source and target as each body shows them; empty without legs."""
+        feet = zip((self.source, self.target), self.legs, self.poses, strict=True) if self.legs else ()
+        return tuple(find_soles(*each) for each in feet)
 
     @property
     def on_resting_soles(self) -> Matching:
@@ -199,12 +231,45 @@ class Matching:
         normals = resting_normals(self.source_motion, self.legs[0], soles, self.source.up_vector)
         return replace(self, source_normals=normals)
 
-    @cached_property
+    @of_rig
     def pelvis(self) -> int:
         """The target joint where the legs branch off, if it has a driver; else the first joint with a driver."""
         first = int(np.argmax(self.drivers >= 0))
         joint = self.target.pelvis_joint if self.legs else None
         return first if joint is None or self.drivers[joint] < 0 else joint
+
+
+def by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Found]:
+    """Decorate a function of a matching that takes its soles, too: it is found once for each matching, and once for all
+    clips where rest poses show the soles. What it finds is not written to, and does not hold the matching.
+    """
+    found: WeakKeyDictionary[Matching, Found] = WeakKeyDictionary()  # as long as the matching is in use
+
+    @wraps(function)
+    def find(matching: Matching) -> Found:
+        owner = matching.rig if matching.rig and matching.source_normals is None else matching
+        if owner not in found:
+            found[owner] = function(owner)
+        return found[owner]
+
+    return find
+
+
+@lru_cache(maxsize=KEPT)
+def _rig(
+    source: Body, target: Body, drivers: bytes, rotation_sources: bytes, blend: bytes, method: tuple[str, ...]
+) -> Matching | None:
+    """`Matching.rig` of two rigs."""
+    rig = Matching(
+        source=source,
+        target=target,
+        drivers=np.frombuffer(drivers, np.intp),
+        rotation_sources=np.frombuffer(rotation_sources, np.intp).reshape(-1, 2),
+        blend=np.frombuffer(blend),
+        method=method,
+    )
+    vars(rig)["rig"] = rig  # fill the cached property
+    return rig if all(sole.known for soles in rig._own_soles for sole in soles) else None
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
@@ -234,8 +299,19 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     if source.left_is_left is not None and target.left_is_left is not None:
         crossed = source.left_is_left != target.left_is_left
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
-    found_pairs = find_pairs(source, target, crossed)
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
+    drivers, rotation_sources, blend, method = _paired(source, target, crossed, tuple(map_pairs.items()))
+    return Matching(
+        source=source, target=target, drivers=drivers, rotation_sources=rotation_sources, blend=blend, method=method
+    )
+
+
+@found_once
+def _paired(
+    source: Body, target: Body, crossed: bool, mapped: tuple[tuple[int, tuple[int, str]], ...]
+) -> tuple[Numbers, Numbers, Array, tuple[str, ...]]:
+    """Drivers, rotation sources, blend and method of a matching, with the pairs of a map."""
+    found_pairs, map_pairs = find_pairs(source, target, crossed), dict(mapped)
     pairs = with_tips(source.skeleton, target.skeleton, found_pairs | map_pairs)
     for joint in pairs.keys() - map_pairs.keys():
         if joint in target.handles or pairs[joint][0] in source.handles:
@@ -248,9 +324,7 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     for joint, neighbours, weight in spine_blend(source, target):
         if joint not in overruled:
             rotation_sources[joint], blend[joint] = neighbours, weight
-    return Matching(
-        source=source, target=target, drivers=drivers, rotation_sources=rotation_sources, blend=blend, method=method
-    )
+    return read_only(drivers), read_only(rotation_sources), read_only(blend), method
 
 
 def refusal(matching: Matching) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -18,15 +19,26 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
+from distretarget.rig import found_once
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-LowestOf = Callable[[Array, Numbers, Array, Array], Array]
+T = TypeVar("T")
 
 AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there], ...
 WHOLE = ("head", "chest", "belly", "pelvis")  # ... and on all skin of these segments
 BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
 DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
+
+
+class BoundBalls(NamedTuple):
+    """Balls that joints move. With joints at x, turned by R, at `rest` before, the height of a centre is the sum
+    over joints of w (x + R (point - rest)) . up: linear in R^T up and x . up.
+    """
+
+    joints: list[int]  # that move them
+    linear: Array  # (4 joints, balls), what the heights are of R^T up and x . up of each joint
+    radii: Array  # (balls,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +57,15 @@ class Underside:
     def below(self, motion: Motion, joints: Numbers, up: Array) -> Array:
         """Return how far the lowest skin about joints is below each, (frames, joints) [file units]; 0 without skin."""
         heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
-        lowest_of = _lowest_in(motion, self.body.skeleton.rest_positions, up)
-        for column, joint in enumerate(joints.tolist()):
-            lowest = self._lowest(joint, lowest_of)
-            if lowest is not None:
-                result[:, column] = heights[:, column] - lowest
+        skins = [self._once(self._skin_about, joint) for joint in joints.tolist()]
+        known = [column for column, skin in enumerate(skins) if skin is not None]
+        for column, lowest in zip(known, _lowest(motion, [skin for skin in skins if skin], up), strict=True):
+            result[:, column] = heights[:, column] - lowest
         return result
 
     def reach(self, joint: int) -> float:
         """Return how far below a joint of trunk or head its skin can be at most [file units]; 0 where there is none."""
-        whole = self._whole_about(joint)
-        away = lengths(self._rest_ends[whole] - self.body.skeleton.rest_positions[joint]) + self.capsules.radii[whole]
-        return AROUND * float(away.max(initial=0.0))
+        return self._once(self._reach, joint)
 
     def foot(self, ankle: int) -> Numbers:
         """Return the vertices of a foot that can be its lowest; none without a mesh."""
@@ -65,38 +74,77 @@ class Underside:
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
         """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite where it has none."""
-        lowest = _lowest_vertex(self.mesh, self.foot(ankle), _lowest_in(motion, self.body.skeleton.rest_positions, up))
-        return np.full(len(motion), np.inf) if lowest is None else lowest
+        skin = self._once(self._skin_of_foot, ankle)
+        return _lowest(motion, [skin], up)[0] if skin else np.full(len(motion), np.inf)
 
     def thickness(self, ankle: int, sole: Sole) -> float:
         """Return how far the skin of a foot that stands flat is below its lowest joint [file units]; 0 without skin."""
-        if self.mesh is not None:
-            points = self.mesh.vertices[self.foot(ankle)] @ sole.normal
-        else:
-            on = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
-            points = (self._rest_ends[on] @ sole.normal - self.capsules.radii[on]).ravel()
+        points, radii = self._once(self._points_of_foot, ankle)
         rest = self.body.skeleton.rest_positions[ankle] @ sole.normal - sole.ankle
-        return float(rest - points.min()) if len(points) else 0.0
+        return float(rest - (points @ sole.normal - radii).min()) if len(points) else 0.0
 
     @property
     def _rest_ends(self) -> Array:
         """(capsules, 2, 3), the ends of the capsules while no joint is turned."""
         return np.asarray(self.capsules.ends + self.body.skeleton.rest_positions[self.capsules.joints, None])
 
-    def _lowest(self, joint: int, lowest_of: LowestOf) -> Array | None:
-        """(frames,), the height of the lowest skin about a joint; None where there is none."""
+    def _once(self, find: Callable[[int], T], joint: int) -> T:
+        """What one of the functions below finds of a joint, kept."""
+        key = find.__name__, joint
+        if key not in self._found:
+            self._found[key] = find(joint)
+        return cast(T, self._found[key])
+
+    @cached_property
+    def _found(self) -> dict[tuple[str, int], object]:
+        return {}
+
+    def _reach(self, joint: int) -> float:
+        whole = self._whole_about(joint)
+        away = lengths(self._rest_ends[whole] - self.body.skeleton.rest_positions[joint]) + self.capsules.radii[whole]
+        return AROUND * float(away.max(initial=0.0))
+
+    def _points_of_foot(self, ankle: int) -> tuple[Array, Array]:
+        """(points, 3) and (points,), the skin of a foot while no joint is turned, as balls."""
+        if self.mesh is not None:
+            on = self.foot(ankle)
+            return self.mesh.vertices[on], np.zeros(len(on))
+        of_foot = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
+        return self._rest_ends[of_foot], self.capsules.radii[of_foot]
+
+    def _skin_of_foot(self, ankle: int) -> BoundBalls | None:
+        return self._of_vertices(self.foot(ankle))
+
+    def _of_vertices(self, on: Numbers) -> BoundBalls | None:
+        """Some vertices of the mesh; None without any."""
+        if self.mesh is None or not len(on):
+            return None
+        return self._balls(self.mesh.vertices[on], self.mesh.joints[on], self.mesh.weights[on], np.zeros(len(on)))
+
+    def _skin_about(self, joint: int) -> BoundBalls | None:
+        """The skin about a joint; None where there is none."""
         near, t, radii = self._capsules_about(joint)
         if not len(near):
             return None
         if self.mesh is not None:
             on = self._vertices_about(self.mesh, joint, (BEYOND if self._is_tip(joint) else AROUND) * radii.max())
-            if (lowest := _lowest_vertex(self.mesh, on, lowest_of)) is not None:
-                return lowest
+            if len(on):
+                return self._of_vertices(on)
         whole = self._whole_about(joint)
         on, t = np.concatenate([near, whole, whole]), np.concatenate([t, np.zeros(len(whole)), np.ones(len(whole))])
         ends, radii, shares = self._rest_ends[on], self.capsules.radii[on], np.stack([1.0 - t, t], axis=1)
         centres, carriers = (shares[..., None] * ends).sum(axis=1), self.capsules.joints[on][:, None]
-        return lowest_of(centres, carriers, np.ones(carriers.shape), (shares * radii).sum(axis=1))
+        return self._balls(centres, carriers, np.ones(carriers.shape), (shares * radii).sum(axis=1))
+
+    def _balls(self, points: Array, joints: Numbers, weights: Array, radii: Array) -> BoundBalls:
+        """Balls, given by their centres while no joint is turned, (balls, 3), the joints that move them and their
+        weights, (balls, n) each, and radii.
+        """
+        rest, moving = self.body.skeleton.rest_positions, np.unique(joints[weights > 0.0]).tolist()
+        shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
+        bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]
+        linear = np.concatenate([share * each.T for share, each in zip(shares, bound, strict=True)])
+        return BoundBalls(moving, linear, radii)
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
         """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
@@ -152,8 +200,7 @@ class Undersides:
     @classmethod
     def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:
         """Return the undersides of source and target with these capsules and, if it has one, the target's mesh."""
-        source = Underside(matching.source, capsules[0])
-        target = Underside(matching.target, capsules[1], mesh)
+        source, target = _underside(matching.source, capsules[0], None), _underside(matching.target, capsules[1], mesh)
         feet = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
         thick = [[source.thickness(a.ankle, x), target.thickness(b.ankle, y)] for a, b, (x, y) in feet]
         mean, mean_of_target = np.mean(thick or np.zeros((1, 2)), axis=0).tolist()
@@ -161,37 +208,23 @@ class Undersides:
         return cls(source, target, (mean, mean_of_target), have_mesh)
 
 
-def _lowest_vertex(mesh: SkinnedMesh | None, on: Numbers, lowest_of: LowestOf) -> Array | None:
-    """(frames,), the height of the lowest of some vertices; None without any."""
-    if mesh is None or not len(on):
-        return None
-    return lowest_of(mesh.vertices[on], mesh.joints[on], mesh.weights[on], np.zeros(len(on)))
+def _lowest(motion: Motion, skins: Sequence[BoundBalls], up: Array) -> list[Array]:
+    """The height of the lowest ball of each skin in each frame of a motion, (frames,)."""
+    joints, lowest = sorted({joint for skin in skins for joint in skin.joints}), [np.empty(len(motion)) for _ in skins]
+    heights = {joint: motion.positions[:, joint] @ up for joint in joints}
+    for block in blocks_of(len(motion)) if joints else ():
+        world = np.stack([motion.world_rotations_of(joint)[block] for joint in joints])
+        turned = Rotation.from_quat(world.reshape(-1, 4)).inv().apply(up).reshape(len(joints), -1, 3)
+        poses = {j: np.column_stack([each, heights[j][block]]) for j, each in zip(joints, turned, strict=True)}
+        for skin, found in zip(skins, lowest, strict=True):
+            moved = np.concatenate([poses[joint] for joint in skin.joints], axis=1)
+            found[block] = (moved @ skin.linear - skin.radii).min(axis=1)
+    return lowest
 
 
-def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
-    """Return the function that gives the height of the lowest of some balls in each frame of a motion, (frames,), from
-    their centres while no joint is turned, (balls, 3), the joints that move them and their weights, (balls, n) each,
-    and radii. With joints at x, turned by R, at `rest` before: sum of w (x + R (point - rest)) . up, linear in x . up
-    and R^T up.
-    """
-
-    @cache
-    def pose(joint: int) -> Array:
-        """(frames, 4), R^T up of a joint and x . up."""
-        turned = Rotation.from_quat(motion.world_rotations_of(joint)).inv().apply(up)
-        return np.column_stack([turned, motion.positions[:, joint] @ up])
-
-    def lowest_of(points: Array, joints: Numbers, weights: Array, radii: Array) -> Array:
-        moving = np.unique(joints[weights > 0.0]).tolist()
-        shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
-        bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]
-        linear = np.concatenate([share * each.T for share, each in zip(shares, bound, strict=True)])
-        poses, lowest = np.concatenate([pose(joint) for joint in moving], axis=1), np.empty(len(motion))
-        for block in blocks_of(len(motion)):
-            lowest[block] = (poses[block] @ linear - radii).min(axis=1)
-        return lowest
-
-    return lowest_of
+@found_once
+def _underside(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Underside:
+    return Underside(body, capsules, mesh)
 
 
 @lru_cache(maxsize=4)

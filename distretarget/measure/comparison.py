@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
-from distretarget.measure.contacts import Contacts, find_contacts
+from distretarget.measure.contacts import Contacts, find_candidates, find_contacts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.movement import (
     bone_error,
@@ -26,6 +27,7 @@ from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_s
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
 
 OF_FEET = ("hips_height", "foot_pitch", "ankle_height", "foot_height")  # errors of `Feet` that are metrics
@@ -105,6 +107,9 @@ class Comparison:
         }
 
 
+_no_skin = cache(no_skin)
+
+
 class Reference:
     """A source that results on a target are measured against; what concerns the source alone is measured once."""
 
@@ -120,13 +125,13 @@ class Reference:
         their thickness is known.
         """
         self.source, self.matching = source, matching
-        self._skin = find_source_skin(source, matching.source, up, *(skins or (no_skin(), no_skin())))
+        self._skin = find_source_skin(source, matching.source, up, *(skins or (_no_skin(), _no_skin())))
         self._feet = find_feet(source, matching, up, undersides)
         self._contacts = find_contacts(source, matching, self._feet.stance)
         self._supports = find_supports(source, matching, up, undersides)
         self._posture = find_posture(source, matching, up, self._feet.stance)
         self._bones = shared_bones(matching)
-        self._directions = expected_directions(source, matching, self._bones)
+        self._directions = expected_directions(source, matching)
         self._turned = np.flatnonzero(matching.drivers >= 0)
         self._turns = turns(source, matching.drivers[self._turned])
         self._cuts = np.diff(matching.source.shots_of(source)) > 0
@@ -160,10 +165,18 @@ class Reference:
     def _distance_error(self, result: Motion) -> Array:
         """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""
         points = self._contacts.candidates.points
-        drivers = self.matching.drivers[points]
-        tau, tau_source = result.rigid_skeleton.paths_among(points), self.source.rigid_skeleton.paths_among(drivers)
-        share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
-        share /= max(np.triu(share, 1).sum(), 1.0)
-        of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
-        of_result = result.positions, points, np.where(share > 0, tau, 1.0)
-        return differences_of_distances(of_source, of_result, share, 1)
+        tau_source, tau, share = _path_lengths(self.matching, self.source.rigid_skeleton, result.rigid_skeleton)
+        of_source = self.source.positions, self.matching.drivers[points], tau_source
+        return differences_of_distances(of_source, (result.positions, points, tau), share, 1)
+
+
+@found_once
+def _path_lengths(matching: Matching, source: Skeleton, result: Skeleton) -> tuple[Array, Array, Array]:
+    """(points, points) each, the lengths of paths in source and result, and how much each pair of points counts: the
+    same, but nothing where either length is 0, which is given as 1.
+    """
+    points = find_candidates(matching).points
+    tau_source, tau = source.paths_among(matching.drivers[points]), result.paths_among(points)
+    share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
+    share /= max(np.triu(share, 1).sum(), 1.0)
+    return np.where(share > 0, tau_source, 1.0), np.where(share > 0, tau, 1.0), share

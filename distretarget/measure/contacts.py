@@ -19,6 +19,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import write_nearest
 from distretarget.numerics.moving import largest
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
+from distretarget.rig import found_once
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
 LEAST_DISTANCE = 0.01  # ... or below this where they touch in that pose, too ...
@@ -148,6 +149,7 @@ def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Conta
     return Contacts(candidates, strides, frame, regions, pair, D, D)
 
 
+@found_once
 def find_candidates(matching: Matching) -> Candidates:
     """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree."""
     source, target = matching.source.skeleton, matching.target.skeleton

@@ -9,11 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.body.body import Body
-from distretarget.matching.matching import Matching
+from distretarget.matching.matching import Matching, by_soles
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along, write_directions
 from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.vectors import Array, Numbers, lengths
+from distretarget.rig import found_once
 
 Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
 
@@ -21,6 +22,7 @@ Expected = Callable[[slice], Array]  # directions of bones in a block of frames,
 BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
 
 
+@found_once
 def shared_bones(matching: Matching) -> Numbers:
     """(bones,), the lower joints of the target's bones that both bodies have, with a length on both."""
     source, skeleton, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
@@ -41,18 +43,15 @@ def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array
     return in_blocks(angles, len(result))
 
 
-def expected_directions(source: Motion, matching: Matching, lower: Numbers) -> Expected:
-    """Return where the target's bones above the joints `lower`, from `shared_bones`, should point.
+def expected_directions(source: Motion, matching: Matching) -> Expected:
+    """Return where the `shared_bones` of the target should point.
 
     A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
     head and feet point differently in every build: the source's rotation, relative to the rest poses, should turn the
     target's own bone.
     """
-    drivers, upper = matching.drivers, matching.target.skeleton.parents[lower]
-    own, alignment = np.isin(upper, _built_differently(matching)), rest_alignment(matching)
-    bones = matching.target.skeleton.offsets[lower]
-    aligned = np.stack([Rotation.from_quat(alignment[upper, k]).apply(bones) for k in (0, 1)], axis=1)
-    turns = np.where(own[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
+    drivers, lower, turns = matching.drivers, shared_bones(matching), _turned_bones(matching)
+    upper = matching.target.skeleton.parents[lower]
 
     def directions(block: slice) -> Array:
         world = source.world_rotations_in(block)
@@ -61,6 +60,18 @@ def expected_directions(source: Motion, matching: Matching, lower: Numbers) -> E
         return expected
 
     return directions
+
+
+@by_soles
+def _turned_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
+    """For each of the `shared_bones` the joints that turn it, (bones, 2), or -1, their blend, (bones,), and the bone in
+    the axes of these joints, (bones, 2, 3).
+    """
+    lower, skeleton, alignment = shared_bones(matching), matching.target.skeleton, rest_alignment(matching)
+    upper, bones = skeleton.parents[lower], skeleton.offsets[lower]
+    own = np.isin(upper, _built_differently(matching))
+    aligned = np.stack([Rotation.from_quat(alignment[upper, k]).apply(bones) for k in (0, 1)], axis=1)
+    return np.where(own[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
 
 
 def _built_differently(matching: Matching) -> list[int]:

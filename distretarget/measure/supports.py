@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.body.soles import Sole, floor_height, level_on_floor
-from distretarget.matching.matching import Matching
+from distretarget.matching.matching import Matching, by_soles
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
@@ -157,12 +156,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersi
     of both bodies, if known.
     """
     on_mesh = undersides if undersides is not None and undersides.feet_have_mesh else None
-    legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
-    both = [
-        (FlatFoot.of(matching.source, one, sole), FlatFoot.of(matching.target, other, own_sole))
-        for one, other, (sole, own_sole) in legs
-    ]
-    source_feet, feet = zip(*both, strict=True) if both else ((), ())
+    source_feet, feet = _flat_feet(matching)
     length, target_length = matching.leg_lengths
     stance, tracks = _stance(source, source_feet, length, up), _FootTracks.of(source, source_feet, length, up)
     return SourceFeet(
@@ -174,6 +168,18 @@ def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersi
         belongs=tracks.sole if on_mesh is None else _on_floor(tracks.sole, stance[:, ::2] | stance[:, 1::2]),
         undersides=on_mesh,
     )
+
+
+@by_soles
+def _flat_feet(matching: Matching) -> tuple[Sequence[FlatFoot], Sequence[FlatFoot]]:
+    """The feet of source and target."""
+    legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
+    both = [
+        (FlatFoot.of(matching.source, one, sole), FlatFoot.of(matching.target, other, own_sole))
+        for one, other, (sole, own_sole) in legs
+    ]
+    source_feet, feet = zip(*both, strict=True) if both else ((), ())
+    return source_feet, feet
 
 
 def _on_floor(soles: Array, rests: Flags) -> Array:
@@ -282,17 +288,19 @@ def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> F
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
     holds = np.zeros((len(source), len(joints)), bool)
 
-    @cache
-    def way_of(joint: int) -> Array:
-        """(frames,), the diagonal of the box that a joint's path fills within `reach` frames before and after."""
-        path = source.positions[:, drivers[joint]] / leg
-        return lengths(largest(path, reach) + largest(-path, reach))
+    def ways_of(some: Numbers) -> Array:
+        """(frames, some), the diagonal of the box that each joint's path fills within `reach` frames on each side."""
+        paths = source.positions[:, drivers[some]] / leg
+        return lengths(largest(paths, reach) + largest(-paths, reach))
 
-    for column, joint in enumerate(joints.tolist()):
-        if names[of_joint[joint]] in ENDS:
-            above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
-            base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
-            way = way_of(joint)
-            stays = way < PLACE
-            holds[:, column] = stays & (way_of(base) > SWAY * way + FARTHER) if stays.any() else stays
+    def base_of(joint: int) -> int:
+        above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
+        return next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
+
+    ends = np.flatnonzero([names[region] in ENDS for region in of_joint[joints].tolist()])
+    ways = ways_of(joints[ends])
+    stay = ways < PLACE
+    some = stay.any(axis=0)
+    bases, at = np.unique([base_of(joint) for joint in joints[ends[some]].tolist()], return_inverse=True)
+    holds[:, ends[some]] = stay[:, some] & (ways_of(bases.astype(np.intp))[:, at] > SWAY * ways[:, some] + FARTHER)
     return holds

@@ -133,10 +133,22 @@ def _write_apart(parents: I1, rotations: F3, joints: I1, world: Out[F3], apart: 
 
 def speeds_along(paths: Array, frame_time: float, joints: Numbers | None = None) -> Array:
     """(frames, joints), speeds by central differences [paths / frame_time] of joints, all if none are given."""
-    if len(paths) < 2:
-        return np.zeros((len(paths), paths.shape[1] if joints is None else len(joints)))
-    first, last = (2.0 * steps_along(paths[ends], joints) for ends in (slice(2), slice(-2, None)))
-    return np.concatenate([first, steps_along(paths, joints, lag=2), last]) / (2.0 * frame_time)
+    joints = np.arange(paths.shape[1]) if joints is None else joints
+    speeds = np.zeros((len(paths), len(joints)))
+    _write_speeds(np.ascontiguousarray(paths), joints, frame_time, speeds)
+    return speeds
+
+
+@compiled()
+def _write_speeds(paths: F3, joints: I1, frame_time: float, speeds: Out[F2]) -> None:
+    last = len(paths) - 1
+    for frame in range(len(paths) if last else 0):
+        before, after = max(frame - 1, 0), min(frame + 1, last)
+        for n in range(len(joints)):
+            start, end = paths[before, joints[n]], paths[after, joints[n]]
+            x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+            step = np.sqrt(x * x + y * y + z * z)
+            speeds[frame, n] = (step if after - before == 2 else 2.0 * step) / (2.0 * frame_time)
 
 
 @compiled()

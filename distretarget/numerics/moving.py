@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import F1, F2, Array
+from distretarget.numerics.vectors import F1, F2, Array, read_only
 
 
 def largest(values: Array, reach: int) -> Array:
@@ -30,6 +31,7 @@ def _columns(values: Array) -> Array:
     return np.ascontiguousarray(values, np.float64).reshape(len(values), math.prod(values.shape[1:]))
 
 
+@lru_cache(maxsize=64)
 def raised_cosine(reach: int) -> Array:
     """(reach + 1,), the weights of a frame and of those farther and farther away, in whole 2^-52ths, so that ones have
     the average 1 in any order of the sum.
@@ -37,7 +39,7 @@ def raised_cosine(reach: int) -> Array:
     window = np.hanning(2 * reach + 3)[1:-1]
     weights = np.round(2.0**52 * window / window.sum())
     weights[reach] += 2.0**52 - weights.sum()
-    return np.asarray(weights[reach:] / 2.0**52)
+    return read_only(weights[reach:] / 2.0**52)
 
 
 @compiled()

@@ -90,6 +90,9 @@ def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) ->
         for block in blocks[len(blocks) * part // parts : len(blocks) * (part + 1) // parts]:
             compute(block)
 
+    if parts == 1:
+        compute_part(0)
+        return
     for _ in in_threads(compute_part, range(parts)):
         pass
 

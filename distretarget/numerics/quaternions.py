@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import F2, F3, I1, Array, Numbers
+from distretarget.numerics.vectors import F1, F2, F3, I1, Array, Numbers
 
 
 @inlined()
@@ -31,7 +31,16 @@ def turned(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
 
 def turned_by(rotations: Array, vector: Array) -> Array:
     """(frames, 3), a vector, (3,), turned by rotations, (frames, 4)."""
-    return np.stack(turned(*rotations.T, *vector), axis=-1)
+    vectors = np.empty((len(rotations), 3))
+    _write_turned(np.ascontiguousarray(rotations), np.ascontiguousarray(vector), vectors)
+    return vectors
+
+
+@compiled()
+def _write_turned(rotations: F2, vector: F1, vectors: Out[F2]) -> None:
+    for n in range(len(rotations)):
+        q = rotations[n]
+        vectors[n, 0], vectors[n, 1], vectors[n, 2] = turned(q[0], q[1], q[2], q[3], vector[0], vector[1], vector[2])
 
 
 def rotation_products(first: Array, of_first: Numbers, second: Array) -> Array:

@@ -114,11 +114,11 @@ def find_shots(positions: Array, joints: Numbers, length: float, frame_time: flo
     motion, are shots of their own, until the body has slowed down.
     """
     steps = steps_along(positions, joints).mean(axis=1)
-    before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
-    cuts = steps > np.maximum(STEP * np.maximum(before, after), FAR * length)
+    around = np.concatenate([[0.0], steps, [0.0]])
+    cuts = steps > np.maximum(STEP * np.maximum(around[:-2], around[2:]), FAR * length)
     fastest = FASTEST * length * frame_time
     cuts[: _rushed(steps, fastest)] = cuts[len(cuts) - _rushed(steps[::-1], fastest) :] = True
-    return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)
+    return np.concatenate([[0], np.cumsum(cuts)]).astype(np.intp)
 
 
 def _rushed(steps: Array, fastest: float) -> int:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import Kind, inlined
+from distretarget.numerics.compiled import Kind, Out, compiled, inlined
 
 Value = TypeVar("Value", bound=np.generic)
 
@@ -68,8 +68,26 @@ def angles_between(a: Array, b: Array) -> Array:
     """The angles between vectors (..., n) of one shape, (...) [rad]; 0 for a zero vector. Accurate for all angles, as
     half of each is taken between the sides of a rhombus (W. Kahan).
     """
-    a, b = a * lengths(b)[..., None], b * lengths(a)[..., None]
-    return np.asarray(2.0 * np.arctan2(lengths(a - b), lengths(a + b)))
+    diagonals = np.empty((2, *a.shape[:-1]))
+    one, other = (np.ascontiguousarray(each).reshape(-1, a.shape[-1]) for each in (a, b))
+    _write_diagonals(one, other, diagonals.reshape(2, -1))
+    return np.asarray(2.0 * np.arctan2(*diagonals))
+
+
+@compiled()
+def _write_diagonals(a: F2, b: F2, diagonals: Out[F2]) -> None:
+    """Write the lengths of the diagonals of rhombi whose sides have the directions of a and b."""
+    for n in range(len(a)):
+        p = q = less = more = 0.0
+        for i in range(a.shape[1]):
+            p += a[n, i] * a[n, i]
+            q += b[n, i] * b[n, i]
+        p, q = np.sqrt(p), np.sqrt(q)
+        for i in range(a.shape[1]):
+            u, v = a[n, i] * q, b[n, i] * p
+            less += (u - v) * (u - v)
+            more += (u + v) * (u + v)
+        diagonals[0, n], diagonals[1, n] = np.sqrt(less), np.sqrt(more)
 
 
 def spread_out(points: Array, most: int) -> Numbers:

@@ -20,6 +20,7 @@ from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import Shots, by_shot, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
 
 
@@ -99,15 +100,17 @@ class Clip:
             regions=matching.regions,
             limb_joints=matching.joints_but_feet(),
             undriven_joints=matching.joints_but_feet(driven=False),
-            distances=distance_problem(source.skeleton, body.skeleton, matching.drivers),
+            distances=_shared_distances(matching),
             roots=roots,
-            parts=part_of_joint(body.skeleton, roots),
+            parts=_parts(matching),
         )
 
     def __len__(self) -> int:
         return len(self.copy)
 
     def __getitem__(self, frames: slice) -> Clip:
+        if frames == slice(0, len(self)):
+            return self
         source, copy = self.source[frames], self.copy[frames]
         root, shots, arms = self.root[frames], self.shots[frames], self.raised_arms[frames]
         drops = tuple(replace(drop, frames=drop.frames[frames]) for drop in self.drops)
@@ -149,7 +152,9 @@ class Clip:
     @property
     def loose_parts(self) -> Numbers:
         """The parts without a driven joint, such as undriven fingers: only the floor moves them."""
-        return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.driven)]])
+        loose = np.ones(self.parts.max() + 1, bool)
+        loose[self.parts[[*self.skeleton.lines(self.driven)]]] = False
+        return np.flatnonzero(loose)
 
     @property
     def driven(self) -> Numbers:
@@ -165,6 +170,19 @@ def _raised_arms(body: Body, motion: Motion) -> Array:
     return values
 
 
+@found_once
+def _shared_distances(matching: Matching) -> DistanceProblem:
+    """The distance problem of the points that both bodies of a matching have."""
+    return distance_problem(matching.source.skeleton, matching.target.skeleton, matching.drivers)
+
+
+@found_once
+def _parts(matching: Matching) -> Numbers:
+    """`Clip.parts` of a matching."""
+    return part_of_joint(matching.target.skeleton, rigid_part_roots(matching))
+
+
+@found_once
 def rigid_part_roots(matching: Matching) -> Numbers:
     """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 

@@ -120,7 +120,7 @@ def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Arr
     holds = [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()
     for joint, weight in holds:
-        for part in np.unique(clip.parts[[*clip.skeleton.line(joint)[1:]]]):
+        for part in {*clip.parts[[*clip.skeleton.line(joint)[1:]]].tolist()}:
             np.maximum(held[:, part], weight, out=held[:, part])
     return held
 
@@ -141,9 +141,10 @@ def part_stiffness(clip: Clip) -> Array:
     stiffness = BASE_STIFFNESS * (bones + ADDED_LENGTH) * (1.0 + TRUNK_FACTOR * largest_share)
     feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe)}
     ends = [joint for joint, inside in enumerate(clip.regions.inside("head", "hand")) if inside or joint in feet]
-    firm = np.unique(parts[[joint for joint in ends if skeleton.children[joint]]])
-    stiffness[np.setdiff1d(firm, clip.loose_parts)] *= END_FACTOR
-    stiffness[clip.loose_parts] *= LOOSE_FACTOR
+    loose = clip.loose_parts
+    firm = {*parts[[joint for joint in ends if skeleton.children[joint]]].tolist()} - {*loose.tolist()}
+    stiffness[[*firm]] *= END_FACTOR
+    stiffness[loose] *= LOOSE_FACTOR
     if legs:
         pelvis = skeleton.meet(leg.hip for leg in legs)
         above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]

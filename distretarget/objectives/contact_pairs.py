@@ -98,7 +98,7 @@ class Contacts:
         first = max(block.start - contact.window, 0)
         around, inside = slice(first, block.stop + contact.window), slice(block.start - first, block.stop - first)
         source, raised = self.source[around], self.raised[around]
-        ever_raised = raised.any(axis=0)
+        ever_raised = np.asarray(raised.any(axis=0))
         apart = contact.apart(pairs.hanging, ever_raised[pairs.u] | ever_raised[pairs.v])
         on = np.flatnonzero(come_near(source, source, pairs.u, pairs.v, apart * pairs.tau1))
         u, v, a, b = pairs.u[on], pairs.v[on], pairs.a[on], pairs.b[on]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts
 from distretarget.objectives.supports import Supports
+from distretarget.rig import found_once
 from distretarget.skin.balls import NEVER, Balls, balls_of, mean_radii, segment_gaps
 from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS, Capsules
 from distretarget.skin.displacement import REACH, displacements
@@ -128,12 +129,12 @@ class Skins:
         """Return the skins of a source and its target; None where a body has no capsules."""
         if not len(source) or not len(target):
             return None
-        return cls(BodySkin.of(matching.source, source), _of_target(matching.target, target))
+        return cls(_skin_of(matching.source, source), _skin_of(matching.target, target))
 
 
-@lru_cache(maxsize=4)
-def _of_target(body: Body, capsules: Capsules) -> BodySkin:
-    """The skin of a target, kept for the next clip on it."""
+@found_once
+def _skin_of(body: Body, capsules: Capsules) -> BodySkin:
+    """The skin of a body."""
     return BodySkin.of(body, capsules)
 
 

@@ -69,6 +69,8 @@ class Supports:
         )
 
     def __getitem__(self, frames: slice) -> Supports:
+        if frames == slice(0, len(self.weights)):
+            return self
         return replace(
             self,
             weights=self.weights[frames],

@@ -12,7 +12,7 @@ from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Build, Builds, average_for, capsules_of
+from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -105,9 +105,9 @@ def _build_for(given: object, builds: Builds) -> Build | None:
 
 def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
     """The skins of a source and its target; None where either has no capsules."""
-    build = average_for(matching.target) if options.skin == "average" else _build_for(given, builds)
-    target = build.on(matching.target) if build else target_capsules(goal)
-    return Skins.of(matching, (builds.source or average_for(matching.source)).on(matching.source), target)
+    build = None if options.skin == "average" else _build_for(given, builds)
+    target = built(matching.target, build) if build or options.skin == "average" else target_capsules(goal)
+    return Skins.of(matching, built(matching.source, builds.source), target)
 
 
 @lru_cache(maxsize=4)

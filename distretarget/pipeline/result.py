@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.world import World
+from distretarget.body.body import Body
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
@@ -21,7 +22,7 @@ from distretarget.matching.undersides import Undersides
 from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
 from distretarget.measure.pops import find_pops
-from distretarget.measure.skin import find_skin
+from distretarget.measure.skin import Skin, find_skin
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
@@ -29,6 +30,8 @@ from distretarget.numerics.vectors import Array, lengths
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import RESTS, Supports
+from distretarget.rig import found_once
+from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 Labels = dict[str, NDArray[Any]]
@@ -128,8 +131,8 @@ class RetargetResult:
         undersides = undersides_of(self.matching, self.skins, self.mesh)
         skins = None
         if self.skins:
-            of_target = find_skin(target, self.skins.target.capsules, self.mesh)
-            skins = find_skin(source, self.skins.source.capsules), of_target
+            of_target = _skin_of(target, self.skins.target.capsules, self.mesh)
+            skins = _skin_of(source, self.skins.source.capsules, None), of_target
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
 
         def compare(motion: Motion) -> Comparison:
@@ -205,6 +208,12 @@ class RetargetResult:
         x = motion[frame].positions[0]
         reach = x[leg.ankle] - x[leg.hip]
         return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])
+
+
+@found_once
+def _skin_of(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Skin:
+    """The skin by which a body is measured."""
+    return find_skin(body, capsules, mesh)
 
 
 def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
