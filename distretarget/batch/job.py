@@ -29,7 +29,7 @@ from distretarget.matching.unmatched import others_without_source, parts_without
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import RetargetResult, labels_of
+from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
@@ -159,7 +159,7 @@ def _outputs(
     """The contents of the results of a clip, by their names."""
     clip = writing.clip(result.motion, PurePath(next(iter(kinds))).stem, result.world.up_vector)
     if "arrays" in kinds.values():
-        clip = replace(clip, labels=labels_of(result))
+        clip = replace(clip, labels=result.labels)
     return {
         name: character_animation(target, clip)
         if kind == "character"

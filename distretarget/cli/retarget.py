@@ -51,7 +51,7 @@ from distretarget.io.target_file import CharacterTarget, TargetFile, animations_
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Options
-from distretarget.pipeline.result import RetargetResult, labels_of
+from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
@@ -153,7 +153,7 @@ def retarget_command(
         written = replace(written, skeleton=written.skeleton.without_namespaces)
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
-    named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
+    named = replace(named, labels=result.labels) if kind == "arrays" else named
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {

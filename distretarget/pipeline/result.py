@@ -175,6 +175,22 @@ class RetargetResult:
         return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
+    def labels(self) -> Labels:
+        """The labels of the frames, as `write_npz` writes them. All results on one target have the same names.
+
+        - `support_names`, (joints,), and `support_weights`, (frames, joints): the target's joints, and how firmly each
+          rests on the world, 1 while the source's joint rests, blended to 0.
+        - `contact_names`, (pairs,), and `contact_gaps`, (frames, pairs): the regions of the body that can touch, and
+          while they touch in the source how far their nearest joints are apart in the result [file units]; nan while
+          they do not.
+        - `shots`, (frames,): the number of the shot of each frame, from 0; it goes up at a cut.
+        - `not_converged`, (frames,): whether the solver did not converge.
+        - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
+          above it, of the metrics that are over their limits in the clip as a whole.
+        """
+        return _labels(self)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings, one line each: metrics over their limits, metrics worse than the rotation copy's, and resting
         joints that do not reach their places.
@@ -212,24 +228,17 @@ def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | N
     return Undersides.of(matching, (skins.source.capsules, skins.target.capsules), mesh) if skins else None
 
 
-def labels_of(result: RetargetResult) -> Labels:
-    """Return the labels of the frames of a result.
-
-    - `support_names`, (supports,), and `support_weights`, (frames, supports): joints that rest on the world, and how
-      firmly, 1 while the source's joint rests, blended to 0. Foot joints come first.
-    - `contact_names`, (pairs,), and `contact_gaps`, (frames, pairs): the regions of the body that can touch, and while
-      they touch in the source how far their nearest joints are apart in the result [file units]; nan while they do not.
-    - `shots`, (frames,): the number of the shot of each frame, from 0; it goes up at a cut.
-    - `not_converged`, (frames,): whether the solver did not converge.
-    - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
-      above it, of the metrics that are over their limits in the clip as a whole.
-    """
-    keys, supports = result.motion.skeleton.keys, result.supports
+def _labels(result: RetargetResult) -> Labels:
+    supports = result.supports
+    weights = np.zeros((len(result.motion), len(result.motion.skeleton)))
+    for joint, weight in zip(supports.joints, supports.weights.T, strict=True):  # an ankle may be its toe
+        weights[:, joint] = np.maximum(weights[:, joint], weight)
+    contact_names, contact_gaps = _contact_gaps(result)
     return {
-        "support_names": np.array([keys[joint] for joint in supports.joints], np.str_),
-        "support_weights": supports.weights,
-        "contact_names": np.array(result.comparison.contacts.candidates.names, np.str_),
-        "contact_gaps": _contact_gaps(result),
+        "support_names": np.array(result.motion.skeleton.keys, np.str_),
+        "support_weights": weights,
+        "contact_names": np.array(contact_names, np.str_),
+        "contact_gaps": contact_gaps,
         "shots": result.matching.source.shots_of(result.source),
         "not_converged": result.run_tracks["not_converged"].values > 0.0,
         "flag_names": np.array([metric.key for metric in JUDGED], np.str_),
@@ -237,12 +246,16 @@ def labels_of(result: RetargetResult) -> Labels:
     }
 
 
-def _contact_gaps(result: RetargetResult) -> NDArray[np.float64]:
-    contacts, positions = result.comparison.contacts, result.motion.positions
-    gaps = np.full((len(positions), len(contacts.candidates.names)), np.nan)
+def _contact_gaps(result: RetargetResult) -> tuple[list[str], NDArray[np.float64]]:
+    """The pairs of regions of the target that are no neighbours, and their gaps."""
+    contacts, regions, positions = result.comparison.contacts, result.matching.target.regions, result.motion.positions
+    pairs = np.argwhere(np.triu(~regions.neighbours, 1)).tolist()
+    names = [f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs]
+    columns = np.array([names.index(name) for name in contacts.candidates.names], np.intp)
+    gaps = np.full((len(positions), len(names)), np.nan)
     apart = positions[contacts.frame, contacts.u] - positions[contacts.frame, contacts.v]
-    gaps[contacts.frame, contacts.regions] = lengths(apart)
-    return gaps
+    gaps[contacts.frame, columns[contacts.regions]] = lengths(apart)
+    return names, gaps
 
 
 def _flags(result: RetargetResult) -> NDArray[np.bool_]:
