@@ -18,7 +18,7 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
-from distretarget.io.bvh_writer import refusals
+from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
@@ -138,7 +138,8 @@ def _converted(job: Job) -> Result:
         contacts=job.contacts,
     )
     kinds = {name: OUTPUTS[PurePath(name).suffix] for name in job.outputs}
-    refused = refusals(result.motion.skeleton) if "BVH" in kinds.values() else ()
+    body = result.motion.skeleton
+    refused = (*refusals(body), *python_refusals(body)) if "BVH" in kinds.values() else ()
     record: ManifestRecord = {
         **job.record,
         "status": "done",

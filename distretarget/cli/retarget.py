@@ -40,7 +40,7 @@ from distretarget.cli.skeleton import headline, unused
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames
-from distretarget.io.bvh_writer import bvh_parts, refusals
+from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
@@ -168,7 +168,8 @@ def retarget_command(
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
     warnings = (*parts_without_source(result.matching), *lost, *left_out, *result.warnings)
     say(*(f"warning: {warning}" for warning in warnings), err=True)
-    say(*(refusals(written.skeleton) if kind == "BVH" else ()), err=True)
+    if kind == "BVH":
+        say(*refusals(written.skeleton), *(python_refusals(written.skeleton) if verbose else ()), err=True)
     say(summary_line(result, seconds))
 
 
