@@ -165,7 +165,7 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     result = run()
     warnings = list(result_with(effort=replace(result.effort, reasons=reasons)).warnings)
     assert len(warnings) == 1
-    assert warnings[0].startswith("frames not converged 3, limit 0; worst in frame 7; likely cause: ")
+    assert warnings[0].startswith("frames not converged 3, limit 0; worst in frame 7; cause: the solver stopped after ")
 
 
 @pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])

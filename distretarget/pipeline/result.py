@@ -29,11 +29,11 @@ from distretarget.numerics.vectors import Array, lengths
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import RESTS, Supports
+from distretarget.pipeline.causes import Causes
 from distretarget.skin.mesh import SkinnedMesh
 
 Labels = dict[str, NDArray[Any]]
 
-STRAIGHT = 0.99  # a leg whose ankle is farther than this from its hip joint is straight [leg lengths]
 REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
@@ -195,9 +195,10 @@ class RetargetResult:
         """Warnings, one line each: metrics over their limits, metrics worse than the rotation copy's, and resting
         joints that do not reach their places.
         """
-        return (*limit_warnings(self.metrics, self.tracks), *self._missed_places(), *self.unmet)
+        causes = Causes(self.motion, self.matching, self.supports, self.effort)
+        return (*limit_warnings(self.metrics, self.tracks, causes.of), *self._missed_places(causes), *self.unmet)
 
-    def _missed_places(self) -> Iterator[str]:
+    def _missed_places(self, causes: Causes) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys
         away = lengths(self.motion.positions_of(held.joints) - held.places) / self.matching.target.unit
         short = np.where((held.weights > RESTS) & (away > REACH), away, 0.0)
@@ -205,22 +206,15 @@ class RetargetResult:
         if len(frames):
             worst, support = np.unravel_index(short.argmax(), short.shape)
             short_of = dict.fromkeys(keys[joint] for joint in held.joints[short.any(axis=0)])  # an ankle may be its toe
+            leg = causes.leg_of(int(support))
+            stretched = leg is not None and causes.is_straight(leg, int(worst))
             missing = 200 * short[worst, support]  # a body unit is twice the leg's length
             yield (
                 f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
                 f"{frames[0]}): {quoted(short_of)}; most: "
                 f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
-                f"{', by reach: the leg is straight' if self._is_stretched(int(support), int(worst)) else ''}"
+                f"{', by reach: the leg is straight' if stretched else ''}"
             )
-
-    def _is_stretched(self, support: int, frame: int) -> bool:
-        """Whether a support is a foot's and its leg is straight in a frame."""
-        if self.matching.legs is None or support >= self.supports.feet:
-            return False
-        leg, motion = self.matching.legs[1][support // 2], self.motion
-        x = motion[frame].positions[0]
-        reach = x[leg.ankle] - x[leg.hip]
-        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])
 
 
 def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
