@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.engine_root import EngineRoot, find_engine_root
+from distretarget.baseline.root_path import along_channels
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
@@ -164,7 +165,8 @@ class Performer:
         self.clip.copy.forget()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
-        motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
+        body = self.match.matching.body_joints
+        motion, copy = (along_channels(self.engine_root.placed(each), body) for each in (posed, self.clip.copy))
         check_finite(motion)
         check_places(posed, self.clip)
         for each in (motion, copy):  # what is written needs no positions

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.baseline.root_path import path_carriers
 from distretarget.baseline.world import World
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.distances import DistanceProblem, posture_stress
@@ -196,7 +197,17 @@ class RetargetResult:
         joints that do not reach their places.
         """
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
-        return (*limit_warnings(self.metrics, self.tracks, causes.of), *self._missed_places(causes), *self.unmet)
+        return (
+            *limit_warnings(self.metrics, self.tracks, causes.of),
+            *self._missed_places(causes),
+            *self._lost_path(),
+            *self.unmet,
+        )
+
+    def _lost_path(self) -> Iterator[str]:
+        if path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
+            root = self.motion.skeleton.names[0]
+            yield f"the body stays in place: the target's root {root!r} and the joints below lack position channels"
 
     def _missed_places(self, causes: Causes) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys
