@@ -205,7 +205,8 @@ class RetargetResult:
         )
 
     def _lost_path(self) -> Iterator[str]:
-        if path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
+        travels = len(self.source) > 0 and np.ptp(self.source.root_positions, axis=0).any()
+        if travels and path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
             root = self.motion.skeleton.names[0]
             yield f"the body stays in place: the target's root {root!r} and the joints below lack position channels"
 
