@@ -14,6 +14,7 @@ from distretarget.ik.spg import Reason
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, clip_metrics, metrics_at
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
+from distretarget.skeleton import POSITION_CHANNELS
 
 FRAMES = 40
 SOLVER = {"iterations", "evaluations", "reason"}
@@ -219,12 +220,12 @@ def test_the_shortest_clips_have_a_line_and_json(frames):
 
 
 def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
-    offsets = np.outer([0.0, 1, 1], [0, 1.0, 0])
+    offsets, turns = np.outer([0.0, 1, 1], [0, 1.0, 0]), ("Zrotation", "Xrotation", "Yrotation")
     chain = Skeleton(
         names=tuple("abc"),
         parents=[-1, 0, 1],
         offsets=offsets,
-        channels=(("Zrotation", "Xrotation", "Yrotation"),) * 3,
+        channels=((*POSITION_CHANNELS, *turns), turns, turns),
         end_sites=[False] * 3,
     )
     source = swaying(chain)

@@ -46,7 +46,7 @@ from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
+from distretarget.io.motion_writer import OUTPUTS, OutputSettings, as_written, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
@@ -153,6 +153,7 @@ def retarget_command(
         written = replace(written, skeleton=written.skeleton.without_namespaces)
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
+    result = replace(result, motion=as_written(result.motion, kind, settings.precision, body))
     named = replace(named, labels=result.labels) if kind == "arrays" else named
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = time.perf_counter() - started

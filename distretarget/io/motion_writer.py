@@ -26,8 +26,8 @@ from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.smpl import smpl_parameters
 from distretarget.io.target_file import CharacterTarget, TargetFile
-from distretarget.io.vrma import vrma
-from distretarget.motion import Motion
+from distretarget.io.vrma import as_humanoid, vrma
+from distretarget.motion import Motion, single_precision
 from distretarget.numerics.rotations import RotationKind
 from distretarget.numerics.vectors import Array, level
 
@@ -239,6 +239,26 @@ def content_of(
             return [settings.arrays(clip)]
     assert target is not None
     return with_animations(path, target, [character_animation(target, clip)], settings.animations)
+
+
+def as_written(
+    motion: Motion, kind: OutputKind, precision: Precision = "float64", target: TargetFile | None = None
+) -> Motion:
+    """Return a motion as a file of this kind holds it; `precision` is that of arrays, `target` has the character.
+
+    glTF has single precision, seven digits, which is coarse far from the origin; a VRM animation has the bones of a
+    humanoid alone. BVH rounds to less than 1e-8 of the body and of a turn, which nothing measured here shows.
+    """
+    match kind:
+        case "BVH":
+            return motion
+        case "VRMA":
+            return single_precision(as_humanoid(motion))
+        case "arrays":
+            return motion if precision == "float64" else single_precision(motion)
+    assert target is not None
+    assert isinstance(target.target, CharacterTarget)
+    return target.target.character.in_single_precision(motion)
 
 
 def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
