@@ -46,7 +46,7 @@ def test_limits_of_source_and_copy():
     assert lines({"jerk": 2.4}, {"jerk": 1.0}, tracks=tracks) == []
     assert lines({"jerk": 0.015}, {"jerk": 0.0}, tracks=tracks) == []  # a pose that is held still
     (line,) = lines({"foot_skate": 0.2}, {"foot_skate": 0.3}, {"foot_skate": 0.1}, tracks)
-    assert line.startswith("foot skate 0.2 leg lengths/s, limit 0.115; worst in frame 0")
+    assert line.startswith("foot skate 0.2 leg lengths/s, limit 0.135; worst in frame 0")
 
 
 def test_metrics_worse_than_the_copy_but_within_their_limits_share_a_line():
@@ -69,6 +69,6 @@ def test_every_limit_says_what_it_means_and_what_to_look_for():
             assert metric.limit.formula(metric.unit)
     formulas = {metric.key: metric.limit.formula(metric.unit) for metric in METRICS if metric.limit}
     assert formulas["jerk"] == "1.5 times the rotation copy's + 1 body sizes/s³"
-    assert formulas["foot_skate"] == "1.05 times the source's + 0.01 leg lengths/s"
+    assert formulas["foot_skate"] == "1.15 times the source's + 0.02 leg lengths/s"
     assert formulas["contact_error"] == "the rotation copy's + 0.002"
     assert formulas["not_converged"] == "0"

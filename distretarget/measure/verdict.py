@@ -133,9 +133,9 @@ def _supports(metrics: Metrics) -> Iterator[str]:
 
 
 def _hips(metrics: Metrics, tracks: Tracks) -> Iterator[str]:
-    metric, name = BY_KEY["hips_height_largest"], BY_KEY["hips_height"].label
-    value = metrics["result"][metric.key]
-    if value is not None and metric.over_limit(metrics):
+    metric, mean = BY_KEY["hips_height_largest"], BY_KEY["hips_height"]
+    value, name = metrics["result"][metric.key], mean.label
+    if value is not None and (metric.over_limit(metrics) or mean.over_limit(metrics)):
         yield f"{name} off by up to {value:.0f} % of a leg at frame {metric.worst(tracks)[0]}"
     elif value is not None:
         yield f"{name} kept within {max(math.ceil(10 * value) / 10, LEAST_BOUND):.1f} % of a leg"
