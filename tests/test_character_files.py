@@ -1,6 +1,7 @@
 """Files of characters, read and written: joints are where a plain player has them, and all else stays as it is."""
 
 import json
+from dataclasses import replace
 
 import gltf_player
 import numpy as np
@@ -318,3 +319,23 @@ def test_a_character_of_rigid_parts_has_the_joints_that_names_show(tmp_path):
     write_motion(out, motion, source)
     found = played(out, "clap", motion.frame_time * np.arange(len(motion)), joint_nodes(source))
     assert found == pytest.approx(motion.positions, abs=NEAR)
+
+
+def test_quaternions_in_a_file_do_not_jump_to_their_opposites(tmp_path):
+    """A joint that turns on and on, whose quaternions a motion may have with either sign."""
+    source = character(BONES).write(tmp_path / "hero.glb")
+    motion = clapping(source)
+    angles = np.radians(20.0) * np.arange(len(motion))
+    rotations = np.array(motion.rotations)
+    rotations[:, 5] = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_quat(canonical=True)
+    rotations[::2] *= -1.0
+    write_motion(tmp_path / "out.glb", replace(motion, rotations=rotations), source, animations="replace")
+    document, buffer = gltf_player.load(tmp_path / "out.glb")
+    turning = 0
+    for channel in document["animations"][0]["channels"]:
+        if channel["target"]["path"] == "rotation":
+            sampler = document["animations"][0]["samplers"][channel["sampler"]]
+            keys = gltf_player.values(document, buffer, sampler["output"])
+            assert (keys[1:] * keys[:-1]).sum(axis=1).min(initial=1.0) > 0.5
+            turning += 1
+    assert turning > 0

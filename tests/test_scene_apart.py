@@ -14,7 +14,7 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
 from distretarget.measure.gaps import measure_skin_gap
 from distretarget.measure.skin import find_skin
-from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, SPEED, Core, _slowed
+from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
 from distretarget.scene.bodies import COUNT, Bodies, PropShape
 from distretarget.scene.prop_surface import Surface
 from distretarget.scene.scene_file import load_scene
@@ -22,6 +22,9 @@ from distretarget.skin.capsules import IS_ARM
 
 FAT = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.7]) for part, ends in average_build("adult").parts.items()})
 UP = np.array([0.0, 1.0, 0.0])
+SPEED = (
+    0.1  # two performers part at most this fast; written here, so that the test does not follow the code [body units/s]
+)
 
 
 @cache
