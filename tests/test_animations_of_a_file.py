@@ -1,7 +1,6 @@
 """Animations of one file do not depend on which was played before: what one moves, the others have keys for."""
 
 import copy
-import struct
 
 import gltf_player
 import numpy as np
@@ -80,16 +79,6 @@ def test_names_that_are_taken_get_the_first_free_number(mode, given, names, tmp_
     made.animate("sway", SWAY)
     document, _ = chunks(animations_named(given, made.write(tmp_path / "hero.glb"), mode=mode))
     assert [each["name"] for each in document["animations"]] == names
-
-
-def test_chunks_of_a_glb_that_nobody_knows_stay(tmp_path):
-    path = character(BONES).write(tmp_path / "hero.glb")
-    content, extra = path.read_bytes(), struct.pack("<I4s8s", 8, b"MINE", b"whatever")
-    path.write_bytes(content[:8] + struct.pack("<I", len(content) + len(extra)) + content[12:] + extra)
-    written = animations_named(["walk"], path)
-    assert written.endswith(extra)
-    assert struct.unpack("<I", written[8:12])[0] == len(written)
-    assert chunks(written)[0]["animations"][0]["name"] == "walk"
 
 
 def test_a_glb_of_more_than_four_gigabytes_is_refused(tmp_path, monkeypatch):

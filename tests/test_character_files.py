@@ -339,3 +339,21 @@ def test_quaternions_in_a_file_do_not_jump_to_their_opposites(tmp_path):
             assert (keys[1:] * keys[:-1]).sum(axis=1).min(initial=1.0) > 0.5
             turning += 1
     assert turning > 0
+
+
+def test_what_is_written_below_nodes_of_uneven_scale_is_read_back(tmp_path):
+    """The scale of the upper node makes 2 m of 1 m along Y, and that of the lower one takes it back."""
+    above = np.diag([1.0, 0.5, 1.0, 1.0])
+    above[1, 3] = 1.0
+    content = character(BONES, above=above).write(tmp_path / "even.glb").read_bytes()
+    document, buffer = chunks(content)
+    top = {"scale": [1.0, 2.0, 1.0], "children": document["scenes"][0]["nodes"]}
+    document["scenes"][0]["nodes"] = [len(document["nodes"])]
+    document["nodes"].append(top)
+    source = tmp_path / "uneven.glb"
+    source.write_bytes(glb(json.dumps(document), buffer))
+    motion = clapping(source)
+    write_motion(tmp_path / "out.glb", motion, source, name="clap")
+    with pytest.warns(UserWarning, match="the scale of '' is uneven"):
+        again = read_motion(tmp_path / "out.glb")
+    assert again.positions == pytest.approx(motion.positions, abs=NEAR)
