@@ -1,6 +1,8 @@
 """Animations of one file do not depend on which was played before: what one moves, the others have keys for."""
 
 import copy
+import json
+import struct
 
 import gltf_player
 import numpy as np
@@ -89,3 +91,21 @@ def test_a_glb_of_more_than_four_gigabytes_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(gltf_writer, "LARGEST_GLB", size - 1)
     with pytest.raises(FileError, match="it would be larger than 4 GB"):
         animations_named(["walk"], path)
+
+
+@pytest.mark.parametrize("more", [0, 1, 2, 3])
+def test_new_numbers_are_on_a_multiple_of_four_whatever_the_file_holds(more, tmp_path):
+    path = character(BONES).write(tmp_path / "hero.glb")
+    document, buffer = chunks(path.read_bytes())
+    buffer += bytes(more)  # some programs do not fill the binary chunk up
+    document["buffers"] = [{"byteLength": len(buffer)}]
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    parts = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts)
+    written, binary = chunks(animations_named(["walk"], path))
+    assert all(view["byteOffset"] % 4 == 0 for view in written["bufferViews"])
+    assert len(binary) % 4 == 0
+    (sampler,) = written["animations"][0]["samplers"]
+    np.testing.assert_allclose(gltf_player.values(written, binary, sampler["input"]).ravel(), [0.0, 0.1, 0.2])
+    np.testing.assert_array_equal(gltf_player.values(written, binary, sampler["output"]), [[0.0, 0.0, 0.0, 1.0]] * 3)

@@ -20,8 +20,9 @@ from characters import (
 from scipy.spatial.transform import Rotation
 from test_characters import BONES, KINDS, ROLLED, WALK
 
-from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
+from distretarget import FileError, Motion, load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.body.body import Body
+from distretarget.character.nodes import Animation
 
 NEAR = 1e-5  # [m]
 
@@ -357,3 +358,24 @@ def test_what_is_written_below_nodes_of_uneven_scale_is_read_back(tmp_path):
     with pytest.warns(UserWarning, match="the scale of '' is uneven"):
         again = read_motion(tmp_path / "out.glb")
     assert again.positions == pytest.approx(motion.positions, abs=NEAR)
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_a_bone_that_moves_by_more_than_a_millionth_of_the_body_has_keys(tmp_path, scale):
+    source = character(BONES, above=np.diag([scale, scale, scale, 1.0])).write(tmp_path / "hero.glb")
+    one = load_target(source).character
+    skeleton, size = one.skeleton, np.abs(one.skeleton.rest_positions).max()
+    for share, moves in ((3e-7, False), (3e-6, True)):
+        translations = np.tile(skeleton.offsets, (2, 1, 1))
+        translations[1, 5, 0] += share * size
+        motion = Motion.of_translations(skeleton, translations, np.tile(skeleton.unturned, (2, 1, 1)), "0.1")
+        assert (one.joint_nodes[5] in one.animation(motion, "x").translations) == moves
+
+
+def test_a_small_file_has_at_most_a_million_poses_and_a_large_one_as_many_as_bytes(tmp_path):
+    one = load_target(character(BONES).write(tmp_path / "hero.glb")).character
+    most = 1_000_000 // len(one.nodes)
+    assert len(one.motion(Animation("long", most, "0.01"), 10)) == most
+    with pytest.raises(FileError, match=f"{most + 1} frames of {len(one.nodes)} joints are too many"):
+        one.motion(Animation("long", most + 1, "0.01"), 10)
+    assert len(one.motion(Animation("long", most + 1, "0.01"), (most + 1) * len(one.nodes))) == most + 1
