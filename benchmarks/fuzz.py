@@ -50,7 +50,7 @@ from hypothesis import strategies as st
 from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
 from distretarget.batch.manifest import Manifest
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.bvh_writer import format_bvh, refusals
+from distretarget.io.bvh_writer import format_bvh, python_refusals
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
 from distretarget.io.skeleton_json import skeleton_to_json
@@ -152,7 +152,7 @@ def _check_other_reader(text: str, skeleton: Skeleton) -> None:
             with warnings.catch_warnings(action="ignore"):
                 pybvh.read_bvh_file(file.name)
         except Exception as error:
-            if not any("pybvh" in line for line in refusals(skeleton)):
+            if not any("pybvh" in line for line in python_refusals(skeleton)):
                 raise NotReadBackError(f"pybvh cannot read it, and no line says so: {error!r}") from error
 
 

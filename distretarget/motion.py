@@ -19,7 +19,7 @@ from distretarget.numerics.kinematics import joint_positions, line_rotations, ma
 from distretarget.numerics.parallel import in_blocks, over_blocks
 from distretarget.numerics.quaternions import first_not_unit
 from distretarget.numerics.rotations import RotationKind, represented
-from distretarget.numerics.vectors import Array, extent, lengths, read_only
+from distretarget.numerics.vectors import Array, extent, lengths, normalised, read_only
 from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
 from distretarget.stick_figures import likely_up, stick_figures
 
@@ -375,6 +375,22 @@ def motion_of_world(
     motion = Motion(skeleton, path, rotations, frame_time_text)
     vars(motion)["positions"] = positions  # fill the cached property
     return motion
+
+
+def single_precision(motion: Motion) -> Motion:
+    """Return a motion whose positions and rotations are rounded to seven digits, as 32-bit numbers are."""
+    bones = motion.moving
+    return replace(
+        motion,
+        root_positions=rounded(motion.root_positions),
+        rotations=normalised(rounded(motion.rotations)),
+        moving=None if bones is None else replace(bones, translations=rounded(bones.translations)),
+    )
+
+
+def rounded(values: Array) -> Array:
+    """Return numbers rounded to 32 bits."""
+    return values.astype(np.float32).astype(np.float64)
 
 
 def _as_array(name: str, values: Array, shape: tuple[int | str, ...]) -> Array:

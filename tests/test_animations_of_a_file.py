@@ -1,6 +1,8 @@
 """Animations of one file do not depend on which was played before: what one moves, the others have keys for."""
 
 import copy
+import json
+import struct
 
 import gltf_player
 import numpy as np
@@ -8,7 +10,11 @@ import pytest
 from bodies import SAMPLES
 from characters import ARMATURE, Bones, Performance, character, chunks
 
-from distretarget import Motion, load_target, read_bvh, write_motion
+from distretarget import FileError, Motion, load_target, read_bvh, write_motion
+from distretarget.character.nodes import Animation
+from distretarget.io import gltf_writer
+from distretarget.io.gltf import parse_gltf
+from distretarget.io.gltf_writer import animated
 
 BONES = Bones.of(read_bvh(SAMPLES / "walk.bvh").skeleton)
 SWAY = Performance.swaying(BONES, 5)
@@ -53,3 +59,53 @@ def test_what_no_animation_moves_has_no_keys(tmp_path):
     assert [channel["target"] for channel in document["animations"][0]["channels"]] == [
         {"node": made.joints[0], "path": "rotation"}
     ]
+
+
+def animations_named(names, path, **options):
+    """The content of a file with animations of these names, of which each turns the first joint."""
+    turns = {0: np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))}
+    clips = [Animation(name, 3, "0.1", rotations=turns) for name in names]
+    return b"".join(animated(parse_gltf(path.read_bytes(), path), clips, **options))
+
+
+@pytest.mark.parametrize(
+    ("mode", "given", "names"),
+    [
+        ("add", ["sway", "sway", "walk"], ["sway", "sway 2", "sway 3", "walk"]),
+        ("replace", ["sway", "walk", "walk"], ["sway", "walk", "walk 2"]),
+        ("add", ["walk", "walk 2", "walk"], ["sway", "walk", "walk 2", "walk 3"]),
+    ],
+)
+def test_names_that_are_taken_get_the_first_free_number(mode, given, names, tmp_path):
+    made = character(BONES)
+    made.animate("sway", SWAY)
+    document, _ = chunks(animations_named(given, made.write(tmp_path / "hero.glb"), mode=mode))
+    assert [each["name"] for each in document["animations"]] == names
+
+
+def test_a_glb_of_more_than_four_gigabytes_is_refused(tmp_path, monkeypatch):
+    path = character(BONES).write(tmp_path / "hero.glb")
+    size = len(animations_named(["walk"], path))
+    monkeypatch.setattr(gltf_writer, "LARGEST_GLB", size)
+    assert len(animations_named(["walk"], path)) == size
+    monkeypatch.setattr(gltf_writer, "LARGEST_GLB", size - 1)
+    with pytest.raises(FileError, match="it would be larger than 4 GB"):
+        animations_named(["walk"], path)
+
+
+@pytest.mark.parametrize("more", [0, 1, 2, 3])
+def test_new_numbers_are_on_a_multiple_of_four_whatever_the_file_holds(more, tmp_path):
+    path = character(BONES).write(tmp_path / "hero.glb")
+    document, buffer = chunks(path.read_bytes())
+    buffer += bytes(more)  # some programs do not fill the binary chunk up
+    document["buffers"] = [{"byteLength": len(buffer)}]
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    parts = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts)
+    written, binary = chunks(animations_named(["walk"], path))
+    assert all(view["byteOffset"] % 4 == 0 for view in written["bufferViews"])
+    assert len(binary) % 4 == 0
+    (sampler,) = written["animations"][0]["samplers"]
+    np.testing.assert_allclose(gltf_player.values(written, binary, sampler["input"]).ravel(), [0.0, 0.1, 0.2])
+    np.testing.assert_array_equal(gltf_player.values(written, binary, sampler["output"]), [[0.0, 0.0, 0.0, 1.0]] * 3)

@@ -10,7 +10,7 @@ from bodies import SAMPLES
 from program import run
 
 from distretarget import Motion, read_bvh, write_bvh
-from distretarget.batch.audit import LIMITS, audit
+from distretarget.batch.audit import LIMITS, AuditedClip, _compare, audit
 from distretarget.skeleton import Skeleton
 
 CLEAN = ("clap", "squat", "turn", "walk")
@@ -127,3 +127,21 @@ def test_wrong_usage_is_one_line(arguments, status, says):
     done = run("audit", *arguments)
     assert (done.returncode, done.stderr.count("\n")) == (status, 1)
     assert says in done.stderr
+
+
+@pytest.mark.parametrize(("ups", "found"), [("YYZ", [2]), ("YYZZ", []), ("YZYZY", [1, 3]), ("YYZX", []), ("YYYY", [])])
+def test_what_is_usual_is_what_more_than_half_of_the_clips_have(ups, found):
+    clips = [AuditedClip(path=Path(up), findings={}, up=up, leg=1.0, frame_time=0.02) for up in ups]
+    _compare(clips)
+    assert [number for number, clip in enumerate(clips) if "up_axis" in clip.findings] == found
+    rates = [AuditedClip(path=Path(up), findings={}, leg=1.0, frame_time=0.02 + 0.01 * "YZX".index(up)) for up in ups]
+    _compare(rates)
+    off = [number for number, clip in enumerate(rates) if clip.faults(LIMITS).keys() & {"frame_time"}]
+    assert off == found
+
+
+def test_units_are_compared_with_the_median():
+    clips = [AuditedClip(path=Path(str(leg)), findings={}, leg=leg, frame_time=0.02) for leg in (1.0, 1.0, 100.0, 0.5)]
+    _compare(clips)
+    assert [clip.findings["unit"].value for clip in clips] == [1.0, 1.0, 100.0, 2.0]
+    assert clips[2].findings["unit"].where == "100 times as large as most"

@@ -386,3 +386,13 @@ def test_files_left_by_a_killed_run_are_removed(tmp_path):
     assert left.exists()
     Manifest(tmp_path / "out")
     assert not left.exists()
+
+
+def test_results_are_there_only_if_every_one_of_their_files_is(tmp_path):
+    manifest, one = Manifest(tmp_path), done(others={"a.npz": "hash of arrays"})
+    manifest.add(one)
+    own = {"a.bvh": text_hash(OUTPUT)}
+    assert manifest.made(one, own) is not None
+    assert manifest.made(one, own | {"a.npz": "hash of arrays"}) is not None
+    for other in ({"a.npz": "another hash"}, {"a.npz": None}, {"a.glb": "hash of arrays"}):
+        assert manifest.made(one, own | other) is None

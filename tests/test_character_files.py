@@ -1,6 +1,7 @@
 """Files of characters, read and written: joints are where a plain player has them, and all else stays as it is."""
 
 import json
+from dataclasses import replace
 
 import gltf_player
 import numpy as np
@@ -19,8 +20,9 @@ from characters import (
 from scipy.spatial.transform import Rotation
 from test_characters import BONES, KINDS, ROLLED, WALK
 
-from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
+from distretarget import FileError, Motion, load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.body.body import Body
+from distretarget.character.nodes import Animation
 
 NEAR = 1e-5  # [m]
 
@@ -318,3 +320,62 @@ def test_a_character_of_rigid_parts_has_the_joints_that_names_show(tmp_path):
     write_motion(out, motion, source)
     found = played(out, "clap", motion.frame_time * np.arange(len(motion)), joint_nodes(source))
     assert found == pytest.approx(motion.positions, abs=NEAR)
+
+
+def test_quaternions_in_a_file_do_not_jump_to_their_opposites(tmp_path):
+    """A joint that turns on and on, whose quaternions a motion may have with either sign."""
+    source = character(BONES).write(tmp_path / "hero.glb")
+    motion = clapping(source)
+    angles = np.radians(20.0) * np.arange(len(motion))
+    rotations = np.array(motion.rotations)
+    rotations[:, 5] = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_quat(canonical=True)
+    rotations[::2] *= -1.0
+    write_motion(tmp_path / "out.glb", replace(motion, rotations=rotations), source, animations="replace")
+    document, buffer = gltf_player.load(tmp_path / "out.glb")
+    turning = 0
+    for channel in document["animations"][0]["channels"]:
+        if channel["target"]["path"] == "rotation":
+            sampler = document["animations"][0]["samplers"][channel["sampler"]]
+            keys = gltf_player.values(document, buffer, sampler["output"])
+            assert (keys[1:] * keys[:-1]).sum(axis=1).min(initial=1.0) > 0.5
+            turning += 1
+    assert turning > 0
+
+
+def test_what_is_written_below_nodes_of_uneven_scale_is_read_back(tmp_path):
+    """The scale of the upper node makes 2 m of 1 m along Y, and that of the lower one takes it back."""
+    above = np.diag([1.0, 0.5, 1.0, 1.0])
+    above[1, 3] = 1.0
+    content = character(BONES, above=above).write(tmp_path / "even.glb").read_bytes()
+    document, buffer = chunks(content)
+    top = {"scale": [1.0, 2.0, 1.0], "children": document["scenes"][0]["nodes"]}
+    document["scenes"][0]["nodes"] = [len(document["nodes"])]
+    document["nodes"].append(top)
+    source = tmp_path / "uneven.glb"
+    source.write_bytes(glb(json.dumps(document), buffer))
+    motion = clapping(source)
+    write_motion(tmp_path / "out.glb", motion, source, name="clap")
+    with pytest.warns(UserWarning, match="the scale of '' is uneven"):
+        again = read_motion(tmp_path / "out.glb")
+    assert again.positions == pytest.approx(motion.positions, abs=NEAR)
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_a_bone_that_moves_by_more_than_a_millionth_of_the_body_has_keys(tmp_path, scale):
+    source = character(BONES, above=np.diag([scale, scale, scale, 1.0])).write(tmp_path / "hero.glb")
+    one = load_target(source).character
+    skeleton, size = one.skeleton, np.abs(one.skeleton.rest_positions).max()
+    for share, moves in ((3e-7, False), (3e-6, True)):
+        translations = np.tile(skeleton.offsets, (2, 1, 1))
+        translations[1, 5, 0] += share * size
+        motion = Motion.of_translations(skeleton, translations, np.tile(skeleton.unturned, (2, 1, 1)), "0.1")
+        assert (one.joint_nodes[5] in one.animation(motion, "x").translations) == moves
+
+
+def test_a_small_file_has_at_most_a_million_poses_and_a_large_one_as_many_as_bytes(tmp_path):
+    one = load_target(character(BONES).write(tmp_path / "hero.glb")).character
+    most = 1_000_000 // len(one.nodes)
+    assert len(one.motion(Animation("long", most, "0.01"), 10)) == most
+    with pytest.raises(FileError, match=f"{most + 1} frames of {len(one.nodes)} joints are too many"):
+        one.motion(Animation("long", most + 1, "0.01"), 10)
+    assert len(one.motion(Animation("long", most + 1, "0.01"), (most + 1) * len(one.nodes))) == most + 1

@@ -259,7 +259,9 @@ def test_frames_that_do_not_converge_are_reported(monkeypatch):
     monkeypatch.setattr("distretarget.objectives.contact.solve_frames", _stop_early)
     done = run("in.bvh", "body.json", "-o", "out.bvh")
     assert done.returncode == 0
-    assert "warning: frames not converged 20, limit 0; worst in frame 0; likely cause: " in done.stderr
+    assert (
+        "warning: frames not converged 20, limit 0; worst in frame 0; cause: the solver stopped after " in done.stderr
+    )
 
 
 def _stop_early(_body, _clip, _given, _tolerance, _v, _first, log, _work):

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from bodies import SAMPLES
 
-from distretarget import METRICS, Motion, Skeleton, load_target, read_bvh, retarget, write_npz
+from distretarget import METRICS, Motion, Skeleton, load_target, read_bvh, retarget, write_motion, write_npz
 from distretarget.io.motion_writer import npz
-from distretarget.pipeline.result import labels_of
 
 
 @pytest.fixture(scope="module")
@@ -49,20 +48,23 @@ def test_a_motion_comes_back_from_its_arrays(clap, tmp_path, precision, toleranc
 
 
 def test_equal_arrays_make_equal_files_at_any_time(clap, monkeypatch):
-    first = npz(labels_of(clap))
+    first = npz(clap.labels)
     monkeypatch.setattr(time, "time", lambda: 2e9)
-    assert npz(labels_of(clap)) == first
+    assert npz(clap.labels) == first
 
 
 def test_labels_say_when_hands_touch_and_feet_rest(clap):
-    labels, frames = labels_of(clap), len(clap.motion)
+    labels, frames = clap.labels, len(clap.motion)
     pair = labels["contact_names"].tolist().index("left hand - right hand")
     touches = np.isfinite(labels["contact_gaps"][:, pair])
     (hands,) = (touch for touch in clap.comparison.contacts.touches if touch.name == "left hand - right hand")
     assert np.flatnonzero(touches).tolist() == hands.frames.tolist()
     assert 0 < touches.sum() < frames
     assert np.nanmax(labels["contact_gaps"][:, pair]) < 0.2 * clap.matching.target.unit
-    assert len(labels["support_names"]) == labels["support_weights"].shape[1] > 0
+    feet = [name in ("LeftAnkle", "LeftToe", "RightAnkle", "RightToe") for name in labels["support_names"]]
+    assert sum(feet) == 4
+    assert labels["support_weights"][:, feet].min() == 1  # it claps on its feet, and on nothing else
+    assert not labels["support_weights"][:, np.logical_not(feet)].any()
     assert labels["support_weights"].min() >= 0
     assert labels["support_weights"].max() <= 1
     assert not labels["shots"].any()
@@ -70,8 +72,35 @@ def test_labels_say_when_hands_touch_and_feet_rest(clap):
     assert labels["flags"].shape == (frames, len(labels["flag_names"]))
 
 
+def test_labels_of_all_clips_and_source_rigs_stack_on_one_target(clap, tmp_path):
+    """Bodies that rest on hands or knees, and a source without hands."""
+    target = load_target(SAMPLES / "long_arms.json")
+    crawl, kneel = (read_bvh(SAMPLES / "supports" / f"{name}.bvh") for name in ("crawl", "kneel"))
+    no_hands = {key: None for key in clap.motion.skeleton.keys if "Wrist" in key}
+    for number, (source, pairs) in enumerate([(crawl, {}), (kneel, {}), (clap.source, no_hands)]):
+        write_npz(tmp_path / f"{number}.npz", retarget(source, target, joint_map=pairs))
+    write_npz(tmp_path / "clap.npz", clap)
+    clips = [loaded(path) for path in sorted(tmp_path.glob("*.npz"))]
+    for name in clips[0]:
+        if name.endswith("names"):
+            assert (np.stack([clip[name] for clip in clips]) == clips[0][name]).all()
+        elif np.ndim(clips[0][name]) and len(clips[0][name]) == len(crawl):
+            assert len(np.stack([clip[name][:60] for clip in clips])) == len(clips)
+    assert {clip["support_weights"].any(axis=0).sum() for clip in clips} != {4}
+
+
+@pytest.mark.parametrize("write", [write_npz, write_motion])
+def test_a_result_is_written_with_its_labels_and_a_motion_without(clap, tmp_path, write):
+    write(tmp_path / "result.npz", clap)
+    write(tmp_path / "motion.npz", clap.motion)
+    result, motion = loaded(tmp_path / "result.npz"), loaded(tmp_path / "motion.npz")
+    assert result.keys() - motion.keys() == clap.labels.keys()
+    for name, values in clap.labels.items():
+        np.testing.assert_array_equal(result[name], values)
+
+
 def test_frames_are_flagged_by_the_metrics_of_the_warnings(clap):
-    labels, metrics = labels_of(clap), clap.metrics["result"]
+    labels, metrics = clap.labels, clap.metrics["result"]
     flagged = {name for name, flags in zip(labels["flag_names"], labels["flags"].T, strict=True) if flags.any()}
     assert flagged <= {one.key for one in METRICS if one.over_limit(clap.metrics)}
     assert metrics.keys() >= flagged
@@ -82,5 +111,5 @@ def test_a_cut_starts_another_shot():
     shifted = np.array(clip.root_positions)
     shifted[100:] += [500.0, 0.0, 0.0]
     cut = Motion(clip.skeleton, shifted, clip.rotations, clip.frame_time_text)
-    shots = labels_of(retarget(cut, load_target(SAMPLES / "long_arms.json")))["shots"]
+    shots = retarget(cut, load_target(SAMPLES / "long_arms.json")).labels["shots"]
     assert np.flatnonzero(np.diff(shots)).tolist() == [99]

@@ -451,6 +451,31 @@ def test_the_cards_show_the_metrics_and_their_limits(opened):
     assert any(line.startswith("✗ over limit ") for line in lines)
 
 
+def test_every_word_of_a_limit_stands_in_its_card_and_every_value_in_its_row(opened):
+    """Of metrics within their limits and over them."""
+    tab = opened()
+    tab.evaluate("for (const one of document.querySelectorAll('.timeline .value')) one.className = 'value over'")
+    words = {"within": 0, "over": 0}
+    for card in tab.locator(".metric").all():
+        for line in card.locator(".limit").all():
+            words["over" if "over" in line.inner_text() else "within"] += 1
+            assert_inside(line, card)
+    assert min(words.values()) > 0
+    rows = tab.locator(".timeline .name").all(), tab.locator(".timeline .value").all()
+    assert len(rows[0]) > 0
+    for name, value in zip(*rows, strict=True):
+        beside, own = name.bounding_box(), value.bounding_box()
+        assert beside["y"] - 1 <= own["y"] + own["height"] / 2 <= beside["y"] + beside["height"] + 1
+
+
+def assert_inside(one, other):
+    """That one element lies in another, within a pixel."""
+    inner, outer = one.bounding_box(), other.bounding_box()
+    for side, size in (("x", "width"), ("y", "height")):
+        assert outer[side] - 1 <= inner[side]
+        assert inner[side] + inner[size] <= outer[side] + outer[size] + 1
+
+
 def test_a_run_opens_with_its_verdict(opened):
     tab, run = opened(), sample()
     assert tab.inner_text("#verdict") == run.verdict

@@ -14,6 +14,7 @@ from distretarget.ik.spg import Reason
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, clip_metrics, metrics_at
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
+from distretarget.skeleton import POSITION_CHANNELS
 
 FRAMES = 40
 SOLVER = {"iterations", "evaluations", "reason"}
@@ -165,7 +166,7 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     result = run()
     warnings = list(result_with(effort=replace(result.effort, reasons=reasons)).warnings)
     assert len(warnings) == 1
-    assert warnings[0].startswith("frames not converged 3, limit 0; worst in frame 7; likely cause: ")
+    assert warnings[0].startswith("frames not converged 3, limit 0; worst in frame 7; cause: the solver stopped after ")
 
 
 @pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])
@@ -219,12 +220,12 @@ def test_the_shortest_clips_have_a_line_and_json(frames):
 
 
 def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
-    offsets = np.outer([0.0, 1, 1], [0, 1.0, 0])
+    offsets, turns = np.outer([0.0, 1, 1], [0, 1.0, 0]), ("Zrotation", "Xrotation", "Yrotation")
     chain = Skeleton(
         names=tuple("abc"),
         parents=[-1, 0, 1],
         offsets=offsets,
-        channels=(("Zrotation", "Xrotation", "Yrotation"),) * 3,
+        channels=((*POSITION_CHANNELS, *turns), turns, turns),
         end_sites=[False] * 3,
     )
     source = swaying(chain)

@@ -14,7 +14,8 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
 from distretarget.measure.gaps import measure_skin_gap
 from distretarget.measure.skin import find_skin
-from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, SPEED, Core, _slowed
+from distretarget.scene import apart
+from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
 from distretarget.scene.bodies import COUNT, Bodies, PropShape
 from distretarget.scene.prop_surface import Surface
 from distretarget.scene.scene_file import load_scene
@@ -22,6 +23,9 @@ from distretarget.skin.capsules import IS_ARM
 
 FAT = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.7]) for part, ends in average_build("adult").parts.items()})
 UP = np.array([0.0, 1.0, 0.0])
+SPEED = (
+    0.1  # two performers part at most this fast; written here, so that the test does not follow the code [body units/s]
+)
 
 
 @cache
@@ -72,6 +76,20 @@ def test_they_part_before_they_have_to_and_slowly():
     assert np.all(parted >= need - 1e-12)
     assert np.abs(np.diff(parted)).max() < 0.0101
     assert parted[0] < 0.01
+
+
+@pytest.mark.parametrize("name", ["waltz", "lift"])
+def test_on_both_feet_they_part_by_a_fiftieth_of_a_body_a_second_at_most(monkeypatch, name):
+    allowed = []
+
+    def slowed(ways, speed, frames):
+        allowed.append(speed)
+        return _slowed(ways, speed, frames)
+
+    monkeypatch.setattr(apart, "_slowed", slowed)
+    motions, _ = scene(name)
+    solved(motions, builds=[Builds(target=FAT)] * len(motions))
+    assert np.max(np.concatenate(allowed)) / motions[0].frame_time == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize("name", ["waltz", "lift"])

@@ -238,10 +238,11 @@ def test_readers_that_cannot_read_a_result_are_named(folder):
     odd = CLIP.replace("JOINT LeftHip\n", "JOINT H\udcfcfte\n").split("MOTION")[0]
     odd = re.sub(r"(JOINT Head\s*{\s*OFFSET.*\s*)CHANNELS.*", r"\1CHANNELS 0", odd)
     (folder / "odd.bvh").write_bytes(odd.encode("utf-8", "surrogateescape"))
-    told = run("in.bvh", "odd.bvh", "-o", "out.bvh")
+    assert "pybvh" not in run("in.bvh", "odd.bvh", "-o", "quiet.bvh").stderr
+    told = run("in.bvh", "odd.bvh", "-o", "out.bvh", "-v")
     assert "bvhio and pybvh cannot read names that are not UTF-8, as 'H\\udcfcfte'; rename" in told.stderr
     assert "positions of the root alone, and 'Head' has 0 channels" in told.stderr
-    assert told.stderr == run("scene", "in.bvh", "-t", "odd.bvh", "-o", "out").stderr.replace("in.bvh: ", "")
+    assert "pybvh" not in run("scene", "in.bvh", "-t", "odd.bvh", "-o", "out").stderr
     run("batch", "in.bvh", "odd.bvh", "-o", "many", "--jobs", "1")
     notes = last_records(folder / "many")["in.bvh"]["notes"]
     assert [note.partition(" ")[0] for note in notes[-2:]] == ["bvhio", "pybvh"]

@@ -76,10 +76,28 @@ def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
     assert "skin" not in said(GOOD)
 
 
+@pytest.mark.parametrize(
+    ("gap", "words"),
+    [
+        (None, "The source has no self-contacts;"),
+        (0.02, "Skin touches as in the source, within 0.1 % of the height;"),
+        (0.5, "Skin touches as in the source, within 0.5 % of the height;"),
+        (1.6, "Skin contacts off by 1.6 % of the height on average;"),
+    ],
+)
+def test_contacts_of_skins(gap, words):
+    deep = TRACKS | {"skin_depth": Track(np.zeros((2, 2)), parts=("left hand", "right hand"))}
+    assert said(GOOD | {"skin_depth": 0.0, "skin_gap": gap}, tracks=deep).startswith(words)
+
+
 def test_hips_that_are_off_are_named_with_their_frame_and_are_over_the_limit():
-    text = said(GOOD | {"hips_height_largest": 7.2})
-    assert "hips height off by up to 7 % of a leg at frame 1" in text
+    text = said(GOOD | {"hips_height_largest": 12.2})
+    assert "hips height off by up to 12 % of a leg at frame 1" in text
     assert text.endswith(" Check: largest hips height.")
+    text = said(GOOD | {"hips_height_largest": 3.2, "hips_height": 3.0})
+    assert "hips height off by up to 3 % of a leg at frame 1" in text
+    assert text.endswith(" Check: hips height.")
+    assert "hips height kept within 7.2 % of a leg" in said(GOOD | {"hips_height_largest": 7.2, "hips_height": 1.0})
 
 
 def test_nothing_measured_claims_nothing():

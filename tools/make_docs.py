@@ -82,7 +82,7 @@ def limit_table() -> str:
         for metric in METRICS
         if (limit := metric.limit)
     )
-    return table(("metric", "above", "means", "likely cause"), rows)
+    return table(("metric", "above", "means", "usual cause"), rows)
 
 
 def fault_table() -> str:

@@ -18,18 +18,25 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
-from distretarget.io.bvh_writer import refusals
+from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, character_animation, content_of
+from distretarget.io.motion_writer import (
+    DEFAULT_OUTPUT,
+    OUTPUTS,
+    NamedClip,
+    OutputSettings,
+    as_written,
+    character_animation,
+    content_of,
+)
 from distretarget.io.target_file import TargetFile, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import RetargetResult, labels_of
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
@@ -138,7 +145,11 @@ def _converted(job: Job) -> Result:
         contacts=job.contacts,
     )
     kinds = {name: OUTPUTS[PurePath(name).suffix] for name in job.outputs}
-    refused = refusals(result.motion.skeleton) if "BVH" in kinds.values() else ()
+    name, main = next(iter(kinds.items()))
+    clip = recipe.writing.clip(result.motion, PurePath(name).stem, result.world.up_vector)
+    result = replace(result, motion=as_written(result.motion, main, recipe.writing.precision, target))
+    body = result.motion.skeleton
+    refused = (*refusals(body), *python_refusals(body)) if "BVH" in kinds.values() else ()
     record: ManifestRecord = {
         **job.record,
         "status": "done",
@@ -150,16 +161,14 @@ def _converted(job: Job) -> Result:
         "alignment": alignment_text(result.matching),
     }
     report = run_page(result, job.about, target.target, job.source) if job.about else ""
-    return Result(record, _outputs(kinds, recipe.writing, target, result), report)
+    clip = replace(clip, labels=result.labels) if "arrays" in kinds.values() else clip
+    return Result(record, _outputs(kinds, recipe.writing, target, clip), report)
 
 
 def _outputs(
-    kinds: Mapping[str, str], writing: OutputSettings, target: TargetFile, result: RetargetResult
+    kinds: Mapping[str, str], writing: OutputSettings, target: TargetFile, clip: NamedClip
 ) -> dict[str, Output]:
     """The contents of the results of a clip, by their names."""
-    clip = writing.clip(result.motion, PurePath(next(iter(kinds))).stem, result.world.up_vector)
-    if "arrays" in kinds.values():
-        clip = replace(clip, labels=labels_of(result))
     return {
         name: character_animation(target, clip)
         if kind == "character"

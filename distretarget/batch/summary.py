@@ -22,12 +22,14 @@ from distretarget.batch.record import ManifestRecord
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
-from distretarget.measure.metrics import SUFFIXES, Metric, Variant, metrics_at
+from distretarget.measure.metrics import Metric, of_columns
+from distretarget.measure.verdict import faults
 from distretarget.numerics.vectors import Array, angles_between, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 LISTED = 20  # most clips listed as failed, or as left out
-WORST = 3  # most clips listed as the worst by a metric
+LOOK_AT = 10  # most clips listed as those to look at
+REASONS = 2  # most reasons to look at a clip
 ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
 MOST_SPREAD = 8.0  # of the alignments of clips of one rig [degrees]
 SCALE = 32767.0  # of quaternions as whole numbers
@@ -60,7 +62,7 @@ class Tally:
     workers: int = 1
     seconds: float = 0.0
     alignments: Sequence[str] = ()
-    _worst: dict[Metric, list[ManifestRecord]] = field(default_factory=dict)
+    _look_at: list[tuple[float, str]] = field(default_factory=list)  # how bad each clip is, and why
     _failures: list[str] = field(default_factory=list)
     _left_out: list[str] = field(default_factory=list)
 
@@ -75,9 +77,9 @@ class Tally:
         elif record["status"] == "done":
             self.done += 1
             self.frames += record["frames"]
-            self.warned += bool(record["warnings"])
-            for metric in metrics_at("worst clips"):
-                self._worst[metric] = worst([*self._worst.get(metric, ()), record], metric)[:WORST]
+            if record["warnings"]:
+                self.warned += 1
+                self._look_at = sorted([*self._look_at, _why(record)], reverse=True)[:LOOK_AT]
         else:
             self.failed += 1
             if self.failed <= LISTED:
@@ -98,11 +100,9 @@ class Tally:
             rate = f"{self.frames / self.seconds:,.0f} frames/s with {counted(self.workers, 'job')}"
             lines.append(f"{frames} in {self.seconds:.1f} s, {rate}")
         if self.warned:
-            lines.append(f"{self.warned} of {self.done} have warnings, which are in metrics.csv")
-        for metric, records in self._worst.items():
-            if bad := [_compared(one, metric) for one in records if value(one, metric) > metric.least]:
-                unit = f" [{metric.symbol}]" if metric.symbol else ""
-                lines.append(f"worst {metric.label}{unit}: {', '.join(bad)}")
+            some = f", the worst {LOOK_AT} of which are here" if self.warned > LOOK_AT else ""
+            lines.append(f"look at {self.warned} of {self.done} clips, worst first{some}; metrics.csv has the frames:")
+            lines += [why for _, why in self._look_at]
         left_out = _listing("left out:", self._left_out, self.left_out)
         return [*lines, *self.alignments, *left_out, *self.failures]
 
@@ -112,10 +112,11 @@ class Tally:
         return _listing("failed:", self._failures, self.failed)
 
 
-def _compared(record: ManifestRecord, metric: Metric) -> str:
-    """A clip and its metric, beside that of copied rotations."""
-    own, copy = (metric.brief(value(record, metric, side)) for side in ("result", "rotation_copy"))
-    return f"{record['output']} ({own}, copied rotations {copy})"
+def _why(record: ManifestRecord) -> tuple[float, str]:
+    """How many times its worst limit a clip is off, 0 within all limits, and why to look at it."""
+    found = faults(of_columns(record["metrics"]))
+    words = "; ".join(words for _, words in found[:REASONS]) or record["warnings"][0]
+    return found[0][0] if found else 0.0, f"  {record['output']}: {words}"
 
 
 def _listing(title: str, lines: list[str], count: int) -> list[str]:
@@ -129,9 +130,9 @@ def worst(records: Iterable[ManifestRecord], metric: Metric) -> list[ManifestRec
     return sorted(records, key=lambda record: -value(record, metric))
 
 
-def value(record: ManifestRecord, metric: Metric, of: Variant = "result") -> float:
+def value(record: ManifestRecord, metric: Metric) -> float:
     """Return a metric of a clip, 0 where nothing was to be measured."""
-    return record["metrics"].get(metric.key + SUFFIXES[of]) or 0.0
+    return record["metrics"].get(metric.key) or 0.0
 
 
 def alignment_text(matching: Matching) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
+from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments, frames, proportions
 from distretarget.checks import brief, check_kind
@@ -152,7 +153,7 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
     if mesh is None:
         return _as_thick(average_for(body).on(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
-    return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
+    return _as_thick(fit_capsules(bare_mesh(body, mesh), bound, tuple(_parts(body))), radii or {})
 
 
 @found_once

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.motion import Motion
+from distretarget.motion import Motion, rounded, single_precision
 from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import LARGEST, Skeleton
 
@@ -144,6 +144,14 @@ class Character:
             rotations={nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)},
             posed=frozenset(self.nodes.tolist()),
         )
+
+    def in_single_precision(self, motion: Motion) -> Motion:
+        """Return a motion of the skeleton whose numbers are rounded as the file's are: the root's path in the space of
+        the node above it.
+        """
+        parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
+        path = parent.inv().apply(motion.root_positions - self.origin) / scale
+        return replace(single_precision(motion), root_positions=parent.apply(rounded(path) * scale) + self.origin)
 
 
 def _continuous(rotations: Array) -> Array:

@@ -150,7 +150,7 @@ def _lines(metrics: DiffDocument, verdict: Sequence[str], verbose: bool) -> Iter
     if verbose:
         yield from ("", *_table(metrics["metrics"]["source"], metrics["metrics"]["result"]), "")
     yield from verdict
-    for metric in metrics_at("worst clips"):
+    for metric in metrics_at("diff"):
         if worst := _worst_frames(metric, metrics["frames"]):
             yield f"worst frames by {metric.label}: {worst}"
     if verbose:

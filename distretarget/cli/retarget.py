@@ -40,18 +40,18 @@ from distretarget.cli.skeleton import headline, unused
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames
-from distretarget.io.bvh_writer import bvh_parts, refusals
+from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
+from distretarget.io.motion_writer import OUTPUTS, OutputSettings, as_written, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Options
-from distretarget.pipeline.result import RetargetResult, labels_of
+from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
@@ -153,7 +153,8 @@ def retarget_command(
         written = replace(written, skeleton=written.skeleton.without_namespaces)
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
     named = settings.clip(written, name, result.world.up_vector)
-    named = replace(named, labels=labels_of(result)) if kind == "arrays" else named
+    result = replace(result, motion=as_written(result.motion, kind, settings.precision, body))
+    named = replace(named, labels=result.labels) if kind == "arrays" else named
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
@@ -168,7 +169,8 @@ def retarget_command(
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
     warnings = (*parts_without_source(result.matching), *lost, *left_out, *result.warnings)
     say(*(f"warning: {warning}" for warning in warnings), err=True)
-    say(*(refusals(written.skeleton) if kind == "BVH" else ()), err=True)
+    if kind == "BVH":
+        say(*refusals(written.skeleton), *(python_refusals(written.skeleton) if verbose else ()), err=True)
     say(summary_line(result, seconds))
 
 

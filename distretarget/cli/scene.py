@@ -6,6 +6,7 @@ import contextlib
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ from distretarget.io.files import (
     write_whole,
 )
 from distretarget.io.input_file import MOTION_SUFFIXES, load_file
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, as_written, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page
@@ -261,7 +262,11 @@ def _retargeted(
         [*content_of(*each, DEFAULT_OUTPUT)] for each in zip(outputs, clips, targets, strict=False)
     ]
     contents += [[*bvh_parts(prop.motion)] for prop in result.props]
-    seconds = time.perf_counter() - began
+    held = [
+        replace(one, motion=as_written(one.motion, OUTPUTS[path.suffix.lower()], target=target))
+        for one, path, target in zip(result.results, outputs, targets, strict=False)
+    ]
+    result, seconds = replace(result, results=tuple(held)), time.perf_counter() - began
     files = dict(zip(outputs, contents, strict=True))
     return result, files | ({report: scene_page(result, setup.names)} if report else {}), seconds
 

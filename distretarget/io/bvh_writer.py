@@ -150,22 +150,28 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
 
 
 def refusals(skeleton: Skeleton) -> Iterator[str]:
-    """Yield a line for each thing in a skeleton that some reader of BVH files refuses, with what helps; docs/interop.md
-    tests them.
-    """
-    joints = [joint for joint in skeleton.joints if not skeleton.end_sites[joint]]
-    names = [skeleton.names[joint] for joint in joints]
-    if spaced := [name for name in names if ":" in name]:
+    """Yield a line for names in a skeleton that three.js cannot play, with what helps; docs/interop.md tests it."""
+    if spaced := [name for name in _joint_names(skeleton) if ":" in name]:
         plain = spaced[0].rpartition(":")[2]
         yield f"three.js cannot play joints with names like {spaced[0]!r}; --strip-namespace writes {plain!r}"
-    if unknown := [name for name in names if SURROGATES.search(name)]:
+
+
+def python_refusals(skeleton: Skeleton) -> Iterator[str]:
+    """Yield a line for each thing in a skeleton that readers for Python refuse; docs/interop.md tests them."""
+    if unknown := [name for name in _joint_names(skeleton) if SURROGATES.search(name)]:
         yield f"bvhio and pybvh cannot read names that are not UTF-8, as {unknown[0]!r}; rename the target's joints"
+    joints = (joint for joint in skeleton.joints if not skeleton.end_sites[joint])
     if odd := [joint for joint in joints if not _is_usual(skeleton, joint)]:
         found = counted(len(skeleton.channels[odd[0]]), "channel")
         yield (
             "pybvh cannot read the result: it expects three rotations of each joint and positions of the root alone, "
             f"and {skeleton.names[odd[0]]!r} has {found}"
         )
+
+
+def _joint_names(skeleton: Skeleton) -> list[str]:
+    """The names of all joints but End Sites."""
+    return [skeleton.names[joint] for joint in skeleton.joints if not skeleton.end_sites[joint]]
 
 
 def _is_usual(skeleton: Skeleton, joint: int) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import NoneType
-from typing import Any, Literal, cast, get_args
+from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,8 @@ from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.smpl import smpl_parameters
 from distretarget.io.target_file import CharacterTarget, TargetFile
-from distretarget.io.vrma import vrma
-from distretarget.motion import Motion
+from distretarget.io.vrma import as_humanoid, vrma
+from distretarget.motion import Motion, single_precision
 from distretarget.numerics.rotations import RotationKind
 from distretarget.numerics.vectors import Array, level
 
@@ -49,6 +49,16 @@ NAMES = {"BVH": "BVH", "FBX": "FBX", "skeleton": "a skeleton file"}
 NO_FBX = "FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read"
 WITHOUT_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip file knows
 PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
+
+
+class Labelled(Protocol):
+    """A motion with labels of its frames, such as a `RetargetResult`."""
+
+    @property
+    def motion(self) -> Motion: ...
+
+    @property
+    def labels(self) -> Arrays: ...
 
 
 def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
@@ -86,7 +96,7 @@ def suffix_of(target: TargetFile, kind: str | None = None) -> str:
 
 def write_motion(
     path: str | Path,
-    motion: Motion,
+    motion: Motion | Labelled,
     character: str | Path | None = None,
     *,
     name: str | None = None,
@@ -99,7 +109,7 @@ def write_motion(
 
     Args:
         path: of the file; its ending says what it is.
-        motion: to write.
+        motion: to write; of a `RetargetResult`, arrays hold the labels of its frames, too.
         character: the path of the character's file, which `load_target` has read; for .bvh and .npz not needed.
         name: of the animation; the file's name without ending if not given.
         animations: "add" it to those in the character's file, or "replace" them.
@@ -110,34 +120,46 @@ def write_motion(
         FileError: the file exists and `overwrite` is false, it cannot be written, or the character cannot be.
         MotionError: the motion has other joints than the character.
     """
-    check_kind("motion", motion, Motion)
+    moved = _motion_of(motion)
     check_kind("name", name, str, NoneType)
     check_choice("animations", animations, ("add", "replace"))
     target = TargetFile.of(load_file(character)) if character is not None else None
-    given = OutputSettings(animations, in_place)
-    content = content_of(path, given.clip(motion, name or Path(path).stem), target, given)
-    write_whole(path, content, overwrite)
+    settings = OutputSettings(animations, in_place)
+    clip = settings.clip(moved, name or Path(path).stem)
+    if output_kind(path, target.file if target else None) == "arrays":
+        clip = replace(clip, labels=_labels_of(motion))
+    write_whole(path, content_of(path, clip, target, settings), overwrite)
+
+
+def _motion_of(given: object) -> Motion:
+    motion = getattr(given, "motion", given)
+    check_kind("motion", motion, Motion)
+    return cast(Motion, motion)
+
+
+def _labels_of(given: Motion | Labelled) -> Arrays:
+    return {} if isinstance(given, Motion) else given.labels
 
 
 def write_npz(
     path: str | Path,
-    motion: Motion,
+    motion: Motion | Labelled,
     rotations: RotationKind = "quaternion",
     overwrite: bool = False,
     precision: Precision = "float64",
 ) -> None:
     """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all; "float32" makes it half as large. Of a
-    body of SMPL it has `poses` and `trans` as well.
+    `RetargetResult` it has the labels of its frames as well, of a body of SMPL `poses` and `trans`.
 
     `numpy.load(path)` gives them back under their names, without pickle. Equal motions make equal files.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
     """
-    check_kind("motion", motion, Motion)
+    moved = _motion_of(motion)
     check_choice("precision", precision, get_args(Precision))
     settings = OutputSettings(rotations=rotations, precision=precision)
-    write_whole(path, settings.arrays(NamedClip(motion, "", {})), overwrite)
+    write_whole(path, settings.arrays(NamedClip(moved, "", {}, _labels_of(motion))), overwrite)
 
 
 def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
@@ -159,7 +181,7 @@ def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
 
 @dataclass(frozen=True)
 class NamedClip:
-    """A motion to write, its name, what to keep beside it, and arrays that say more of its frames (`labels_of`)."""
+    """A motion to write, its name, what to keep beside it, and arrays that label its frames."""
 
     motion: Motion
     name: str
@@ -217,6 +239,26 @@ def content_of(
             return [settings.arrays(clip)]
     assert target is not None
     return with_animations(path, target, [character_animation(target, clip)], settings.animations)
+
+
+def as_written(
+    motion: Motion, kind: OutputKind, precision: Precision = "float64", target: TargetFile | None = None
+) -> Motion:
+    """Return a motion as a file of this kind holds it; `precision` is that of arrays, `target` has the character.
+
+    glTF has single precision, seven digits, which is coarse far from the origin; a VRM animation has the bones of a
+    humanoid alone. BVH rounds to less than 1e-8 of the body and of a turn, which nothing measured here shows.
+    """
+    match kind:
+        case "BVH":
+            return motion
+        case "VRMA":
+            return single_precision(as_humanoid(motion))
+        case "arrays":
+            return motion if precision == "float64" else single_precision(motion)
+    assert target is not None
+    assert isinstance(target.target, CharacterTarget)
+    return target.target.character.in_single_precision(motion)
 
 
 def character_animation(target: TargetFile, clip: NamedClip) -> Animation:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +19,7 @@ from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.json_text import compact
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import Array, normalised
 from distretarget.skeleton import METRES
@@ -40,10 +42,7 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     Raises:
         MotionError: the body lacks bones that a VRM humanoid must have.
     """
-    body = Body.of(motion.skeleton, motion if len(motion) else None)
-    bones = humanoid_bones(body)
-    if missing := [bone for bone in REQUIRED if bone not in bones]:
-        raise MotionError(f"a VRM animation needs the bones {quoted(missing)}, which the target lacks")
+    body, bones = _humanoid(motion)
     upright = Rotation.from_matrix(body.reference.axes.T)
     rest = _t_pose(body, bones, upright)
     unit = METRES[motion.skeleton.units] if motion.skeleton.units else USUAL_HEIGHT / body.height
@@ -64,6 +63,31 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     animation = Animation(name, len(motion), motion.frame_time_text, translations, rotations, extras=extras)
     document = compact(_document(bones, number, parents, offsets))
     return animated(parse_gltf(document.encode(), "animation.vrma"), [animation])
+
+
+def as_humanoid(motion: Motion) -> Motion:
+    """Return a motion as a VRM animation holds it: all joints but the bones of the humanoid follow their parents, bones
+    keep their lengths, and the hips keep their place. Errors as in `vrma`.
+    """
+    skeleton, (_, bones) = motion.skeleton, _humanoid(motion)
+    world, kept = motion.world_rotations, set(bones.values())
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if joint not in kept:
+            world[:, joint] = world[:, parent] if joint else [0.0, 0.0, 0.0, 1.0]
+    make_local(skeleton.parents, world)
+    held = Motion(skeleton, motion.root_positions, world, motion.frame_time_text)
+    hips = np.array([bones["hips"]])
+    away = motion.positions_of(hips) - held.positions_of(hips)
+    return replace(held, root_positions=held.root_positions + away[:, 0])
+
+
+def _humanoid(motion: Motion) -> tuple[Body, dict[str, int]]:
+    """The body in a motion, and the joint of each bone of the humanoid; a MotionError if it lacks one."""
+    body = Body.of(motion.skeleton, motion if len(motion) else None)
+    bones = humanoid_bones(body)
+    if missing := [bone for bone in REQUIRED if bone not in bones]:
+        raise MotionError(f"a VRM animation needs the bones {quoted(missing)}, which the target lacks")
+    return body, bones
 
 
 def _height(places: Array, stated: float) -> float:

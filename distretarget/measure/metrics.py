@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any, Literal
 
 import numpy as np
 
+from distretarget.numerics.time_series import spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers
 
 Variant = Literal["source", "rotation_copy", "result"]
@@ -46,6 +47,18 @@ class Track:
         return np.ones(self.values.shape, np.intp) if self.counts is None else self.counts.astype(np.intp)
 
 
+def middles(counts: Numbers) -> Numbers:
+    """Return the measurements, (frames, parts), in the middle third of each run of frames that have some, at least in
+    one frame; the others are 0.
+    """
+    within = np.zeros(counts.shape, np.intp)
+    for part, column in enumerate(counts.T):
+        for first, end in spans_of(column > 0):
+            third = (end - first - 1) // 3
+            within[first + third : end - third, part] = column[first + third : end - third]
+    return within
+
+
 Tracks = Mapping[str, Track]  # by the key of what was measured
 NOT_RUN: Tracks = {key: Track(np.zeros(0)) for key in ("pop", "not_converged")}  # of a motion that was not solved here
 Metrics = Mapping[Variant, Mapping[str, float | None]]  # of whole clips, by key; None where nothing was measured
@@ -59,7 +72,7 @@ class Limit:
     factor: float = 0.0  # 0 if the limit is the margin alone
     of: Literal["source", "rotation_copy"] = "source"  # the other motion
     reason: str  # what a value above the limit means
-    cause: str  # the most likely cause
+    cause: str  # the usual cause
 
     def value(self, key: str, metrics: Metrics) -> float | None:
         """The limit of the metric with this key; None where the other motion has no such metric."""
@@ -86,6 +99,8 @@ class Metric:
         meaning: what it measures.
         missing: why a clip may have no value; empty if every clip has one.
         track: the key of the track if another metric has the same.
+        touches: whether a measurement counts only in the middle third of each touch, a run of frames that have one; in
+            the others it says how early or late a touch begins and ends, not how well it is kept.
         reduction: how the track's values become the metric: the mean, the largest (at least 0), the 99th percentile, or
             the number of frames in which any value is above 0.
         judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
@@ -98,8 +113,8 @@ class Metric:
         decimals: of the number in the line of a run.
         least: values up to this are too small to look at.
         places: where the metric is shown besides the lists of all metrics: in the line of a run; in a report as a card,
-            a curve, or with pictures of its worst frames; as a column of the page over clips; in the lists of the worst
-            frames of a diff and the worst clips of a batch.
+            a curve, or with pictures of its worst frames; as a column of the page over clips; in the list of the
+            worst frames that a diff prints.
     """
 
     key: str
@@ -108,6 +123,7 @@ class Metric:
     unit: str = ""
     missing: str = ""
     track: str = ""
+    touches: bool = False
     reduction: Literal["mean", "largest", "percentile 99", "frames"] = "mean"
     judged: Literal["value", "ratio"] = "value"
     still: float = 0.0
@@ -117,7 +133,7 @@ class Metric:
     factor: float = 1.0
     decimals: int = 2
     least: float = 0.0
-    places: tuple[Literal["line", "card", "curve", "worst frames", "page over clips", "worst clips"], ...] = ()
+    places: tuple[Literal["line", "card", "curve", "worst frames", "page over clips", "diff"], ...] = ()
 
     @property
     def symbol(self) -> str:
@@ -136,7 +152,7 @@ class Metric:
 
     def of_clip(self, tracks: Tracks) -> float | None:
         """The metric of the whole clip; None where nothing was to be measured."""
-        track = tracks[self.track or self.key]
+        track = self._judged_track(tracks)
         values = track.values if track.counts is None else track.values[track.counts > 0]
         if not values.size:
             return None
@@ -151,7 +167,7 @@ class Metric:
 
     def over_time(self, tracks: Tracks, frames: int) -> Array:
         """(frames,), the metric of each frame; nan where nothing was to be measured, as in rows that are missing."""
-        track = tracks[self.track or self.key]
+        track = self._judged_track(tracks)
         values, weights = (a if a.ndim == 2 else a[:, None] for a in (track.values, track.weights))
         values = np.where(weights > 0, values, 0.0)
         if self.reduction in ("largest", "frames"):
@@ -165,10 +181,15 @@ class Metric:
 
     def worst(self, tracks: Tracks) -> tuple[int, str]:
         """The frame of the largest value, and the name of its part, if any; something must have been measured."""
-        track = tracks[self.track or self.key]
+        track = self._judged_track(tracks)
         values = np.where(track.weights > 0, track.values, -np.inf)
         frame, *part = np.unravel_index(values.argmax(), values.shape)
         return int(frame), track.parts[part[0]] if part and track.parts else ""
+
+    def _judged_track(self, tracks: Tracks) -> Track:
+        """What was measured, without measurements that do not count."""
+        track = tracks[self.track or self.key]
+        return replace(track, counts=middles(track.weights)) if self.touches else track
 
     def judgement(self, value: float | None, source: float | None) -> float | None:
         """The number that `--fail-over` limits, from the values of result and source; None if it is not known."""
@@ -231,6 +252,14 @@ COLUMNS: dict[str, tuple[Variant, Metric]] = {
 def in_columns(metrics: Metrics) -> dict[str, float | None]:
     """Return the metrics of a clip, by `COLUMNS`; None where nothing was measured."""
     return {name: metrics.get(side, {}).get(metric.key) for name, (side, metric) in COLUMNS.items()}
+
+
+def of_columns(values: Mapping[str, float | None]) -> Metrics:
+    """Return the metrics of a clip from those in one list, the inverse of `in_columns`."""
+    sides: dict[Variant, dict[str, float | None]] = {side: {} for side in SUFFIXES}
+    for name, (side, metric) in COLUMNS.items():
+        sides[side][metric.key] = values.get(name)
+    return sides
 
 
 def metrics_at(place: str) -> tuple[Metric, ...]:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.engine_root import EngineRoot, find_engine_root
+from distretarget.baseline.root_path import along_channels
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
+from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
 from distretarget.errors import MotionError
@@ -83,7 +85,7 @@ def match_performer(
     pairs = {**goal.map, **(joint_map or {})}
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
-    found = Match(world, matching, skins, goal.mesh() if skins and not builds.target else None)
+    found = Match(world, matching, skins, _bare(goal) if skins and not builds.target else None)
     if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
@@ -108,6 +110,13 @@ def _find_skins(matching: Matching, goal: Target, given: object, options: Option
     build = None if options.skin == "average" else _build_for(given, builds)
     target = built(matching.target, build) if build or options.skin == "average" else target_capsules(goal)
     return Skins.of(matching, built(matching.source, builds.source), target)
+
+
+@lru_cache(maxsize=4)
+def _bare(target: Target) -> SkinnedMesh | None:
+    """The mesh of a target without what its hands hold, cached for a batch of clips with the same target."""
+    mesh = target.mesh()
+    return mesh and bare_mesh(Body.of(target.skeleton, target.motion), mesh)
 
 
 @lru_cache(maxsize=4)
@@ -164,7 +173,8 @@ class Performer:
         self.clip.copy.forget()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
-        motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
+        body = self.match.matching.body_joints
+        motion, copy = (along_channels(self.engine_root.placed(each), body) for each in (posed, self.clip.copy))
         check_finite(motion)
         check_places(posed, self.clip)
         for each in (motion, copy):  # what is written needs no positions

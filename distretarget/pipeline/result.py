@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.baseline.root_path import path_carriers
 from distretarget.baseline.world import World
 from distretarget.body.body import Body
 from distretarget.contact_entries import NO_CONTACTS, ContactList
@@ -30,13 +31,13 @@ from distretarget.numerics.vectors import Array, lengths
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import RESTS, Supports
+from distretarget.pipeline.causes import Causes
 from distretarget.rig import found_once
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 Labels = dict[str, NDArray[Any]]
 
-STRAIGHT = 0.99  # a leg whose ankle is farther than this from its hip joint is straight [leg lengths]
 REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
@@ -178,13 +179,41 @@ class RetargetResult:
         return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
+    def labels(self) -> Labels:
+        """The labels of the frames, as `write_npz` writes them. All results on one target have the same names.
+
+        - `support_names`, (joints,), and `support_weights`, (frames, joints): the target's joints, and how firmly each
+          rests on the world, 1 while the source's joint rests, blended to 0.
+        - `contact_names`, (pairs,), and `contact_gaps`, (frames, pairs): the regions of the body that can touch, and
+          while they touch in the source how far their nearest joints are apart in the result [file units]; nan while
+          they do not.
+        - `shots`, (frames,): the number of the shot of each frame, from 0; it goes up at a cut.
+        - `not_converged`, (frames,): whether the solver did not converge.
+        - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
+          above it, of the metrics that are over their limits in the clip as a whole.
+        """
+        return _labels(self)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings, one line each: metrics over their limits, metrics worse than the rotation copy's, and resting
         joints that do not reach their places.
         """
-        return (*limit_warnings(self.metrics, self.tracks), *self._missed_places(), *self.unmet)
+        causes = Causes(self.motion, self.matching, self.supports, self.effort)
+        return (
+            *limit_warnings(self.metrics, self.tracks, causes.of),
+            *self._missed_places(causes),
+            *self._lost_path(),
+            *self.unmet,
+        )
 
-    def _missed_places(self) -> Iterator[str]:
+    def _lost_path(self) -> Iterator[str]:
+        travels = len(self.source) > 0 and np.ptp(self.source.root_positions, axis=0).any()
+        if travels and path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
+            root = self.motion.skeleton.names[0]
+            yield f"the body stays in place: the target's root {root!r} and the joints below lack position channels"
+
+    def _missed_places(self, causes: Causes) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys
         away = lengths(self.motion.positions_of(held.joints) - held.places) / self.matching.target.unit
         short = np.where((held.weights > RESTS) & (away > REACH), away, 0.0)
@@ -192,22 +221,15 @@ class RetargetResult:
         if len(frames):
             worst, support = np.unravel_index(short.argmax(), short.shape)
             short_of = dict.fromkeys(keys[joint] for joint in held.joints[short.any(axis=0)])  # an ankle may be its toe
+            leg = causes.leg_of(int(support))
+            stretched = leg is not None and causes.is_straight(leg, int(worst))
             missing = 200 * short[worst, support]  # a body unit is twice the leg's length
             yield (
                 f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
                 f"{frames[0]}): {quoted(short_of)}; most: "
                 f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
-                f"{', by reach: the leg is straight' if self._is_stretched(int(support), int(worst)) else ''}"
+                f"{', by reach: the leg is straight' if stretched else ''}"
             )
-
-    def _is_stretched(self, support: int, frame: int) -> bool:
-        """Whether a support is a foot's and its leg is straight in a frame."""
-        if self.matching.legs is None or support >= self.supports.feet:
-            return False
-        leg, motion = self.matching.legs[1][support // 2], self.motion
-        x = motion[frame].positions[0]
-        reach = x[leg.ankle] - x[leg.hip]
-        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.paths_from(leg.hip)[leg.ankle])
 
 
 @found_once
@@ -221,24 +243,17 @@ def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | N
     return Undersides.of(matching, (skins.source.capsules, skins.target.capsules), mesh) if skins else None
 
 
-def labels_of(result: RetargetResult) -> Labels:
-    """Return the labels of the frames of a result.
-
-    - `support_names`, (supports,), and `support_weights`, (frames, supports): joints that rest on the world, and how
-      firmly, 1 while the source's joint rests, blended to 0. Foot joints come first.
-    - `contact_names`, (pairs,), and `contact_gaps`, (frames, pairs): the regions of the body that can touch, and while
-      they touch in the source how far their nearest joints are apart in the result [file units]; nan while they do not.
-    - `shots`, (frames,): the number of the shot of each frame, from 0; it goes up at a cut.
-    - `not_converged`, (frames,): whether the solver did not converge.
-    - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
-      above it, of the metrics that are over their limits in the clip as a whole.
-    """
-    keys, supports = result.motion.skeleton.keys, result.supports
+def _labels(result: RetargetResult) -> Labels:
+    supports = result.supports
+    weights = np.zeros((len(result.motion), len(result.motion.skeleton)))
+    for joint, weight in zip(supports.joints, supports.weights.T, strict=True):  # an ankle may be its toe
+        weights[:, joint] = np.maximum(weights[:, joint], weight)
+    contact_names, contact_gaps = _contact_gaps(result)
     return {
-        "support_names": np.array([keys[joint] for joint in supports.joints], np.str_),
-        "support_weights": supports.weights,
-        "contact_names": np.array(result.comparison.contacts.candidates.names, np.str_),
-        "contact_gaps": _contact_gaps(result),
+        "support_names": np.array(result.motion.skeleton.keys, np.str_),
+        "support_weights": weights,
+        "contact_names": np.array(contact_names, np.str_),
+        "contact_gaps": contact_gaps,
         "shots": result.matching.source.shots_of(result.source),
         "not_converged": result.run_tracks["not_converged"].values > 0.0,
         "flag_names": np.array([metric.key for metric in JUDGED], np.str_),
@@ -246,12 +261,16 @@ def labels_of(result: RetargetResult) -> Labels:
     }
 
 
-def _contact_gaps(result: RetargetResult) -> NDArray[np.float64]:
-    contacts, positions = result.comparison.contacts, result.motion.positions
-    gaps = np.full((len(positions), len(contacts.candidates.names)), np.nan)
+def _contact_gaps(result: RetargetResult) -> tuple[list[str], NDArray[np.float64]]:
+    """The pairs of regions of the target that are no neighbours, and their gaps."""
+    contacts, regions, positions = result.comparison.contacts, result.matching.target.regions, result.motion.positions
+    pairs = np.argwhere(np.triu(~regions.neighbours, 1)).tolist()
+    names = [f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs]
+    columns = np.array([names.index(name) for name in contacts.candidates.names], np.intp)
+    gaps = np.full((len(positions), len(names)), np.nan)
     apart = positions[contacts.frame, contacts.u] - positions[contacts.frame, contacts.v]
-    gaps[contacts.frame, contacts.regions] = lengths(apart)
-    return gaps
+    gaps[contacts.frame, columns[contacts.regions]] = lengths(apart)
+    return names, gaps
 
 
 def _flags(result: RetargetResult) -> NDArray[np.bool_]:

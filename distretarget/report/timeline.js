@@ -92,8 +92,8 @@ export async function buildTimeline(rows) {
     return {row, track, name, value};
   }));
   $('timeline').hidden = !parts.length;
-  const line = element('i', {class: 'line'}), over = element('div', {class: 'over'}, line);
-  $('timeline').append(...parts.flatMap(({name, track, value}) => [name, track, value]), over);
+  const line = element('i', {class: 'line'}), overlay = element('div', {class: 'overlay'}, line);
+  $('timeline').append(...parts.flatMap(({name, track, value}) => [name, track, value]), overlay);
   buildCopying(parts);
   onFrame(frame => {
     line.style.left = `${(frame + 0.5) / clock.count * 100}%`;

@@ -1,0 +1,71 @@
+"""The mesh of a body without what it holds: swords, shields and other props that have no joint of their own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from distretarget.body.body import Body
+from distretarget.body.segments import find_segments, frames
+from distretarget.numerics.vectors import Flags, Numbers, lengths
+from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.mesh import Looks, SkinnedMesh
+
+REACH = 2.8  # how far from the wrist a hand reaches at most; fingertips are 1.8 from it on average [palms]
+SAME_PLACE = 1e-6  # vertices this near to each other are one [sizes of the mesh]
+
+
+def bare_mesh(body: Body, mesh: SkinnedMesh) -> SkinnedMesh:
+    """Return a mesh without the pieces that hands carry: those that are joined to nothing else, move with one hand and
+    its forearm alone, and reach farther from its wrist than a hand can. `whole` keeps them.
+    """
+    skeleton, segments = body.skeleton, find_segments(body).of_joint
+    strongest = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
+    of_vertex, pieces = segments[strongest], _pieces(mesh)
+    prop = np.zeros(len(mesh.vertices), bool)
+    for part, palm in frames(body):
+        side, _, name = part.partition(" ")
+        if name == "palm":
+            arm = [SEGMENTS.index(f"{side} {each}") for each in ("hand", "forearm")]
+            wrist = skeleton.rest_positions[palm.carriers[0][0]]
+            far = lengths(mesh.vertices - wrist) > REACH * palm.length
+            of_hand, of_arm = of_vertex == arm[0], np.isin(of_vertex, arm)
+            prop |= _any(pieces, of_hand & far) & ~_any(pieces, ~of_arm)
+    return _without(mesh, prop) if prop.any() else mesh
+
+
+def _pieces(mesh: SkinnedMesh) -> Numbers:
+    """(vertices,), the number of the piece of the mesh that each vertex belongs to; triangles that share a corner are
+    in one piece.
+    """
+    size = np.ptp(mesh.vertices, axis=0).max() or 1.0
+    places = np.round(mesh.vertices / (SAME_PLACE * size)).astype(np.int64)
+    same = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    a, b = same[mesh.triangles[:, [0, 1]]].ravel(), same[mesh.triangles[:, [1, 2]]].ravel()
+    count = int(same.max()) + 1
+    joined = coo_array((np.ones(len(a)), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(joined, directed=False)[1][same], np.intp)
+
+
+def _any(pieces: Numbers, chosen: Flags) -> Flags:
+    """(vertices,), whether any vertex of the piece of each is chosen."""
+    return np.asarray(np.bincount(pieces, chosen, minlength=len(pieces))[pieces] > 0)
+
+
+def _without(mesh: SkinnedMesh, gone: Flags) -> SkinnedMesh:
+    """A mesh without some vertices, and without the triangles on them."""
+    number = np.cumsum(~gone) - 1
+    kept = ~gone[mesh.triangles].any(axis=1)
+    looks = mesh.looks and Looks(mesh.looks.materials, mesh.looks.of_triangle[kept], mesh.looks.uv[~gone])
+    return replace(
+        mesh,
+        vertices=mesh.vertices[~gone],
+        joints=mesh.joints[~gone],
+        weights=mesh.weights[~gone],
+        triangles=number[mesh.triangles[kept]],
+        looks=looks,
+        whole=mesh.whole or mesh,
+    )

@@ -1,0 +1,135 @@
+"""Why a metric of a result is over its limit in a frame: what the run itself shows of it, or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from distretarget.body.anatomy import SIDES
+from distretarget.ik.spg import Effort
+from distretarget.matching.matching import Matching
+from distretarget.measure.metrics import Metric
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
+from distretarget.objectives.supports import RESTS, Supports
+
+STRAIGHT = 0.99  # a limb whose end is farther than this from its top is straight [lengths of the limb]
+SUDDEN = 0.02  # a joint comes to rest or leaves its rest if its weight changes by more than this to the next frame
+
+# Metrics that are off where a limb is too short, where a joint comes to rest too suddenly, where a limb is held by
+# something else, and where the bodies were aligned in poses in which nobody stands.
+OF_REACH = (
+    "skin_gap",
+    "foot_skate",
+    "foot_height",
+    "ankle_height",
+    "hips_height_largest",
+    "support_skate",
+    "support_height",
+)
+OF_RESTS = ("pop", "turn")
+OF_HOLDS = ("skin_depth",)
+OF_ALIGNMENT = ("head_tilt", "palm_turn", "sole_tilt", "heading")
+
+
+@dataclass(frozen=True)
+class Limb:
+    """An arm or a leg of the target."""
+
+    name: str
+    top: int  # the shoulder's or the hip's joint
+    end: int  # the wrist or the ankle
+
+
+@dataclass(frozen=True, eq=False)
+class Causes:
+    """What a run knows of the causes of what is wrong in its result."""
+
+    motion: Motion
+    matching: Matching
+    supports: Supports
+    effort: Effort
+
+    def of(self, metric: Metric, frame: int, part: str) -> str:
+        """Return what was found in a frame that explains a metric over its limit in a part, the key of a joint or the
+        name of a limb such as "left hand"; empty if nothing was found.
+        """
+        if metric.key == "not_converged":
+            return f"the solver stopped after {self.effort.iterations[frame]} steps"
+        if metric.key in OF_ALIGNMENT:
+            return self._of_alignment()
+        joint = self._joint(part)
+        limb = None if joint is None else next((one for one in self._limbs() if self._is_below(joint, one.top)), None)
+        if joint is None or limb is None:
+            return ""
+        if metric.key in OF_REACH and self._is_below(joint, limb.end) and self.is_straight(limb, frame):
+            return f"the {limb.name} is straight and reaches no farther"
+        if metric.key in OF_RESTS:
+            return self._of_rests(limb, frame)
+        return self._of_holds(limb, frame) if metric.key in OF_HOLDS else ""
+
+    def is_straight(self, limb: Limb, frame: int) -> bool:
+        """Whether a limb is straight in a frame."""
+        x = self.motion[frame].positions[0]
+        reach = self.motion.skeleton.paths_from(limb.top)[limb.end]
+        return bool(lengths(x[limb.end] - x[limb.top]) >= STRAIGHT * reach)
+
+    def leg_of(self, support: int) -> Limb | None:
+        """The leg of a support; None if it is no foot's."""
+        legs = self._legs()
+        return legs[support // 2] if legs and support < self.supports.feet else None
+
+    def _of_alignment(self) -> str:
+        bodies = {"source": self.matching.source, "target": self.matching.target}
+        lie = [name for name, body in bodies.items() if not body.stands]
+        return f"nobody can stand in the rest pose of the {' or the '.join(lie)}" if lie else ""
+
+    def _of_rests(self, limb: Limb, frame: int) -> str:
+        """Whether a joint of a limb comes to rest or leaves its rest at a frame, in words."""
+        changes = np.diff(self.supports.weights[max(frame - 1, 0) : frame + 2], axis=0)
+        for support in self._supports_of(limb):
+            if changes[:, support].max(initial=0.0) > SUDDEN:
+                return f"{self._key(support)} comes to rest"
+            if changes[:, support].min(initial=0.0) < -SUDDEN:
+                return f"{self._key(support)} leaves its rest"
+        return ""
+
+    def _of_holds(self, limb: Limb, frame: int) -> str:
+        held = (one for one in self._supports_of(limb) if self.supports.weights[frame, one] >= RESTS)
+        return next((f"{self._key(support)} is held where it rests" for support in held), "")
+
+    def _supports_of(self, limb: Limb) -> Iterator[int]:
+        """The supports in a limb."""
+        return (k for k, joint in enumerate(self.supports.joints.tolist()) if self._is_below(joint, limb.top))
+
+    def _key(self, support: int) -> str:
+        return self.motion.skeleton.keys[int(self.supports.joints[support])]
+
+    def _is_below(self, joint: int, above: int) -> bool:
+        """Whether a joint is another or is attached to it."""
+        return above in self.motion.skeleton.line(joint)
+
+    def _joint(self, part: str) -> int | None:
+        """The joint of a part; None if there is none."""
+        keys = self.motion.skeleton.keys
+        if part in keys:
+            return keys.index(part)
+        side = part.partition(" ")[0]
+        return next((limb.end for limb in self._arms() if limb.name == f"{side} arm"), None)
+
+    def _limbs(self) -> list[Limb]:
+        return [*self._legs(), *self._arms()]
+
+    def _legs(self) -> list[Limb]:
+        legs = self.matching.legs[1] if self.matching.legs else ()
+        return [Limb(f"{side} leg", leg.hip, leg.ankle) for side, leg in zip(SIDES, legs, strict=False)]
+
+    def _arms(self) -> Iterator[Limb]:
+        body = self.matching.target
+        roles = body.anatomy.roles if body.anatomy else {}
+        for side in SIDES:
+            for arm in body.arms:
+                if arm.wrist == roles.get(f"{side}Hand"):
+                    yield Limb(f"{side} arm", arm.shoulder, arm.wrist)

@@ -1,0 +1,83 @@
+"""Where joints were when skin was bound to them: which skin decides, and in which space the mesh is."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from distretarget.character.joints import bind_poses
+from distretarget.character.nodes import Nodes, Skin
+
+JOINTS = 10
+
+
+def nodes_at(world):
+    """Nodes without parents that show these transforms, (nodes, 4, 4), joined in a chain of places in the file."""
+    count = len(world)
+    nodes = Nodes(
+        names=tuple(map(str, range(count))),
+        parents=np.array([-1, *range(count - 1)]),
+        translations=np.zeros((count, 3)),
+        rotations=np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)),
+        scales=np.ones((count, 3)),
+    )
+    vars(nodes)["world"] = np.array(world)
+    return nodes
+
+
+def transform(turn, place):
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
+    matrix[:3, 3] = place
+    return matrix
+
+
+BINDS = np.array([transform([0.1 * joint, 0.0, 0.05], [0.0, 0.2 * joint, 0.1]) for joint in range(JOINTS)])
+SPACE = transform([0.0, 0.7, 0.0], [0.3, 1.0, -0.2])
+BENT = transform([0.0, 0.0, 1.0], [0.0, 0.0, 0.5])
+
+
+def found(bent, joints=JOINTS):
+    """The bind poses of a skin whose mesh is in `SPACE`, when some joints show another pose."""
+    world = [SPACE @ bind @ (BENT if joint in bent else np.eye(4)) for joint, bind in enumerate(BINDS)]
+    skin = Skin(np.arange(joints), np.linalg.inv(BINDS), ())
+    return bind_poses(nodes_at(world), [skin])
+
+
+def test_half_of_the_joints_say_in_which_space_the_mesh_is():
+    for bent in ({}, {0, 4}, {0, 2, 4, 6}, {0, 1, 2, 3, 4}):
+        poses = found(bent)
+        for joint in range(JOINTS):
+            np.testing.assert_allclose(poses[joint], SPACE @ BINDS[joint], atol=1e-9)
+
+
+def test_where_most_joints_show_other_poses_the_mesh_is_in_the_world():
+    turns = [transform([0.3 * joint, 0.2, 0.1 * joint], [0.1 * joint, 0.0, 0.0]) for joint in range(JOINTS)]
+    world = [SPACE @ bind @ turn for bind, turn in zip(BINDS, turns, strict=True)]
+    poses = bind_poses(nodes_at(world), [Skin(np.arange(JOINTS), np.linalg.inv(BINDS), ())])
+    for joint in range(JOINTS):
+        np.testing.assert_allclose(poses[joint], BINDS[joint], atol=1e-9)
+
+
+def test_of_skins_with_a_joint_in_common_the_one_that_reaches_highest_decides():
+    other = np.array([transform([0.0, 0.3, 0.0], [0.5, 0.1 * joint, 0.0]) for joint in range(JOINTS)])
+    low = Skin(np.array([1, 2, 3]), np.linalg.inv(other[[1, 2, 3]]), ())
+    high = Skin(np.array([0, 1]), np.linalg.inv(BINDS[:2]), ())
+    for skins in ([low, high], [high, low]):
+        poses = bind_poses(nodes_at(BINDS), skins)
+        np.testing.assert_allclose(poses[1], BINDS[1], atol=1e-9)
+        to_world = BINDS[1] @ np.linalg.inv(other[1])
+        np.testing.assert_allclose(poses[3], to_world @ other[3], atol=1e-9)
+
+
+def test_of_skins_that_reach_as_high_the_largest_decides():
+    other = np.array([transform([0.0, 0.3, 0.0], [0.5, 0.1 * joint, 0.0]) for joint in range(JOINTS)])
+    small = Skin(np.array([0, 1]), np.linalg.inv(other[:2]), ())
+    large = Skin(np.array([0, 1, 2]), np.linalg.inv(BINDS[:3]), ())
+    for skins in ([small, large], [large, small]):
+        poses = bind_poses(nodes_at(BINDS), skins)
+        np.testing.assert_allclose(poses[1], BINDS[1], atol=1e-9)
+
+
+def test_a_skin_without_inverse_binds_was_bound_as_the_nodes_show():
+    poses = bind_poses(nodes_at(BINDS), [Skin(np.array([0, 2]), None, ())])
+    assert sorted(poses) == [0, 2]
+    np.testing.assert_array_equal(poses[2], BINDS[2])
