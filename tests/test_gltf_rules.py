@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from gltf_file import Gltf as Making
+from scipy.spatial.transform import Rotation
 
 from distretarget import SkeletonFileError
 from distretarget.io import gltf as reading
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_mesh import _influences, _triangles
-from distretarget.io.gltf_scene import _vrm_0
+from distretarget.io.gltf_scene import _vrm_0, decomposed
 
 
 def parsed(making):
@@ -94,9 +95,23 @@ def test_indices_say_which_vertices_a_strip_has():
         _triangles(*primitive(Making(making.document, making.binary), mode=5, indices=number), 6)
 
 
-def influences(joints, weights, bones):
-    making = Making()
-    attributes = {"JOINTS_0": making.accessor(np.array(joints), "u1"), "WEIGHTS_0": making.accessor(np.array(weights))}
+@pytest.mark.parametrize("mirrored", [1.0, -1.0])
+def test_a_matrix_is_taken_apart_and_put_together_again(mirrored):
+    turn, scale = Rotation.from_euler("XYZ", [20, 30, 40], degrees=True), mirrored * np.array([1.0, 2.0, 0.5])
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn.as_matrix() * scale, [1.0, 2.0, 3.0]
+    translation, rotation, found = decomposed(matrix)
+    np.testing.assert_allclose(translation, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(found, scale, atol=1e-12)
+    np.testing.assert_allclose(Rotation.from_quat(rotation).as_matrix(), turn.as_matrix(), atol=1e-12)
+
+
+def influences(joints, weights, bones, more=()):
+    """Those of the first four bones of each vertex, and of `more`, joints and weights."""
+    making, attributes = Making(), {}
+    for number, (some, shares) in enumerate([(joints, weights), *more]):
+        attributes[f"JOINTS_{number}"] = making.accessor(np.array(some), "u1")
+        attributes[f"WEIGHTS_{number}"] = making.accessor(np.array(shares))
     file, fields = primitive(making, attributes=attributes)
     return _influences(file, fields.node, fields.inner("attributes"), len(joints), bones)
 
@@ -105,6 +120,13 @@ def test_joints_without_weight_may_be_any_number():
     joints, weights = influences([[1, 255, 7, 2], [2, 0, 200, 3]], [[1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]], 3)
     assert joints.tolist() == [[1, 0, 0, 0], [2, 0, 0, 0]]
     assert weights.tolist() == [[1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]]
+
+
+def test_more_than_four_bones_may_move_a_vertex():
+    more = [([[4, 3, 0, 9]], [[0.2, 0.1, 0.0, 0.0]]), ([[1, 0, 0, 0]], [[0.05, 0.0, 0.0, 0.0]])]
+    joints, weights = influences([[0, 1, 2, 3]], [[0.4, 0.1, 0.1, 0.05]], 5, more)
+    assert joints.tolist() == [[0, 1, 2, 3, 4, 3, 0, 0, 1, 0, 0, 0]]
+    np.testing.assert_allclose(weights, [[0.4, 0.1, 0.1, 0.05, 0.2, 0.1, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0]], atol=1e-7)
 
 
 def test_joints_with_weight_must_be_in_the_skin():
