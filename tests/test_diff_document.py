@@ -41,6 +41,7 @@ COLUMNS = [
         "foot_skate_source",
         "foot_skate",
         "foot_height",
+        "floor",
         "foot_pitch",
         "ankle_height",
     ),

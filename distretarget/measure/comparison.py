@@ -9,7 +9,6 @@ import numpy as np
 
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
-from distretarget.matching.undersides import Undersides
 from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.movement import (
@@ -24,6 +23,7 @@ from distretarget.measure.pops import INSTANT
 from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
+from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
@@ -42,6 +42,8 @@ class Comparison:
         skin: how far hands and forearms sink in, and how well the gaps between skins are kept.
         feet: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
         supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
+        floor: (frames,), how far the lowest point of the body is from the floor on which it belongs [% of leg length].
+        on_floor: (frames,), whether anything rests on the floor in the source.
         posture: how head, palms and feet are held and legs spread, by the key of the metric: the joints that name the
             parts, and errors (frames, parts) [degrees].
         skeleton: that of the result.
@@ -61,6 +63,8 @@ class Comparison:
     skin: SkinMeasured
     feet: Feet
     supports: SupportsMeasured
+    floor: Array
+    on_floor: Flags
     posture: Mapping[str, tuple[Numbers, Array]]
     skeleton: Skeleton
     distance_error: Array
@@ -83,6 +87,7 @@ class Comparison:
             "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
             **{key: self._track(getattr(feet, key), ankles, np.isfinite(getattr(feet, key))) for key in OF_FEET},
             "foot_skate": self._track(feet.skate, feet.joints, feet.stance),
+            "floor": Track(self.floor, self.on_floor),
             "support_skate": self._track(supports.skate, supports.joints, supports.rest),
             "support_height": self._track(supports.height, supports.joints, supports.on_floor),
             **{key: self._track(error, joints, np.isfinite(error)) for key, (joints, error) in self.posture.items()},
@@ -114,16 +119,16 @@ class Reference:
         matching: Matching,
         up: Array,
         skins: tuple[Skin, Skin] | None = None,
-        undersides: Undersides | None = None,
+        surface: Surface | None = None,
     ) -> None:
         """Measure the source; `up`, (3,), is the unit vector up in source and results, `skins` those of both bodies if
-        their thickness is known.
+        their thickness is known, `surface` the target's.
         """
         self.source, self.matching = source, matching
         self._skin = find_source_skin(source, matching.source, up, *(skins or (no_skin(), no_skin())))
-        self._feet = find_feet(source, matching, up, undersides)
+        self._feet = find_feet(source, matching, up, surface)
         self._contacts = find_contacts(source, matching, self._feet.stance)
-        self._supports = find_supports(source, matching, up, undersides)
+        self._supports = find_supports(source, matching, up, surface, self._feet.thickness)
         self._posture = find_posture(source, matching, up, self._feet.stance)
         self._bones = shared_bones(matching)
         self._directions = expected_directions(source, matching, self._bones)
@@ -135,6 +140,8 @@ class Reference:
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
+        feet = self._feet.in_result(result, supports.carry(result.frame_time))
+        off, on_floor = self._feet.off_floor(feet, supports)
         further = turns(result, self._turned)
         further -= self._turns
         further *= np.degrees(INSTANT / result.frame_time)
@@ -143,8 +150,10 @@ class Reference:
             contacts=contacts,
             contact_gap=contacts.largest_gaps(0.5 * self.matching.source.unit, 0.5 * self.matching.target.unit),
             skin=self._skin.in_result(result),
-            feet=self._feet.in_result(result, supports.carry(result.frame_time)),
+            feet=feet,
             supports=supports,
+            floor=off,
+            on_floor=on_floor,
             posture={key: errors_of(held, result) for key, held in self._posture.items()},
             skeleton=result.skeleton,
             distance_error=self._distance_error(result),

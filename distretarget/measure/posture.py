@@ -18,8 +18,8 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.axes import axis_vector, direction
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
-from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
+from distretarget.measure.resting import feet_rest
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, level, normalised
@@ -112,7 +112,7 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
         return UNKNOWN
-    rests = feet_at_rest(body.motion, leg, body.up_vector, length)
+    rests = feet_rest(body.motion, [leg], length, body.up_vector)
     return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
 
 

@@ -22,6 +22,7 @@ from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
 from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import find_skin
+from distretarget.measure.surface import find_surface
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
@@ -125,12 +126,12 @@ class RetargetResult:
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
         source, target = self.matching.source, self.matching.target
-        undersides = undersides_of(self.matching, self.skins, self.mesh)
-        skins = None
+        skins, surface = None, None
         if self.skins:
             of_target = find_skin(target, self.skins.target.capsules, self.mesh)
             skins = find_skin(source, self.skins.source.capsules), of_target
-        reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
+            surface = find_surface(target.skeleton, self.skins.target.capsules, self.mesh)
+        reference = Reference(self.source, self.matching, self.world.up_vector, skins, surface)
 
         def compare(motion: Motion) -> Comparison:
             comparison = reference.compare(motion)
