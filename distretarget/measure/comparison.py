@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -25,9 +26,10 @@ from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_s
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
 from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.skeleton import Skeleton
 
+STEADY = 1 / 30  # the acceleration of the hips is that between frames so far apart: noise is faster [s]
 OF_FEET = ("hips_height", "foot_pitch", "ankle_height", "foot_height")  # errors of `Feet` that are metrics
 
 
@@ -44,6 +46,8 @@ class Comparison:
         supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
         floor: (frames,), how far the lowest point of the body is from the floor on which it belongs [% of leg length].
         on_floor: (frames,), whether anything rests on the floor in the source.
+        hips_acceleration_source, hips_acceleration: (frames but the last few,), of the middle between the hip joints;
+            none without legs [leg lengths / s^2].
         posture: how head, palms and feet are held and legs spread, by the key of the metric: the joints that name the
             parts, and errors (frames, parts) [degrees].
         skeleton: that of the result.
@@ -65,6 +69,8 @@ class Comparison:
     supports: SupportsMeasured
     floor: Array
     on_floor: Flags
+    hips_acceleration_source: Array
+    hips_acceleration: Array
     posture: Mapping[str, tuple[Numbers, Array]]
     skeleton: Skeleton
     distance_error: Array
@@ -88,6 +94,7 @@ class Comparison:
             **{key: self._track(getattr(feet, key), ankles, np.isfinite(getattr(feet, key))) for key in OF_FEET},
             "foot_skate": self._track(feet.skate, feet.joints, feet.stance),
             "floor": Track(self.floor, self.on_floor),
+            "hips_acceleration": Track(self.hips_acceleration),
             "support_skate": self._track(supports.skate, supports.joints, supports.rest),
             "support_height": self._track(supports.height, supports.joints, supports.on_floor),
             **{key: self._track(error, joints, np.isfinite(error)) for key, (joints, error) in self.posture.items()},
@@ -107,6 +114,7 @@ class Comparison:
             "foot_skate": Track(self.feet.skate_source, self.feet.stance),
             "support_skate": Track(self.supports.skate_source, self.supports.rest),
             "jerk": Track(self.jerk_source),
+            "hips_acceleration": Track(self.hips_acceleration_source),
         }
 
 
@@ -135,6 +143,7 @@ class Reference:
         self._turned = np.flatnonzero(matching.drivers >= 0)
         self._turns = turns(source, matching.drivers[self._turned])
         self._cuts = np.diff(matching.source.shots_of(source)) > 0
+        self._hips_acceleration = self._acceleration_of_hips(source, 0)
         self._jerk = jerk(source, matching.source)
 
     def compare(self, result: Motion) -> Comparison:
@@ -154,6 +163,8 @@ class Reference:
             supports=supports,
             floor=off,
             on_floor=on_floor,
+            hips_acceleration_source=self._hips_acceleration,
+            hips_acceleration=self._acceleration_of_hips(result, 1),
             posture={key: errors_of(held, result) for key, held in self._posture.items()},
             skeleton=result.skeleton,
             distance_error=self._distance_error(result),
@@ -165,6 +176,17 @@ class Reference:
             turned=self._turned,
             turn=further,
         )
+
+    def _acceleration_of_hips(self, motion: Motion, of: Literal[0, 1]) -> Array:
+        """`Comparison.hips_acceleration` of a motion of source, 0, or target, 1."""
+        lag = max(round(STEADY / motion.frame_time), 1)
+        if self.matching.legs is None or len(motion) <= 2 * lag:
+            return np.zeros(0)
+        hips = motion.positions[:, [leg.hip for leg in self.matching.legs[of]]].mean(axis=1)
+        bends = lengths(hips[2 * lag :] - 2.0 * hips[lag:-lag] + hips[: -2 * lag])
+        cut = np.append(0, np.cumsum(self._cuts))
+        bends[cut[2 * lag :] != cut[: -2 * lag]] = 0.0
+        return np.asarray(bends / (self.matching.leg_lengths[of] * (lag * motion.frame_time) ** 2))
 
     def _distance_error(self, result: Motion) -> Array:
         """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""
