@@ -92,6 +92,8 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
         both = zip(legs, (side[1 - k] for side in matching.legs or ()), strict=True)
         add("splay", legs[1].ankle, (partial(_outwards, *pair) for pair in both), ankle_rests)
         axes = [*map(_foot_axes, bodies, legs, matching.leg_lengths)]
+        if not all(body.up_at_rest for body in bodies):  # feet turned out while the body moves hide how they are built
+            axes = [(up, _along_foot(body, leg, up)) for body, leg, (up, _) in zip(bodies, legs, axes, strict=True)]
         if matching.source_normals is not None and axes[0][0].any():
             axes[0] = matching.source_normals[k], axes[0][1]
         add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
@@ -146,6 +148,17 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
         return UNKNOWN
     rests = feet_rest(body.motion, [leg], length, body.up_vector)
     return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
+
+
+def _along_foot(body: Body, leg: Leg, up: Array) -> Array:
+    """(3,), where a foot points along the floor, in the axes of its ankle, in which `up` is straight up; zero if that
+    is unknown.
+    """
+    pose = body.reference
+    bone = (
+        Rotation.from_quat(pose.rotations[leg.ankle]).inv().apply(pose.positions[leg.toe] - pose.positions[leg.ankle])
+    )
+    return normalised(level(bone, up)) if up.any() else np.zeros(3)
 
 
 def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
