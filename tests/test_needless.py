@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bodies import body_of, clapping, matched, person, posed
 from scipy.spatial.transform import Rotation
+from skeleton_edits import in_axes
 
 from distretarget.measure.comparison import Reference
 from distretarget.measure.needless import AROUND, find_needless, find_shaking, find_turned
@@ -85,3 +86,9 @@ def test_a_trunk_that_leans_is_tilted_by_as_much_and_a_body_that_is_built_otherw
     other = posed(stooped, {"Hips": turned}, np.zeros((FRAMES, 3)) + LEG * UP)
     _, error = Reference(leaning, matched(leaning, stooped), UP).compare(other).posture["trunk_tilt"]
     assert error.max() < 1.0
+
+
+def test_a_trunk_is_not_compared_where_a_rest_pose_shows_no_standing_body():
+    jumbled = in_axes(standing(), Rotation.random(len(PERSON), random_state=3))
+    compared = Reference(jumbled, matched(jumbled, PERSON), UP).compare(standing())
+    assert compared.posture["trunk_tilt"][1].shape == (FRAMES, 0)

@@ -80,7 +80,7 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
 
     bodies = matching.source, matching.target
     trunks = [_trunk_ends(body) for body in bodies]
-    if all(trunks):
+    if all(trunks) and all(body.up_at_rest for body in bodies):
         add("trunk_tilt", trunks[1][0], (partial(_trunk, *each) for each in zip(bodies, trunks, strict=True)))
     heads = [body.anatomy.roles["head"] for body in bodies if body.anatomy and "head" in body.anatomy.roles]
     if len(heads) == len(bodies):
