@@ -1,22 +1,24 @@
 """Plant faults that a person would see into good results, and see whether a figure goes over its limit.
 
-    python benchmarks/planted_in_results.py CHARACTER.glb ...
+    python benchmarks/planted_in_results.py [CHARACTER] [--markdown FILE]
 
-Prints two tables, for faults in results and in the rotation copies that the solver begins with, of which it mends some:
-the fault, the clip of `sample_bvh` in which it is planted, and for each character the metrics that go over their limits
-by it.
+Prints a table: the fault, the clip of `sample_bvh` in which it is planted, and the metrics that go over their limits by
+it, in the result, and in the rotation copy that the solver begins with, of which it mends some. CHARACTER is the
+sample's by default.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
+import click
 import numpy as np
+from clips import SAMPLES, markdown_option
 from scipy.spatial.transform import Rotation
+from tables import publish, table
 
 from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
@@ -25,10 +27,7 @@ from distretarget.measure.metrics import METRICS
 from distretarget.objectives import clip
 from distretarget.pipeline.result import RetargetResult
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from tables import table
-
-SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 Array = np.ndarray
 
 
@@ -223,15 +222,23 @@ def seen_of_solver(character: Path, fault: Fault) -> set[str]:
         clip.rotation_copy = right
 
 
-def main() -> None:
+@click.command(help=__doc__)
+@click.argument("character", type=click.Path(exists=True, path_type=Path), default=HERO)
+@markdown_option
+def main(character: Path, page: Path | None) -> None:
     """Print the table."""
-    characters = [Path(each) for each in sys.argv[1:]]
-    for where, of_fault in (("result", seen), ("rotation copy", seen_of_solver)):
-        rows = [
-            (name, fault.clip, *(", ".join(sorted(of_fault(each, fault))) or "nothing" for each in characters))
-            for name, fault in FAULTS.items()
-        ]
-        print(table((f"planted in the {where}", "clip", *(each.stem for each in characters)), rows))
+    rows = [
+        (name, f"`{fault.clip}`", *map(_listed, (seen(character, fault), seen_of_solver(character, fault))))
+        for name, fault in FAULTS.items()
+    ]
+    publish(
+        {"planted in results": table(("fault", "clip", "in the result", "in what the solver begins with"), rows)}, page
+    )
+
+
+def _listed(keys: set[str]) -> str:
+    """Keys in the order of the registry; a dash for none."""
+    return ", ".join(f"`{metric.key}`" for metric in METRICS if metric.key in keys) or "-"
 
 
 if __name__ == "__main__":
