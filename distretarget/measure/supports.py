@@ -130,9 +130,7 @@ class SourceFeet:
     stance: Flags  # as in `Feet`
     tracks: _FootTracks  # of the source
     floor: Floor  # the source's
-    belongs: (
-        Array  # (frames, legs), the height of the sole, its mean over a rest where a mesh is measured [leg lengths]
-    )
+    belongs: Array  # (frames, legs), the height of the sole; its mean over a rest if meshes are compared [leg lengths]
     surface: Surface | None  # the target's; None if no mesh shows its feet
     thickness: float  # how far that is below the lowest joint of a foot that stands flat [leg lengths]
 
@@ -142,9 +140,8 @@ class SourceFeet:
         source, own = self.tracks, _FootTracks.of(result, self.feet, self.leg, self.up)
         sole, off = own.sole, own.sole - self.belongs
         if self.surface is not None:
-            lowest = [
-                self.surface.lowest(result, result.skeleton.subtree(foot.leg.ankle), self.up) for foot in self.feet
-            ]
+            feet = [result.skeleton.subtree(foot.leg.ankle) for foot in self.feet]
+            lowest = [self.surface.lowest(result, foot, self.up) for foot in feet]
             sole = np.stack(lowest, axis=1) / self.leg + self.thickness
             off = self.floor.off(sole, self.belongs)
         on_sole = ankle_rests & toe_rests & source.level
