@@ -84,6 +84,47 @@ def test_only_the_command_line_prints_and_only_the_bridge_knows_bvhio(path):
         assert "bvhio" not in imported
 
 
+# What `measure/` and `objectives/` may both import: types, names of parts, texts; and Eq. (2), whose value is `stress`.
+PLAIN = {
+    "Body",
+    "Arm",
+    "Leg",
+    "Legs",
+    "Sole",
+    "Regions",
+    "Matching",
+    "Motion",
+    "Skeleton",
+    "Capsules",
+    "SIDES",
+    "SEGMENTS",
+    "SettingsError",
+    "counted",
+    "distance_problem",
+}
+# Modules that tell what rests, touches or is the floor: a judge takes types from them alone.
+JUDGEMENT = ("body.resting", "body.limbs", "body.soles", "matching.undersides", "skin.limbs", "skin.displacement")
+
+
+def names_imported_by(room, *but):
+    """The names that the files of a room, `but` some, import from the package, each as (module, name)."""
+    for path in {*(PACKAGE / room).rglob("*.py")} - {PACKAGE / room / name for name in but}:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "distretarget":
+                yield from ((node.module.removeprefix("distretarget."), alias.name) for alias in node.names)
+
+
+def test_what_judges_shares_nothing_but_plain_types_with_what_is_judged():
+    measure, objectives = ({*names_imported_by(room)} for room in ("measure", "objectives"))
+    shared = {(module, name) for module, name in measure & objectives if not module.startswith("numerics")}
+    assert {name for _, name in shared} <= PLAIN, shared
+    of_results = names_imported_by("measure", "clip_faults.py")  # which looks at sources before they are solved
+    judging = {(module, name) for module, name in of_results if module in JUDGEMENT}
+    assert {name for _, name in judging} <= PLAIN, judging
+    assert not [module for module, _ in measure if module.startswith("objectives")]
+    assert not [module for module, _ in objectives if module.startswith("measure")]
+
+
 def test_the_table_of_rooms_is_in_the_order_of_the_floors():
     text = (ROOT / "ARCHITECTURE.md").read_text()
     rooms = re.findall(r"`(\w+)(?:/|\.py)`", "".join(re.findall(r"^\| (`[^|]*) \|", text, re.M)))

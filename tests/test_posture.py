@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from bodies import matched, person, posed
+from bodies import SAMPLES, matched, person, posed
 from scipy.spatial.transform import Rotation
 from skeleton_edits import in_axes
-from zoo import member
+from zoo import member, on_member
 
-from distretarget import Body
+from distretarget import Body, read_bvh, retarget
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
 
@@ -46,6 +46,12 @@ def posture(source, result):
 )
 def test_each_metric_sees_its_fault_and_no_other(turns, found):
     assert posture(standing(), standing(turns)) == pytest.approx({"palm_turn": None, **found}, abs=1e-6)
+
+
+def test_feet_that_a_source_turns_out_point_the_same_way_where_its_rest_pose_does_not_stand():
+    source = on_member("character_creator", read_bvh(SAMPLES / "squat.bvh")[:60])
+    assert Body.of_motion(source).up_at_rest is None
+    assert retarget(source, member("kimono")).metrics["result"]["heading"] < 0.1
 
 
 def test_palms_turn_with_the_forearms():

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Literal
 
 import numpy as np
 
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
-from distretarget.matching.undersides import Undersides
 from distretarget.measure.contacts import Contacts, find_candidates, find_contacts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.movement import (
@@ -25,11 +25,13 @@ from distretarget.measure.pops import INSTANT
 from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
+from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
 
+STEADY = 1 / 30  # the acceleration of the hips is that between frames so far apart: noise is faster [s]
 OF_FEET = ("hips_height", "foot_pitch", "ankle_height", "foot_height")  # errors of `Feet` that are metrics
 
 
@@ -44,6 +46,10 @@ class Comparison:
         skin: how far hands and forearms sink in, and how well the gaps between skins are kept.
         feet: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
         supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
+        floor: (frames,), how far the lowest point of the body is from the floor on which it belongs [% of leg length].
+        on_floor: (frames,), whether anything rests on the floor in the source.
+        hips_acceleration_source, hips_acceleration: (frames but the last few,), of the middle between the hip joints;
+            none without legs [leg lengths / s^2].
         posture: how head, palms and feet are held and legs spread, by the key of the metric: the joints that name the
             parts, and errors (frames, parts) [degrees].
         skeleton: that of the result.
@@ -63,6 +69,10 @@ class Comparison:
     skin: SkinMeasured
     feet: Feet
     supports: SupportsMeasured
+    floor: Array
+    on_floor: Flags
+    hips_acceleration_source: Array
+    hips_acceleration: Array
     posture: Mapping[str, tuple[Numbers, Array]]
     skeleton: Skeleton
     distance_error: Array
@@ -85,6 +95,8 @@ class Comparison:
             "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
             **{key: self._track(getattr(feet, key), ankles, np.isfinite(getattr(feet, key))) for key in OF_FEET},
             "foot_skate": self._track(feet.skate, feet.joints, feet.stance),
+            "floor": Track(self.floor, self.on_floor),
+            "hips_acceleration": Track(self.hips_acceleration),
             "support_skate": self._track(supports.skate, supports.joints, supports.rest),
             "support_height": self._track(supports.height, supports.joints, supports.on_floor),
             **{key: self._track(error, joints, np.isfinite(error)) for key, (joints, error) in self.posture.items()},
@@ -104,6 +116,7 @@ class Comparison:
             "foot_skate": Track(self.feet.skate_source, self.feet.stance),
             "support_skate": Track(self.supports.skate_source, self.supports.rest),
             "jerk": Track(self.jerk_source),
+            "hips_acceleration": Track(self.hips_acceleration_source),
         }
 
 
@@ -119,27 +132,30 @@ class Reference:
         matching: Matching,
         up: Array,
         skins: tuple[Skin, Skin] | None = None,
-        undersides: Undersides | None = None,
+        surface: Surface | None = None,
     ) -> None:
         """Measure the source; `up`, (3,), is the unit vector up in source and results, `skins` those of both bodies if
-        their thickness is known.
+        their thickness is known, `surface` the target's.
         """
         self.source, self.matching = source, matching
         self._skin = find_source_skin(source, matching.source, up, *(skins or (_no_skin(), _no_skin())))
-        self._feet = find_feet(source, matching, up, undersides)
+        self._feet = find_feet(source, matching, up, surface)
         self._contacts = find_contacts(source, matching, self._feet.stance)
-        self._supports = find_supports(source, matching, up, undersides)
+        self._supports = find_supports(source, matching, up, surface, self._feet.thickness)
         self._posture = find_posture(source, matching, up, self._feet.stance)
         self._bones = shared_bones(matching)
         self._directions = expected_directions(source, matching)
         self._turned = np.flatnonzero(matching.drivers >= 0)
         self._turns = turns(source, matching.drivers[self._turned])
         self._cuts = np.diff(matching.source.shots_of(source)) > 0
+        self._hips_acceleration = self._acceleration_of_hips(source, 0)
         self._jerk = jerk(source, matching.source)
 
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
+        feet = self._feet.in_result(result, supports.carry(result.frame_time))
+        off, on_floor = self._feet.off_floor(feet, supports)
         further = turns(result, self._turned)
         further -= self._turns
         further *= np.degrees(INSTANT / result.frame_time)
@@ -148,8 +164,12 @@ class Reference:
             contacts=contacts,
             contact_gap=contacts.largest_gaps(0.5 * self.matching.source.unit, 0.5 * self.matching.target.unit),
             skin=self._skin.in_result(result),
-            feet=self._feet.in_result(result, supports.carry(result.frame_time)),
+            feet=feet,
             supports=supports,
+            floor=off,
+            on_floor=on_floor,
+            hips_acceleration_source=self._hips_acceleration,
+            hips_acceleration=self._acceleration_of_hips(result, 1),
             posture={key: errors_of(held, result) for key, held in self._posture.items()},
             skeleton=result.skeleton,
             distance_error=self._distance_error(result),
@@ -161,6 +181,17 @@ class Reference:
             turned=self._turned,
             turn=further,
         )
+
+    def _acceleration_of_hips(self, motion: Motion, of: Literal[0, 1]) -> Array:
+        """`Comparison.hips_acceleration` of a motion of source, 0, or target, 1."""
+        lag = max(round(STEADY / motion.frame_time), 1)
+        if self.matching.legs is None or len(motion) <= 2 * lag:
+            return np.zeros(0)
+        hips = motion.positions[:, [leg.hip for leg in self.matching.legs[of]]].mean(axis=1)
+        bends = lengths(hips[2 * lag :] - 2.0 * hips[lag:-lag] + hips[: -2 * lag])
+        cut = np.append(0, np.cumsum(self._cuts))
+        bends[cut[2 * lag :] != cut[: -2 * lag]] = 0.0
+        return np.asarray(bends / (self.matching.leg_lengths[of] * (lag * motion.frame_time) ** 2))
 
     def _distance_error(self, result: Motion) -> Array:
         """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""

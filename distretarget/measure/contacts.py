@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from distretarget.body.limbs import hanging_distances, passing_regions
+from distretarget.body.anatomy import Regions
+from distretarget.body.limbs import Legs
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
+from distretarget.measure.hanging import hanging_gaps
 from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import write_nearest
 from distretarget.numerics.moving import largest
@@ -167,13 +169,22 @@ def find_candidates(matching: Matching) -> Candidates:
     order = np.lexsort(ends.T[::-1])
     u, v = u[possible][order], v[possible][order]
     tau, tau_source = tau[possible][order], tau_source[possible][order]
-    hanging = hanging_distances(matching.source.hanging, drivers[u], drivers[v], tau_source)
+    hanging = hanging_gaps(matching.source, drivers[u], drivers[v]) / tau_source
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
-    passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
     names = tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs)
-    passing = passing[tuple(pairs.reshape(-1, 2).T)]
+    passing = _pass_by(regions, pairs.reshape(-1, 2), matching.legs[1] if matching.legs else None)
     limits = np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE)
     return Candidates(points, names, passing, first, u, v, tau_source, tau, limits)
+
+
+def _pass_by(regions: Regions, pairs: Numbers, legs: Legs | None) -> Flags:
+    """(pairs,), whether two regions, (pairs, 2), pass each other in a stride: both shins, or both feet."""
+    if not legs:
+        return np.zeros(len(pairs), bool)
+    feet = {int(regions.of_joint[leg.ankle]) for leg in legs}
+    shins = {number for number, name in enumerate(regions.names) if name.endswith(" shin")}
+    both = [len(some) == len(legs) for some in (feet, shins)]
+    return np.array([(both[0] and {*pair} == feet) or (both[1] and {*pair} == shins) for pair in pairs.tolist()], bool)
 
 
 def _apart(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:

@@ -13,10 +13,11 @@ from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.skin import TOUCHING, Skin
 from distretarget.measure.skin_depths import LIMBS, find_depths
+from distretarget.measure.skin_places import PLACE_OF
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, lengths
-from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.capsules import SEGMENTS
 
 TOUCH_DISTANCE = 0.07  # joints touch where they are nearer than this in the source, or in scene A [leg lengths]
 
@@ -170,7 +171,7 @@ def measure_skin_gap(
             for frame, limb in zip(*np.nonzero(touching.any(axis=2)), strict=True):
                 part = int(gaps[frame, limb].argmin())
                 gap = gaps[frame, limb, part]
-                now = after[frame, limb][PLACE[:-1] == PLACE[part]].min()
+                now = after[frame, limb][PLACE_OF[part] == PLACE_OF].min()
                 error = float(max(now - max(gap, 0.0), gap - now, 0.0))
                 own, others = str(LIMBS[limb]), str(SEGMENTS[part])
                 touches.append(Touch(block.start + int(frame), error, (own, others) if one == 0 else (others, own)))

@@ -27,6 +27,7 @@ SYMBOLS = {  # short forms of units
     "degrees in 1/60 s": "°",
     "% of leg length": "% leg",
     "leg lengths/s": "legs/s",
+    "leg lengths/s²": "legs/s²",
     "% of height": "% height",
     "% of frames": "% frames",
     "body sizes/s³": "sizes/s³",
@@ -60,7 +61,9 @@ def middles(counts: Numbers) -> Numbers:
 
 
 Tracks = Mapping[str, Track]  # by the key of what was measured
-NOT_RUN: Tracks = {key: Track(np.zeros(0)) for key in ("pop", "not_converged")}  # of a motion that was not solved here
+NOT_RUN: Tracks = {
+    key: Track(np.zeros(0)) for key in ("turned", "needless", "shaking", "pop", "not_converged")
+}  # of a motion that was not solved here
 Metrics = Mapping[Variant, Mapping[str, float | None]]  # of whole clips, by key; None where nothing was measured
 
 

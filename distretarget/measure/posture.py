@@ -18,12 +18,13 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.axes import axis_vector, direction
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
-from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
+from distretarget.measure.resting import feet_rest
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, level, normalised
 
+MEANT = 20  # axes are taken from the mean of no fewer frames
 UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
 STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
@@ -51,13 +52,20 @@ Posture = Mapping[str, Sequence[Held]]  # by the key of the metric
 
 
 def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -> Posture:
-    """Find what is held in a source: the head's axis up ("head_tilt"), the normals of palms ("palm_turn") and of soles
-    that rest ("sole_tilt"), where head and resting feet point along the floor ("heading"), and how far resting legs
-    point outwards ("splay").
+    """Find what is held in a source: what is up for the trunk ("trunk_tilt"), the head's axis up ("head_tilt"), the
+    normals of palms ("palm_turn") and of soles that rest ("sole_tilt"), where head and resting feet point along the
+    floor ("heading"), and how far resting legs point outwards ("splay").
 
     `up`, (3,), is the unit vector up; `stance`, (frames, foot joints), whether ankle and toe of each leg rest.
     """
-    held: dict[str, list[Held]] = {"head_tilt": [], "palm_turn": [], "sole_tilt": [], "heading": [], "splay": []}
+    held: dict[str, list[Held]] = {
+        "trunk_tilt": [],
+        "head_tilt": [],
+        "palm_turn": [],
+        "sole_tilt": [],
+        "heading": [],
+        "splay": [],
+    }
 
     def add(key: str, joint: int, sides: Iterable[Callable[[Motion], Array]], measured: Flags | None = None) -> None:
         of_source, of_target = sides
@@ -71,6 +79,9 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
                 add(key, joints[1], sides, measured)
 
     bodies = matching.source, matching.target
+    trunks = [_trunk_ends(body) for body in bodies]
+    if all(trunks) and all(body.up_at_rest for body in bodies):
+        add("trunk_tilt", trunks[1][0], (partial(_trunk, *each) for each in zip(bodies, trunks, strict=True)))
     heads = [body.anatomy.roles["head"] for body in bodies if body.anatomy and "head" in body.anatomy.roles]
     if len(heads) == len(bodies):
         add_axes("head_tilt", heads, [*map(_head_axes, bodies, heads)])
@@ -81,6 +92,8 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
         both = zip(legs, (side[1 - k] for side in matching.legs or ()), strict=True)
         add("splay", legs[1].ankle, (partial(_outwards, *pair) for pair in both), ankle_rests)
         axes = [*map(_foot_axes, bodies, legs, matching.leg_lengths)]
+        if not all(body.up_at_rest for body in bodies):  # feet turned out while the body moves hide how they are built
+            axes = [(up, _along_foot(body, leg, up)) for body, leg, (up, _) in zip(bodies, legs, axes, strict=True)]
         if matching.source_normals is not None and axes[0][0].any():
             axes[0] = matching.source_normals[k], axes[0][1]
         add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
@@ -91,6 +104,27 @@ def errors_of(held: Sequence[Held], result: Motion) -> tuple[Numbers, Array]:
     """The joints that name the parts, (parts,), and their errors in a result, (frames, parts) [degrees]."""
     joints = np.array([each.joint for each in held], np.intp)
     return joints, np.reshape([each.error(result) for each in held], (len(held), len(result))).T
+
+
+def _trunk_ends(body: Body) -> list[int]:
+    """The joints of both hips and both shoulders; none where one is not known."""
+    ends = [body.anatomy.pair(part) for part in ("UpperLeg", "UpperArm")] if body.anatomy else [[]]
+    return [joint for pair in ends for joint in pair] if all(ends) else []
+
+
+def _trunk(body: Body, ends: Sequence[int], motion: Motion) -> Array:
+    """(frames, 3), what is up in the reference pose, carried along by the trunk between hips and shoulders."""
+    upright = _trunk_axes(body.reference.positions[None], ends)[0].T @ body.reference.axes[:, 1]
+    return np.asarray(_trunk_axes(motion.positions, ends) @ upright)
+
+
+def _trunk_axes(positions: Array, ends: Sequence[int]) -> Array:
+    """(frames, 3, 3), the axes of a trunk, in columns: to its left, from hips to shoulders, ahead."""
+    left, right, *shoulders = ends
+    along = normalised(positions[:, shoulders].mean(axis=1) - positions[:, [left, right]].mean(axis=1))
+    across = positions[:, left] - positions[:, right]
+    across = normalised(across - (across * along).sum(axis=1)[:, None] * along)
+    return np.stack([across, along, cross(across, along)], axis=2)
 
 
 def _head_axes(body: Body, head: int) -> Axes:
@@ -112,13 +146,24 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
         return UNKNOWN
-    rests = feet_at_rest(body.motion, leg, body.up_vector, length)
+    rests = feet_rest(body.motion, [leg], length, body.up_vector)
     return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
+
+
+def _along_foot(body: Body, leg: Leg, up: Array) -> Array:
+    """(3,), where a foot points along the floor, in the axes of its ankle, in which `up` is straight up; zero if that
+    is unknown.
+    """
+    pose = body.reference
+    bone = (
+        Rotation.from_quat(pose.rotations[leg.ankle]).inv().apply(pose.positions[leg.toe] - pose.positions[leg.ankle])
+    )
+    return normalised(level(bone, up)) if up.any() else np.zeros(3)
 
 
 def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
     """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames; or unknown."""
-    if body.motion is None or body.moving is None or not frames.any():
+    if body.motion is None or body.moving is None or np.count_nonzero(frames) < MEANT:
         return UNKNOWN
     turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()
     up, forward = body.up_vector, level(body.moving.axes[frames, :, 2], body.up_vector)

@@ -10,10 +10,11 @@ import numpy as np
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.body.limbs import raised
 from distretarget.body.segments import find_segments
+from distretarget.measure.hanging import hangs
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.skin_depths import LIMBS, Clusters, Patches, find_depths
+from distretarget.measure.skin_places import PLACE_OF
 from distretarget.measure.skin_shapes import (
     SkinPoints,
     clusters_of,
@@ -27,7 +28,7 @@ from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
-from distretarget.skin.capsules import PLACE, PLACES, SEGMENTS, Capsules, no_capsules
+from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -138,7 +139,7 @@ class SourceSkin:
             rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
             frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
             reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (block.stop - block.start, 1, 1))
-            there = PLACE[:-1] == PLACE[segment][:, None]
+            there = PLACE_OF[segment][:, None] == PLACE_OF
             for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
                 reach[frame[there[:, part]], either[there[:, part]], part] = np.inf
             depths, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach))
@@ -177,8 +178,8 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
     def touch(frames: Numbers) -> tuple[Numbers, Array]:
         depths, _ = _depths(skin, source, frames, reach)
         touching = (depths > -reach) & both & ~(hanging[frames, :, None] & BESIDE)
-        for place in range(len(PLACES)):  # where a limb touches several parts of one place, the nearest counts
-            on = np.flatnonzero(PLACE[:-1] == place)
+        for place in np.unique(PLACE_OF):  # where a limb touches several parts of one place, the nearest counts
+            on = np.flatnonzero(place == PLACE_OF)
             some = np.where(touching[:, :, on], depths[:, :, on], -np.inf)
             touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
         frame, limb, segment = rows = np.nonzero(touching)
@@ -236,5 +237,5 @@ def _hanging(motion: Motion, body: Body, up: Array) -> Flags:
         for arm in body.arms:
             if arm.wrist == hand:
                 own = [limb.startswith(side) for limb in LIMBS]
-                hanging[:, own] = (raised(motion.positions, arm, hips, up) <= 0.0)[:, None]
+                hanging[:, own] = hangs(motion.positions, arm, hips, up)[:, None]
     return hanging

@@ -2,34 +2,34 @@
 
 All is found from positions alone. Heights are compared in leg lengths of each body. A foot is compared with how the
 target's own foot stands on its flat sole, so that a foot of another build is not an error. Where the target's feet have
-a mesh, its lowest vertices are their soles, and belong at the mean height of the source's sole over a rest, on a level
-floor (`level_on_floor`).
+a mesh, its lowest vertices are their soles, and are right from the mean height of the source's sole over a rest to the
+source's floor, if the one is near the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
-from distretarget.body.soles import Sole, floor_height, level_on_floor
+from distretarget.body.segments import find_segments
+from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching, by_soles
-from distretarget.matching.undersides import Undersides
+from distretarget.measure.floor import NEAR, THICK, Floor, find_floor
+from distretarget.measure.resting import SLOW, feet_rest, foot_joints
+from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.moving import largest
 from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.time_series import over_runs
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
+from distretarget.skin.capsules import SEGMENTS
 
-SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
-LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
-LOWEST = 2.0  # which is this percentile of them [%];
-LOW = 0.1  # other joints are no higher than this above the lowest joint [leg lengths]
+LOW = 0.1  # joints but the feet's that rest are no higher than this above the lowest joint [leg lengths]
 FLAT = 5.0  # a foot within this of the pitch of its flat sole stands flat [degrees]
 LEVEL = 0.5  # a sole stands on the floor, not on the tip or the back of the foot, if it is nearer to level [cosine]
 HOLD = 1.0  # a hand or head that holds on to something stays in its place for this long [s],
@@ -38,6 +38,8 @@ SWAY = 8.0  # while the joint where its limb begins goes this many times as far,
 FARTHER = 0.04  # ... this much farther [leg lengths]
 BETWEEN = 0.5  # the body takes about this long from its feet to other supports [s]
 ENDS = ("left hand", "right hand", "head")  # the regions that hold on to something
+BASES = ("trunk", "hips")  # the regions where their limbs begin
+TRUNK = ("chest", "belly", "pelvis")  # segments that rest as one
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,7 @@ class Feet:
     stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
     skate_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
     skate: Array  # the same of the result
+    sole: Array  # (frames, legs), the height of its lowest point, less that of a flat foot on the floor [leg lengths]
     foot_height: Array  # (frames, legs), of the sole while ankle or toe rests [% of leg length]
     foot_pitch: Array  # (frames, legs), from the flat sole, while ankle and toe rest and the sole is down [degrees]
     ankle_height: Array  # (frames, legs), over the source's floor, while the foot rests flat [% of leg length]
@@ -112,7 +115,8 @@ class _FootTracks:
         hips = motion.positions[:, [foot.leg.hip for foot in feet]].mean(axis=1) if feet else np.zeros((len(motion), 3))
         tracks = np.reshape([foot.over_time(motion, hips, up) for foot in feet], (len(feet), 5, len(motion)))
         sole, level_by, pitch, flat_ankle, over_ankle = tracks.transpose(1, 2, 0)
-        skate = speeds_along(level(_foot_paths(motion, feet, length), up), motion.frame_time)
+        paths = motion.positions[:, foot_joints([foot.leg for foot in feet])] / length
+        skate = speeds_along(level(paths, up), motion.frame_time)
         return cls(skate, sole / length, ~(level_by < LEVEL), pitch, flat_ankle / length, over_ankle / length)
 
 
@@ -125,48 +129,73 @@ class SourceFeet:
     leg: float  # the length of the target's legs [file units]
     stance: Flags  # as in `Feet`
     tracks: _FootTracks  # of the source
-    belongs: Array  # (frames, legs), the height at which the sole belongs [leg lengths]
-    undersides: Undersides | None  # the skins of source and target; None if no mesh shows the target's feet
+    floor: Floor  # the source's
+    belongs: Array  # (frames, legs), the height of the sole; its mean over a rest if meshes are compared [leg lengths]
+    surface: Surface | None  # the target's; None if no mesh shows its feet
+    thickness: float  # how far that is below the lowest joint of a foot that stands flat [leg lengths]
 
     def in_result(self, result: Motion, others_carry: Flags) -> Feet:
         """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
         ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
         source, own = self.tracks, _FootTracks.of(result, self.feet, self.leg, self.up)
-        sole = own.sole
-        if self.undersides is not None:  # of the lowest vertices, less what is below a flat foot
-            lowest = [self.undersides.target.lowest_of_foot(result, foot.leg.ankle, self.up) for foot in self.feet]
-            sole = (np.stack(lowest, axis=1) + self.undersides.soles[1]) / self.leg
+        sole, off = own.sole, own.sole - self.belongs
+        if self.surface is not None:
+            feet = [result.skeleton.subtree(foot.leg.ankle) for foot in self.feet]
+            lowest = [self.surface.lowest(result, foot, self.up) for foot in feet]
+            sole = np.stack(lowest, axis=1) / self.leg + self.thickness
+            off = self.floor.off(sole, self.belongs)
         on_sole = ankle_rests & toe_rests & source.level
         flat = on_sole & (np.abs(source.pitch) <= FLAT)
         alone = ankle_rests & ~others_carry[:, None]
         return Feet(
-            joints=_foot_joints(self.feet),
+            joints=foot_joints([foot.leg for foot in self.feet]),
             stance=self.stance,
             skate_source=source.skate,
             skate=own.skate,
-            foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(sole - self.belongs), np.nan),
+            sole=sole,
+            foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(off), np.nan),
             foot_pitch=np.where(on_sole, np.abs(own.pitch - source.pitch), np.nan),
             ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
             hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
         )
 
+    def off_floor(self, feet: Feet, supports: SupportsMeasured) -> tuple[Array, Flags]:
+        """(frames,) each: how far the lowest of feet and of skin on which other joints rest is from where the lowest of
+        the source is, or from its floor if that is near [% of leg length]; and whether any of these rests there.
+        """
+        on_skin = np.isfinite(supports.lowest)
+        joints = np.where(supports.on_floor & on_skin[:, None], supports.height_source, np.inf)
+        of_source = np.hstack([self.tracks.sole, joints]).min(axis=1, initial=np.inf)
+        lowest = np.minimum(feet.sole.min(axis=1, initial=np.inf), supports.lowest)
+        rests = (self.stance.any(axis=1) | on_skin) & np.isfinite(lowest) & np.isfinite(self.floor.height)
+        off = self.floor.off(lowest[rests], of_source[rests], np.where(on_skin, THICK, NEAR)[rests])
+        errors = np.zeros(len(rests))
+        errors[rests] = 100.0 * np.abs(off)
+        return errors, rests
 
-def find_feet(source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None) -> SourceFeet:
-    """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results, `undersides` are the skins
-    of both bodies, if known.
+
+def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | None = None) -> SourceFeet:
+    """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results, `surface` that of the
+    target's skin, if known.
     """
-    on_mesh = undersides if undersides is not None and undersides.feet_have_mesh else None
+    legs = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
     source_feet, feet = _flat_feet(matching)
     length, target_length = matching.leg_lengths
-    stance, tracks = _stance(source, source_feet, length, up), _FootTracks.of(source, source_feet, length, up)
+    stance = feet_rest(source, [foot.leg for foot in source_feet], length, up)
+    tracks, rests = _FootTracks.of(source, source_feet, length, up), stance[:, ::2] | stance[:, 1::2]
+    skin = surface if legs else None
+    soles = _soles_of_mesh(skin, matching.target, [leg for _, leg, _ in legs])
+    thickness = 0.0 if skin is None else np.mean([skin.below_sole(own) for _, _, (_, own) in legs]) / target_length
     return SourceFeet(
         up=up,
         feet=feet,
         leg=target_length,
         stance=stance,
         tracks=tracks,
-        belongs=tracks.sole if on_mesh is None else _on_floor(tracks.sole, stance[:, ::2] | stance[:, 1::2]),
-        undersides=on_mesh,
+        floor=find_floor(tracks.sole, rests),
+        belongs=tracks.sole if soles is None else _means(tracks.sole, rests),
+        surface=soles,
+        thickness=float(thickness),
     )
 
 
@@ -182,30 +211,17 @@ def _flat_feet(matching: Matching) -> tuple[Sequence[FlatFoot], Sequence[FlatFoo
     return source_feet, feet
 
 
-def _on_floor(soles: Array, rests: Flags) -> Array:
-    """(frames, legs), the heights at which soles belong that rest, or not, at these heights in the source."""
-    if not rests.any():
-        return soles
-    means = [over_runs(sole[:, None], rest.astype(float))[:, 0] for sole, rest in zip(soles.T, rests.T, strict=True)]
-    return level_on_floor(np.stack(means, axis=1), floor_height(soles, rests), rests, 1.0)
+def _soles_of_mesh(surface: Surface | None, body: Body, legs: Sequence[Leg]) -> Surface | None:
+    """The surface of a body if it is of a mesh that shows the soles of both its legs."""
+    if surface is None or not surface.of_mesh:
+        return None
+    return surface if all(len(surface.on(body.skeleton.subtree(leg.ankle))) for leg in legs) else None
 
 
-def _stance(motion: Motion, feet: Sequence[FlatFoot], length: float, up: Array) -> Flags:
-    """(frames, foot joints), whether each foot joint rests: it is slow, and near its lowest heights."""
-    paths = _foot_paths(motion, feet, length)
-    heights = paths @ up
-    low = heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT
-    return np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
-
-
-def _foot_paths(motion: Motion, feet: Sequence[FlatFoot], length: float) -> Array:
-    """(frames, foot joints, 3), positions of the foot joints [leg lengths]."""
-    return motion.positions[:, _foot_joints(feet)] / length
-
-
-def _foot_joints(feet: Sequence[FlatFoot]) -> Numbers:
-    """Ankle and toe of each foot in turn."""
-    return np.array([joint for foot in feet for joint in (foot.leg.ankle, foot.leg.toe)], np.intp)
+def _means(soles: Array, rests: Flags) -> Array:
+    """(frames, legs), the mean heights of soles over each of their rests, (frames, legs) each."""
+    means = [over_runs(sole[:, None], rest.astype(float)) for sole, rest in zip(soles.T, rests.T, strict=True)]
+    return np.concatenate(means, axis=1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -219,10 +235,13 @@ class SupportsMeasured:
     skate: Array  # the same in the result
     height: Array  # (frames, joints), error of the height in the result [% of leg length]
     height_source: Array  # (frames, joints), over the origin [leg lengths]
-    skin_source: Array  # (frames, joints), how far the skin reaches below each, less than below soles [leg lengths]
+    lowest_source: Array  # (frames,), the height of the lowest joint [leg lengths]
+    lowest: Array  # (frames,), that of the lowest skin about joints that rest; infinite without [leg lengths]
     up: Array  # (3,), the unit vector up
     leg: float  # the length of the target's leg [file units]; 1 without legs
-    undersides: Undersides | None  # the skins of source and target; None if they are not known, or without legs
+    parts: tuple[tuple[int, ...], ...]  # for each joint, those of the target that carry the skin it rests on
+    surface: Surface | None  # of the target's skin; None if it is not known, or without legs
+    thickness: float  # of that below a foot that stands flat [leg lengths]
 
     @property
     def rest(self) -> Flags:
@@ -238,35 +257,43 @@ class SupportsMeasured:
     def in_result(self, result: Motion) -> SupportsMeasured:
         """The same joints, measured in a result.
 
-        Where the skin is known, a height is right between the source's and the one at which the skin below the joint
-        is as high over the floor as the source's.
+        Where the skin is known, a height is right from the source's to the one at which the lowest skin of that part of
+        the body is on what the source's lowest joint is on.
         """
         paths = result.positions[:, self.joints] / self.leg
         skate = speeds_along(level(paths, self.up), result.frame_time)
-        off = paths @ self.up - self.height_source
-        if self.undersides is not None:
-            below = self.undersides.target.below(result, self.joints, self.up) - self.undersides.soles[1]
-            thicker = below / self.leg - self.skin_source
-            off -= np.clip(off, np.minimum(thicker, 0.0), np.maximum(thicker, 0.0)) * self.on_floor
-        return replace(self, skate=skate, height=100.0 * np.abs(off))
+        off, lowest = paths @ self.up - self.height_source, np.full(len(result), np.inf)
+        for part, skin in self._skins(result):
+            on = np.flatnonzero([each == part for each in self.parts])
+            rests = self.on_floor[:, on] & np.isfinite(skin)[:, None]
+            off[:, on] = np.where(rests, _least(off[:, on], (skin - self.lowest_source)[:, None]), off[:, on])
+            lowest = np.where(rests.any(axis=1), np.minimum(lowest, skin), lowest)
+        return replace(self, skate=skate, height=100.0 * np.abs(off), lowest=lowest)
+
+    def _skins(self, result: Motion) -> Iterator[tuple[tuple[int, ...], Array]]:
+        """Each part of the body that rests, and the height of its lowest skin over that of a flat foot, (frames,)."""
+        if self.surface is not None:
+            for part in dict.fromkeys(self.parts):
+                yield part, self.surface.lowest(result, part, self.up) / self.leg + self.thickness
 
 
 def find_supports(
-    source: Motion, matching: Matching, up: Array, undersides: Undersides | None = None
+    source: Motion, matching: Matching, up: Array, surface: Surface | None = None, thickness: float = 0.0
 ) -> SupportsMeasured:
-    """Find the joints that rest in a source, which is its own result until `in_result`; arguments as in `find_feet`."""
+    """Find the joints that rest in a source, which is its own result until `in_result`; arguments as in `find_feet`,
+    and how far the skin is below a foot that stands flat [leg lengths].
+    """
     joints = matching.joints_but_feet()
     drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
     height = heights_of(source.positions, drivers, up) / source_leg
-    low = height - lowest_heights(source.positions, up)[:, None] / source_leg < LOW
-    on_floor = low & (speeds_along(source.positions, source.frame_time, drivers) < SLOW * source_leg)
+    lowest = lowest_heights(source.positions, up) / source_leg
+    on_floor = height - lowest[:, None] < LOW
+    on_floor &= speeds_along(source.positions, source.frame_time, drivers) < SLOW * source_leg
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
     skate = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
-    known, skin = undersides if matching.legs else None, np.zeros_like(skate)
-    if known is not None:
-        skin = (known.source.below(source, drivers[some], up) - known.soles[0]) / source_leg
+    known = surface if matching.legs else None
     return SupportsMeasured(
         joints=joints[some],
         on_floor=on_floor[:, some],
@@ -275,11 +302,28 @@ def find_supports(
         skate=skate,
         height=np.zeros_like(skate),
         height_source=height[:, some],
-        skin_source=skin,
+        lowest_source=lowest,
+        lowest=np.full(len(source), np.inf),
         up=up,
         leg=leg,
-        undersides=known,
+        parts=_parts(matching.target, joints[some].tolist()) if known is not None else (),
+        surface=known,
+        thickness=thickness,
     )
+
+
+def _least(joint: Array, skin: Array) -> Array:
+    """How far a joint is off, by its own height or its skin's: 0 where one is too high and the other too low."""
+    nearer = np.where(np.abs(joint) < np.abs(skin), joint, skin)
+    return np.asarray(np.where(joint * skin > 0.0, nearer, 0.0))
+
+
+def _parts(body: Body, joints: list[int]) -> tuple[tuple[int, ...], ...]:
+    """For each joint, the joints that carry the skin of its segment; the trunk is one."""
+    segments = find_segments(body).of_joint
+    trunk = [SEGMENTS.index(name) for name in TRUNK]
+    one = np.where(np.isin(segments, trunk), trunk[0], segments)
+    return tuple(tuple(np.flatnonzero((one == one[joint]) & (one >= 0)).tolist()) for joint in joints)
 
 
 def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> Flags:
@@ -295,7 +339,7 @@ def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> F
 
     def base_of(joint: int) -> int:
         above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
-        return next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
+        return next((each for each in above if names[of_joint[each]] in BASES), joint)
 
     ends = np.flatnonzero([names[region] in ENDS for region in of_joint[joints].tolist()])
     ways = ways_of(joints[ends])

@@ -63,11 +63,12 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
-    """Return a sentence on contacts, skin, feet, other supports, hips and the largest direction error, and the names of
-    the metrics over their limits or worse than copied rotations. `metrics` are those of `tracks`.
+    """Return a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction error, and the
+    names of the metrics over their limits or worse than copied rotations. `metrics` are those of `tracks`.
     """
     of_result = tracks["result"]
     parts = [_contacts(metrics), *_skin(metrics, of_result), _feet(metrics), *_supports(metrics)]
+    parts += _floor(metrics)
     parts += [*_hips(metrics, of_result), *_turned(of_result)]
     text = f"{'; '.join(parts)}."
     text = text[0].upper() + text[1:]
@@ -130,6 +131,12 @@ def _supports(metrics: Metrics) -> Iterator[str]:
         yield "hands, knees or other supports stay in place less than with copied rotations"
     else:
         yield "hands, knees or other supports stay in place"
+
+
+def _floor(metrics: Metrics) -> Iterator[str]:
+    metric = BY_KEY["floor"]
+    if metric.over_limit(metrics):
+        yield f"the body is {metrics['result'][metric.key]:.1f} % of a leg {metric.label}"
 
 
 def _hips(metrics: Metrics, tracks: Tracks) -> Iterator[str]:

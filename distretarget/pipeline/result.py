@@ -22,8 +22,10 @@ from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
 from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
+from distretarget.measure.needless import find_needless, find_shaking, find_turned
 from distretarget.measure.pops import find_pops
 from distretarget.measure.skin import Skin, find_skin
+from distretarget.measure.surface import find_surface
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
@@ -129,12 +131,12 @@ class RetargetResult:
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
         source, target = self.matching.source, self.matching.target
-        undersides = undersides_of(self.matching, self.skins, self.mesh)
-        skins = None
+        skins, surface = None, None
         if self.skins:
             of_target = _skin_of(target, self.skins.target.capsules, self.mesh)
             skins = _skin_of(source, self.skins.source.capsules, None), of_target
-        reference = Reference(self.source, self.matching, self.world.up_vector, skins, undersides)
+            surface = find_surface(target.skeleton, self.skins.target.capsules, self.mesh)
+        reference = Reference(self.source, self.matching, self.world.up_vector, skins, surface)
 
         def compare(motion: Motion) -> Comparison:
             comparison = reference.compare(motion)
@@ -158,12 +160,18 @@ class RetargetResult:
 
     @cached_property
     def run_tracks(self) -> Tracks:
-        """The values per frame that only a run knows: pops, and frames that did not converge."""
+        """The values per frame that only a run knows: against the rotation copy, and frames that did not converge."""
         not_converged = np.zeros(len(self.motion))
         not_converged[self.effort.not_converged] = 1.0
-        given = self.rotation_copy, self.motion, self.matching.target, self.matching.source.shots_of(self.source)
-        pops = Track(find_pops(*given), parts=self.motion.skeleton.keys)
-        return {"pop": pops, "not_converged": Track(not_converged)}
+        body, motions, (of_result, of_copy) = self.matching.target, (self.rotation_copy, self.motion), self._comparisons
+        shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
+        return {
+            "turned": find_turned(*motions, body),
+            "needless": find_needless(*motions, body, of_copy, of_result),
+            "shaking": Track(find_shaking(*motions, body, shots), parts=keys),
+            "pop": Track(find_pops(*motions, body, shots), parts=keys),
+            "not_converged": Track(not_converged),
+        }
 
     @cached_property
     def metrics(self) -> dict[Variant, dict[str, float | None]]:

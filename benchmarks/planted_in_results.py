@@ -1,0 +1,245 @@
+"""Plant faults that a person would see into good results, and see whether a figure goes over its limit.
+
+    python benchmarks/planted_in_results.py [CHARACTER] [--markdown FILE]
+
+Prints a table: the fault, the clip of `sample_bvh` in which it is planted, and the metrics that go over their limits by
+it, in the result, and in the rotation copy that the solver begins with, of which it mends some. CHARACTER is the
+sample's by default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import click
+import numpy as np
+from clips import SAMPLES, markdown_option
+from scipy.spatial.transform import Rotation
+from tables import publish, table
+
+from distretarget import Motion, load_target, read_bvh, retarget
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.matching.matching import Matching
+from distretarget.measure.metrics import METRICS
+from distretarget.objectives import clip
+from distretarget.pipeline.result import RetargetResult
+
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A result, and what the faults are measured in."""
+
+    result: RetargetResult
+
+    @property
+    def motion(self) -> Motion:
+        """The motion of the result."""
+        return self.result.motion
+
+    @property
+    def height(self) -> float:
+        """That of the target [file units]."""
+        return self.result.matching.target.height
+
+    @property
+    def up(self) -> Array:
+        """The unit vector up, (3,)."""
+        return self.result.world.up_vector
+
+    def joint(self, role: str) -> int:
+        """The joint with a role."""
+        return self.result.matching.target.anatomy.roles[role]
+
+    def axes(self, frame: int = 0) -> Array:
+        """The axes of the body in a frame: to its left, up and ahead."""
+        left, right = (self.motion.positions[frame, self.joint(f"{side}UpperLeg")] for side in ("left", "right"))
+        across = left - right
+        across = (across - (across @ self.up) * self.up) / np.linalg.norm(across - (across @ self.up) * self.up)
+        return np.stack([across, self.up, np.cross(across, self.up)])
+
+    def all(self) -> Array:
+        """The numbers of all frames."""
+        return np.arange(len(self.motion))
+
+    def turned(self, joint: int | str, turns: Array, frames: Array | None = None) -> Motion:
+        """The motion with a joint turned in the world by rotation vectors, (3,) or (frames, 3) [degrees]."""
+        joint = self.joint(joint) if isinstance(joint, str) else joint
+        frames = self.all() if frames is None else frames
+        world = Rotation.from_quat(self.motion.world_rotations_of(joint)[frames])
+        own = Rotation.from_quat(self.motion.rotations[frames, joint])
+        rotations = np.array(self.motion.rotations)
+        turn = world.inv() * Rotation.from_rotvec(np.broadcast_to(turns, (len(frames), 3)), degrees=True) * world
+        rotations[frames, joint] = (own * turn).as_quat()
+        return replace(self.motion, rotations=rotations)
+
+    def on(self, motion: Motion) -> Stage:
+        """The stage with another motion."""
+        return Stage(replace(self.result, motion=motion))
+
+    def moved(self, by: Array) -> Motion:
+        """The motion with its root moved, by (3,) or (frames, 3) [file units]."""
+        return replace(self.motion, root_positions=self.motion.root_positions + by)
+
+    def late(self, roles: tuple[str, ...], frames: int) -> Motion:
+        """The motion with some joints so many frames late."""
+        rotations, before = np.array(self.motion.rotations), np.maximum(self.all() - frames, 0)
+        for role in roles:
+            rotations[:, self.joint(role)] = rotations[before, self.joint(role)]
+        return replace(self.motion, rotations=rotations)
+
+    def hand_moved(self, side: str, by: Array, frames: Array | None = None) -> Motion:
+        """The motion with a hand moved by (3,) [file units] from the shoulder and the elbow; the hand is not turned."""
+        stage, frames = self, self.all() if frames is None else frames
+        goal = self.motion.positions[frames, self.joint(f"{side}Hand")] + by
+        kept = Rotation.from_quat(self.motion.world_rotations_of(self.joint(f"{side}Hand"))[frames])
+        for role in ("LowerArm", "UpperArm") * 12:
+            at, hand = (stage.motion.positions[frames, self.joint(side + name)] for name in (role, "Hand"))
+            axis = np.cross(hand - at, goal - at)
+            angle = np.arctan2(np.linalg.norm(axis, axis=1), ((hand - at) * (goal - at)).sum(axis=1))
+            axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-12)[:, None]
+            stage = stage.on(stage.turned(side + role, np.degrees(angle)[:, None] * axis, frames))
+        world = Rotation.from_quat(stage.motion.world_rotations_of(self.joint(f"{side}Hand"))[frames])
+        return stage.turned(f"{side}Hand", (kept * world.inv()).as_rotvec(degrees=True), frames)
+
+    def crouched(self, degrees: float) -> Motion:
+        """The motion with knees more bent, and hips so much lower that the ankles stay where they are."""
+        stage, ankles = self, [self.joint(f"{side}Foot") for side in ("left", "right")]
+        across = self.axes()[0]
+        for side in ("left", "right"):
+            for part, share in (("UpperLeg", -1.0), ("LowerLeg", 2.0), ("Foot", -1.0)):
+                stage = stage.on(stage.turned(f"{side}{part}", share * degrees * across))
+        lower = (stage.motion.positions[:, ankles] - self.motion.positions[:, ankles]).mean(axis=1)
+        return stage.moved(-lower)
+
+    def mirrored(self) -> Motion:
+        """The motion with what left and right limbs do exchanged, by turns of like rest poses."""
+        rotations = np.array(self.motion.rotations)
+        across = np.array([1.0, -1.0, -1.0, 1.0])  # mirrored across the plane between left and right, X to the left
+        for role, joint in self.result.matching.target.anatomy.roles.items():
+            other = role.replace("left", "?").replace("right", "left").replace("?", "right")
+            rotations[:, joint] = self.motion.rotations[:, self.joint(other)] * across
+        return replace(self.motion, rotations=rotations)
+
+
+def _shaking(stage: Stage, degrees: float) -> Array:
+    """(frames, 3), turns of a size about axes that change in every frame."""
+    axes = np.random.default_rng(1).normal(size=(len(stage.motion), 3))
+    return degrees * axes / np.linalg.norm(axes, axis=1)[:, None]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault that is planted in a result of a clip."""
+
+    clip: str
+    plant: Callable[[Stage], Motion]
+
+
+def _levelled(stage: Stage, share: float) -> Motion:
+    """The motion with a share of the path along the floor."""
+    path = stage.motion.positions[:, stage.joint("hips")]
+    path = path - path[0]
+    along = path - np.outer(path @ stage.up, stage.up)
+    return stage.moved((share - 1.0) * along)
+
+
+ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
+FAULTS = {
+    "root 3 % of height lower": Fault("walk", lambda s: s.moved(-0.03 * s.height * s.up)),
+    "root 2 % of height higher": Fault("walk", lambda s: s.moved(0.02 * s.height * s.up)),
+    "a foot's toes 20 degrees up": Fault("squat", lambda s: s.turned("leftFoot", -20.0 * s.axes()[0])),
+    "a foot 20 degrees on its edge": Fault("squat", lambda s: s.turned("leftFoot", 20.0 * s.axes()[2])),
+    "a foot points 20 degrees aside": Fault("squat", lambda s: s.turned("leftFoot", 20.0 * s.up)),
+    "a hand's contact 5 % of height aside": Fault(
+        "hands_on_hips", lambda s: s.hand_moved("right", -0.05 * s.height * s.axes()[0])
+    ),
+    "a contact 5 frames late": Fault("clap", lambda s: s.late(tuple(f"right{part}" for part in ARM), 5)),
+    "an upper arm 4 % of height in the trunk": Fault("walk", lambda s: s.turned("leftUpperArm", -14.0 * s.axes()[2])),
+    "a hand 3 % of height in the belly": Fault(
+        "hands_on_hips", lambda s: s.hand_moved("left", -0.03 * s.height * s.axes()[0])
+    ),
+    "a head 30 degrees down": Fault("squat", lambda s: s.turned("head", 30.0 * s.axes()[0])),
+    "a pop of an elbow": Fault(
+        "wave", lambda s: s.turned("leftLowerArm", 40.0 * s.axes()[2], s.all()[len(s.motion) // 2 :][:1])
+    ),
+    "jitter of 0.5 degrees while a contact holds": Fault(
+        "hands_on_hips", lambda s: s.turned("leftUpperArm", _shaking(s, 0.5))
+    ),
+    "left and right exchanged": Fault("wave", lambda s: s.mirrored()),
+    "half the path": Fault("walk", lambda s: _levelled(s, 0.5)),
+    "a drift of 0.1 leg lengths a second": Fault(
+        "squat", lambda s: s.moved(np.outer(s.all() * s.motion.frame_time, 0.05 * s.height * s.axes()[0]))
+    ),
+    "a crouch": Fault("squat", lambda s: s.crouched(15.0)),
+    "palms turned by 90 degrees": Fault("clap", lambda s: s.turned("rightHand", 90.0 * s.up)),
+    "a trunk that leans by 20 degrees": Fault("wave", lambda s: s.turned("spine", 20.0 * s.axes()[0])),
+    "an arm 25 degrees out without need": Fault("walk", lambda s: s.turned("leftUpperArm", 25.0 * s.axes()[2])),
+    "legs 10 degrees apart": Fault("walk", lambda s: s.turned("leftUpperLeg", 10.0 * s.axes()[2])),
+    "legs that pass through each other": Fault("squat", lambda s: s.turned("leftUpperLeg", -14.0 * s.axes()[2])),
+    "hips that shake": Fault(
+        "walk", lambda s: s.moved(np.outer(0.003 * s.height * (-1.0) ** (s.all() // 2), s.axes()[0]))
+    ),
+}
+
+
+@cache
+def stage_of(character: Path, sample: str) -> Stage:
+    """The result of a sample on a character."""
+    return Stage(retarget(read_bvh(SAMPLES / f"{sample}.bvh"), load_target(character)))
+
+
+def told(result: RetargetResult, before: RetargetResult) -> set[str]:
+    """The keys of the metrics of a result that are over their limits, and were not before, or not by half as much."""
+    values, earlier = (each.metrics["result"] for each in (result, before))
+    over = {metric.key for metric in METRICS if metric.over_limit(result.metrics)}
+    known = {metric.key for metric in METRICS if metric.over_limit(before.metrics)}
+    return {key for key in over if key not in known or values[key] > 2.0 * earlier[key]}
+
+
+def seen(character: Path, fault: Fault) -> set[str]:
+    """The keys of the metrics that tell of a fault in a result."""
+    stage = stage_of(character, fault.clip)
+    return told(replace(stage.result, motion=fault.plant(stage)), stage.result)
+
+
+def seen_of_solver(character: Path, fault: Fault) -> set[str]:
+    """The keys of the metrics that tell of a fault in the rotation copy that the solver begins with."""
+    stage, right = stage_of(character, fault.clip), clip.rotation_copy
+
+    def wrong(matching: Matching, scale: RootScale) -> Motion:
+        return fault.plant(Stage(replace(stage.result, matching=matching, motion=right(matching, scale))))
+
+    clip.rotation_copy = wrong
+    try:
+        return told(retarget(read_bvh(SAMPLES / f"{fault.clip}.bvh"), load_target(character)), stage.result)
+    finally:
+        clip.rotation_copy = right
+
+
+@click.command(help=__doc__)
+@click.argument("character", type=click.Path(exists=True, path_type=Path), default=HERO)
+@markdown_option
+def main(character: Path, page: Path | None) -> None:
+    """Print the table."""
+    rows = [
+        (name, f"`{fault.clip}`", *map(_listed, (seen(character, fault), seen_of_solver(character, fault))))
+        for name, fault in FAULTS.items()
+    ]
+    publish(
+        {"planted in results": table(("fault", "clip", "in the result", "in what the solver begins with"), rows)}, page
+    )
+
+
+def _listed(keys: set[str]) -> str:
+    """Keys in the order of the registry; a dash for none."""
+    return ", ".join(f"`{metric.key}`" for metric in METRICS if metric.key in keys) or "-"
+
+
+if __name__ == "__main__":
+    main()

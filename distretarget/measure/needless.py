@@ -1,0 +1,102 @@
+"""What a result does that copied rotations do not, and that nothing asks for: parts that turn, and shaking."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from distretarget.body.anatomy import SIDES
+from distretarget.body.body import Body
+from distretarget.measure.comparison import Comparison
+from distretarget.measure.contacts import Contacts
+from distretarget.measure.metrics import Track
+from distretarget.measure.pops import INSTANT
+from distretarget.measure.skin_depths import LIMBS
+from distretarget.motion import Motion
+from distretarget.numerics.moving import largest
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.time_series import Shots
+from distretarget.numerics.vectors import Array, Flags, lengths
+
+HELD = ("head", "upperChest", "chest", "leftHand", "rightHand")  # what arms and legs carry to a contact as it is
+SINKS = 2.0  # copied rotations by which a limb sinks in by less than this need no change [% of height]
+AROUND = 0.75  # an arm may turn for this long before and after what it turns for [s]
+LASTS = 0.1  # what shakes does so for this long before and after [s]
+
+
+def find_turned(copy: Motion, result: Motion, body: Body) -> Track:
+    """How far head, chest and hands are turned away from the rotation copy, (frames, parts) [degrees]."""
+    joints = body.anatomy.joints(*HELD) if body.anatomy else []
+    angles = [_angles(copy, result, joint) for joint in joints]
+    return Track(_columns(angles, len(result)), parts=tuple(result.skeleton.keys[joint] for joint in joints))
+
+
+def find_needless(copy: Motion, result: Motion, body: Body, of_copy: Comparison, of_result: Comparison) -> Track:
+    """How far upper arms are turned away from the rotation copy, or point elsewhere than the source's, without need,
+    (frames, arms) [degrees]: while the arm touches nothing in the source, nothing but the feet rests there, and the
+    copied forearm and hand do not sink in.
+
+    `of_copy` and `of_result` are what was measured of the two.
+    """
+    sides = [side for side in SIDES if body.anatomy and f"{side}UpperArm" in body.anatomy.roles]
+    joints = body.anatomy.joints(*(f"{side}UpperArm" for side in sides)) if body.anatomy else []
+    angles = [np.maximum(_angles(copy, result, joint), _off_direction(of_result, joint)) for joint in joints]
+    needed = [_needed(of_copy, side, result.frame_time) for side in sides]
+    counts = _columns([~each for each in needed], len(result)) > 0
+    return Track(_columns(angles, len(result)), counts, tuple(result.skeleton.keys[joint] for joint in joints))
+
+
+def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
+    """(frames - 2, joints), how far each joint of a result is off the middle between the frames before and after, more
+    than in the rotation copy: the median over `LASTS` before and after, since a single jump is no shaking [% of leg
+    length]. Joints outside the body and frames at a cut between `shots`, (frames,), count 0; frames that are farther
+    apart than `INSTANT` count as much less as a smooth way bends more between them.
+    """
+    joints, off = np.flatnonzero(body.regions.of_joint >= 0), np.zeros((max(len(result) - 2, 0), len(result.skeleton)))
+    for block in blocks_of(len(off)):
+        frames = slice(block.start, block.stop + 2)
+        deviation = result.positions_in(frames)[:, joints] - copy.positions_in(frames)[:, joints]
+        off[block, joints] = lengths(deviation[1:-1] - 0.5 * (deviation[:-2] + deviation[2:]))
+    cuts = np.diff(shots) != 0
+    off[cuts[:-1] | cuts[1:]] = 0.0
+    span = 2 * round(LASTS / result.frame_time) + 1
+    percent = 100.0 * min(INSTANT / result.frame_time, 1.0) ** 2 / (0.5 * body.unit)
+    return np.asarray(percent * median_filter(off, (span, 1), mode="nearest"))
+
+
+def _columns(values: list[Array] | list[Flags], frames: int) -> Array:
+    """(frames, values), each of (frames,) in a column."""
+    return np.stack(values, axis=1).astype(np.float64) if values else np.zeros((frames, 0))
+
+
+def _angles(copy: Motion, result: Motion, joint: int) -> Array:
+    """(frames,), the angles between the world rotations of a joint [degrees]."""
+    cosine = np.abs((copy.world_rotations_of(joint) * result.world_rotations_of(joint)).sum(axis=1))
+    return np.asarray(np.degrees(2.0 * np.arccos(np.minimum(cosine, 1.0))))
+
+
+def _off_direction(of_result: Comparison, joint: int) -> Array:
+    """(frames,), how far the bones below a joint are off the directions of the source's [degrees]."""
+    own = of_result.skeleton.parents[of_result.bones] == joint
+    return np.asarray(of_result.direction_error[:, own].max(axis=1, initial=0.0))
+
+
+def _needed(of_copy: Comparison, side: str, frame_time: float) -> Flags:
+    """(frames,), whether an arm has something to turn for."""
+    needed = _touching(of_copy.contacts, side) | of_copy.supports.rest.any(axis=1)
+    own = [limb.startswith(side) for limb in LIMBS]
+    if len(of_copy.skin.deepest):
+        needed |= (of_copy.skin.deepest[:, own].max(axis=1) >= SINKS) | (of_copy.skin.touching[:, own] > 0).any(axis=1)
+    reach = int(min(AROUND / frame_time, len(needed)))
+    return np.asarray(largest(needed.astype(np.float64)[:, None], reach)[:, 0] > 0.0)
+
+
+def _touching(contacts: Contacts, side: str) -> Flags:
+    """(frames,), whether an arm is in a contact of the source."""
+    names = contacts.candidates.names
+    arms = [
+        any(part.startswith(side) and part.endswith(("hand", "arm")) for part in name.split(" - ")) for name in names
+    ]
+    touching = np.zeros(len(contacts.strides), bool)
+    touching[contacts.frame[np.array(arms, bool)[contacts.regions]]] = True
+    return touching

@@ -1,0 +1,29 @@
+"""When feet of a motion rest: they are slow, and near their lowest heights. Found from positions alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from distretarget.body.limbs import Leg
+from distretarget.motion import Motion
+from distretarget.numerics.joint_paths import speeds_along
+from distretarget.numerics.vectors import Array, Flags, Numbers
+
+SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
+LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
+LOWEST = 2.0  # which is this percentile of them [%]
+
+
+def foot_joints(legs: Sequence[Leg]) -> Numbers:
+    """Ankle and toe of each leg in turn, (foot joints,)."""
+    return np.array([joint for leg in legs for joint in (leg.ankle, leg.toe)], np.intp)
+
+
+def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Flags:
+    """(frames, foot joints), whether each foot joint rests; `length` is that of a leg, `up`, (3,), the vector up."""
+    paths = motion.positions[:, foot_joints(legs)] / length
+    heights = paths @ up
+    low = heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT
+    return np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))

@@ -1,0 +1,79 @@
+"""How far a result is from the source's floor, on shifts that are known, and on surfaces of two spheres."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, matched, person, posed
+
+from distretarget import load_target, read_bvh, retarget
+from distretarget.measure.comparison import Reference
+from distretarget.measure.floor import NEAR, Floor, find_floor
+from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
+from distretarget.skin.capsules import Capsules
+
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
+UP = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def walked():
+    return retarget(read_bvh(SAMPLES / "walk.bvh")[:120], load_target(HERO))
+
+
+def floor_of(result, motion):
+    surface = find_surface(motion.skeleton, result.skins.target.capsules, result.mesh)
+    return Reference(result.source, result.matching, UP, surface=surface).compare(motion)
+
+
+@pytest.mark.parametrize("rise", [0.05, -0.05, 0.3])
+def test_a_shift_of_the_whole_body_is_seen_as_far_as_it_is(walked, rise):
+    leg = walked.matching.leg_lengths[1]
+    shifted = replace(walked.motion, root_positions=walked.motion.root_positions + rise * leg * UP)
+    before, after = floor_of(walked, walked.motion), floor_of(walked, shifted)
+    assert before.floor[before.on_floor].mean() < 0.2
+    # the source's own sole may be as much as `NEAR` off its floor, and the result as much less
+    assert after.floor[after.on_floor].mean() == pytest.approx(100 * abs(rise), abs=1.0)
+
+
+def test_what_stands_on_a_step_belongs_there_and_what_is_near_the_floor_on_it():
+    floor = Floor(1.0)
+    heights, of_source = np.array([1.5, 1.4, 1.0, 1.04, 0.9]), np.array([1.5, 1.5, 1.05, 1.05, 1.05])
+    np.testing.assert_allclose(floor.off(heights, of_source), [0.0, -0.1, 0.0, 0.0, -0.1])
+    assert floor.off(np.array([1.0]), np.array([1.0 + 1.01 * NEAR])) == pytest.approx(-1.01 * NEAR)
+
+
+def test_the_floor_is_the_usual_height_of_soles_that_rest():
+    soles = np.array([[1.0, 9.0], [1.1, 1.2], [0.0, 1.1]])
+    rests = np.array([[True, False], [True, True], [False, True]])
+    assert find_floor(soles, rests).height == pytest.approx(1.1)
+    assert np.isnan(find_floor(soles, np.zeros_like(rests)).height)
+
+
+def test_a_body_that_never_rests_has_no_figure_of_the_floor():
+    rising = posed(person(), {}, np.outer(np.arange(30.0), UP))
+    compared = Reference(rising, matched(rising, rising), UP).compare(rising)
+    assert not compared.on_floor.any()
+
+
+def test_the_lowest_point_of_a_surface_is_that_of_the_posed_one(walked):
+    mesh, motion = walked.mesh, walked.motion[::20]
+    surface, skeleton = surface_of_mesh(mesh, motion.skeleton), motion.skeleton
+    foot = skeleton.subtree(walked.matching.legs[1][0].ankle)
+    carriers = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
+    known = mesh.posed(motion, np.flatnonzero(np.isin(carriers, foot)))[..., 1].min(axis=1)
+    np.testing.assert_allclose(surface.lowest(motion, foot, UP), known, atol=2e-3)
+    assert np.isinf(surface.lowest(motion, [], UP)).all()
+
+
+def test_the_lowest_point_of_capsules_is_a_radius_below_an_end():
+    body = person()
+    ends = np.array([[[0.0, 0.0, 0.0], [0.0, -0.4, 0.0]]])
+    knee = body.index("LeftKnee")
+    capsules = Capsules(np.array([knee]), ends, np.array([[0.1, 0.05]]), np.array([0]))
+    motion = posed(body, {"LeftKnee": np.array([np.pi / 2, 0.0, 0.0])}, np.zeros((2, 3)))
+    upright = posed(body, {}, np.zeros((2, 3)))
+    surface = surface_of_capsules(capsules, body)
+    height = upright.positions[:, knee, 1]
+    np.testing.assert_allclose(surface.lowest(upright, [knee], UP), height - 0.45)
+    np.testing.assert_allclose(surface.lowest(motion, [knee], UP), height - 0.1)
