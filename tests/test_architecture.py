@@ -101,6 +101,7 @@ PLAIN = {
     "SettingsError",
     "counted",
     "distance_problem",
+    "found_once",
 }
 # Modules that tell what rests, touches or is the floor: a judge takes types from them alone.
 JUDGEMENT = ("body.resting", "body.limbs", "body.soles", "matching.undersides", "skin.limbs", "skin.displacement")

@@ -92,6 +92,8 @@ def test_only_what_counts_is_reduced():
     np.testing.assert_array_equal(metric().over_time(track, 3), [1, np.nan, 2.5])
     assert metric(reduction="largest").of_clip(track) == 3
     np.testing.assert_array_equal(metric(reduction="largest").over_time(track, 3), [1, np.nan, 3])
+    assert metric(reduction="worst part").of_clip(track) == 3
+    np.testing.assert_array_equal(metric(reduction="worst part").over_time(track, 3), [1, np.nan, 3])
 
 
 def test_the_largest_is_at_least_zero():
@@ -118,7 +120,7 @@ def test_frames_carry_the_suffix_of_their_side():
 @pytest.mark.parametrize("shape", [(0,), (0, 4), (FRAMES, 0)])
 def test_without_measurements_there_is_no_metric(shape):
     track = {"gap": Track(np.zeros(shape))}
-    for reduction in ("mean", "largest", "percentile 99", "frames"):
+    for reduction in ("mean", "worst part", "largest", "percentile 99", "frames"):
         assert metric(reduction=reduction).of_clip(track) is None
     assert np.isnan(metric().over_time(track, FRAMES)).all()
 

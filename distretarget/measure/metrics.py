@@ -104,8 +104,8 @@ class Metric:
         track: the key of the track if another metric has the same.
         touches: whether a measurement counts only in the middle third of each touch, a run of frames that have one; in
             the others it says how early or late a touch begins and ends, not how well it is kept.
-        reduction: how the track's values become the metric: the mean, the largest (at least 0), the 99th percentile, or
-            the number of frames in which any value is above 0.
+        reduction: how the track's values become the metric: the mean, the mean of the part whose mean is the largest,
+            the largest (at least 0), the 99th percentile, or the number of frames in which any value is above 0.
         judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
         still: for a ratio, source values up to this are rounding errors; `--fail-over` divides by at least this.
         limit: the value above which a run has a warning; None for no limit.
@@ -127,7 +127,7 @@ class Metric:
     missing: str = ""
     track: str = ""
     touches: bool = False
-    reduction: Literal["mean", "largest", "percentile 99", "frames"] = "mean"
+    reduction: Literal["mean", "worst part", "largest", "percentile 99", "frames"] = "mean"
     judged: Literal["value", "ratio"] = "value"
     still: float = 0.0
     limit: Limit | None = None
@@ -166,6 +166,9 @@ class Metric:
             return float(values.max(initial=0.0))
         if self.reduction == "percentile 99":
             return float(np.percentile(values, 99))
+        if self.reduction == "worst part":
+            sums, counts = np.where(track.weights > 0, track.values, 0.0).sum(axis=0), track.weights.sum(axis=0)
+            return float(np.max(sums / np.maximum(counts, 1)))
         return float(values.sum() / (values.size if track.counts is None else track.counts.sum()))
 
     def over_time(self, tracks: Tracks, frames: int) -> Array:
@@ -173,7 +176,7 @@ class Metric:
         track = self._judged_track(tracks)
         values, weights = (a if a.ndim == 2 else a[:, None] for a in (track.values, track.weights))
         values = np.where(weights > 0, values, 0.0)
-        if self.reduction in ("largest", "frames"):
+        if self.reduction in ("largest", "worst part", "frames"):
             reduced = values.max(axis=1, initial=0.0)
             reduced = np.sign(reduced) if self.reduction == "frames" else reduced
         else:
