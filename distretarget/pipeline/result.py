@@ -40,6 +40,7 @@ from distretarget.skin.mesh import SkinnedMesh
 
 Labels = dict[str, NDArray[Any]]
 
+COMPARED = 10  # to compare a joint takes as long as to place this many
 REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
@@ -144,7 +145,7 @@ class RetargetResult:
             motion.forget()
             return comparison
 
-        side_by_side = mapper_for(len(self.motion), len(self.motion.skeleton))
+        side_by_side = mapper_for(len(self.motion), COMPARED * len(self.motion.skeleton))
         copy, result = side_by_side(compare, (self.rotation_copy, self.motion))
         return result, copy
 
