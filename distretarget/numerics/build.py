@@ -153,8 +153,7 @@ def _compile() -> Iterator[tuple[str, str, str, list[Any]]]:
         made = compiler.compile_extra(*contexts, function, types, None, flags, {})
         with compiler_lock.global_compiler_lock:
             made.library.finalize()
-        flags = CONTIGUOUS | ALIGNED
-        written = [flags | WRITEABLE * getattr(each, "mutable", False) for each in types]
+        written = [CONTIGUOUS | ALIGNED | WRITEABLE * getattr(each, "mutable", False) for each in types]
         leaves = [leaf for each in zip(types, written, strict=True) for leaf in _leaves(*each)]
         yield symbol_of(function), made.fndesc.mangled_name, made.library.get_llvm_str(), leaves
 
@@ -170,8 +169,7 @@ def introduce_parts() -> None:
 
 def _numba_type(hint: Any, written: bool) -> Any:
     """What numba calls a type; arrays in tuples may be written to."""
-    from numba import from_dtype
-    from numba.core import types
+    from numba import from_dtype, types
 
     if get_origin(hint) is Annotated:
         kind = get_args(hint)[1]
