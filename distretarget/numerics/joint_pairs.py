@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy import ascontiguousarray as contiguous
 
 from distretarget.numerics.compiled import Out, compiled
 from distretarget.numerics.vectors import B1, F1, F2, F3, I1, S2, Array, Flags, Numbers
@@ -12,7 +11,8 @@ from distretarget.numerics.vectors import B1, F1, F2, F3, I1, S2, Array, Flags, 
 def come_near(a: Array, b: Array, u: Numbers, v: Numbers, reach: Array) -> Flags:
     """(pairs,), whether points u of `a` and v of `b`, (frames, points, 3), ever come closer than `reach`, (pairs,)."""
     near = np.zeros(len(u), np.bool_)
-    _mark_near(contiguous(a), contiguous(b), contiguous(u), contiguous(v), reach, near)
+    a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
+    _mark_near(a, b, np.ascontiguousarray(u), np.ascontiguousarray(v), reach, near)
     return near
 
 
@@ -32,7 +32,7 @@ def _mark_near(a: F3, b: F3, u: I1, v: I1, reach: F1, near: Out[B1]) -> None:
 def normalised_distances(a: Array, b: Array, u: Numbers, v: Numbers, tau: Array) -> Array:
     """D: (frames, pairs), distances between points u of `a` and v of `b`, (frames, points, 3), over path lengths."""
     D = np.empty((len(a), len(u)))
-    _write_distances(contiguous(a), contiguous(b), u, v, tau, D)
+    _write_distances(np.ascontiguousarray(a), np.ascontiguousarray(b), u, v, tau, D)
     return D
 
 

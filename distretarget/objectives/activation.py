@@ -16,7 +16,7 @@ import numpy as np
 from distretarget.checks import brief
 from distretarget.errors import SettingsError
 from distretarget.numerics.moving import raised_cosine
-from distretarget.numerics.time_series import Shots, by_shot, median_of_three, widened
+from distretarget.numerics.time_series import Shots, by_shot
 from distretarget.numerics.vectors import Array, Flags
 from distretarget.objectives.setting_in import Pairs, write_activation
 
@@ -66,7 +66,8 @@ def activation(D: Array, shots: Shots, lead: float, reach: float) -> Array:
     over 2 `lead` frames. A median of three frames ignores a single faulty frame. Nothing spreads across a cut between
     `shots`, (frames,).
     """
-    return by_shot(lambda each: widened(_sets_in(each, reach, reach + FADE), lead), shots, D)
+    hanging, raised, kept = np.full(D.shape[1], np.inf), np.zeros_like(D), np.ones_like(D)
+    return SelfContact(lead, 0, reach).activation(D, hanging, raised, shots, kept)
 
 
 def activation_window(lead: float) -> int:
@@ -112,14 +113,9 @@ class SelfContact:
         reach, farthest, frames = self.reach, self.reach + FADE, len(D)
         near, apart = np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging)
         hangs = np.flatnonzero((AS_FAR * hanging < farthest) & raised.any(axis=0))
+        D, kept = np.ascontiguousarray(D), np.ascontiguousarray(kept)
         pairs = Pairs(D, kept, near, apart, hangs, np.take(D, hangs, axis=1), np.take(raised, hangs, axis=1))
         weights, f = raised_cosine(round(self.lead)), np.empty_like(D)
         of_all, of_some = np.empty((3, *D.shape)), np.empty((6, frames, len(hangs)))
         write_activation(pairs, reach, farthest, STEADY, UNSTEADY, self.held, weights, of_all, of_some, f)
         return f
-
-
-def _sets_in(D: Array, near: Array | float, apart: Array | float) -> Array:
-    """(frames, pairs), the activation before it is widened, by the median of three frames of the distances D."""
-    t = np.clip((apart - median_of_three(D)) / (apart - near), 0.0, 1.0)
-    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)
