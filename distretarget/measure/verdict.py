@@ -83,7 +83,7 @@ def _contacts(metrics: Metrics) -> str:
             return NO_CONTACTS
         if gap <= TOUCHES:
             return f"skin touches as in the source, within {max(gap, LEAST_BOUND):.1f} % of the height"
-        return f"skin contacts off by {gap:.1f} % of the height on average"
+        return f"a hand or forearm misses what it touches by {gap:.1f} % of the height on average"
     metric = BY_KEY["contact_error"]
     result, copy = (metrics[side][metric.key] for side in ("result", "rotation_copy"))
     if result is None or copy is None:
