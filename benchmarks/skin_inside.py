@@ -22,7 +22,7 @@ from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.measure.skin import VISIBLE, SourceSkin, find_skin
-from distretarget.measure.skin_shapes import LIMBS
+from distretarget.measure.skin_depths import LIMBS
 from distretarget.skin.capsules import SEGMENTS, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -75,12 +75,13 @@ def rows_of(path: Path) -> Array:
     assert mesh is not None
     solid, skin = Solid.of(mesh, body), find_skin(body, no_capsules(), mesh)
     can_touch = skin.can_touch & ~np.isin(np.arange(len(SEGMENTS)), ARM)
-    of_target, none = replace(skin, can_touch=can_touch), np.zeros((3, 0), int)
+    can_touch[len(LIMBS) :] = False
+    of_target = replace(skin, can_touch=can_touch)
     rows = []
     for clip in CLIPS:
         run = retarget(read_bvh(SAMPLES / f"{clip}.bvh"), target)
         for motion in (run.rotation_copy, run.motion):
-            reference = SourceSkin(target=of_target, seen=np.arange(len(motion)), touches=none, gaps=np.zeros(0))
+            reference = SourceSkin.without_touches(of_target, np.arange(len(motion)), motion.frame_time)
             start = perf_counter()
             found = reference.in_result(motion)
             time = 1e6 * (perf_counter() - start) / len(motion)

@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 from bodies import SAMPLES, person
 from capsule_bodies import capsule_surface, mesh_of
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.measure.skin import TOUCHING, find_skin, find_source_skin
-from distretarget.measure.skin_shapes import inner_balls
+from distretarget.measure.skin_depths import find_depths
+from distretarget.measure.skin_shapes import SkinPoints, one_by_one
+from distretarget.measure.solids import solids_of_mesh
+from distretarget.numerics.vectors import normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
-from distretarget.skin.fit import distances
+from distretarget.skin.mesh import SkinnedMesh
 
 PERSON = person()
 BODY = Body.of(PERSON)
@@ -119,24 +123,54 @@ def test_another_mesh_of_the_same_body_measures_the_same():
     np.testing.assert_allclose(fine.inside, coarse.inside, atol=5)
 
 
-@pytest.mark.parametrize("inside_out", [0.0, 0.5, 1.0])
-def test_balls_fill_a_mesh_and_hardly_stick_out_whichever_way_triangles_face(inside_out):
-    mesh, _ = round_body()
-    triangles = mesh.triangles.copy()
-    flipped = mesh.joints[triangles[:, 0], 0] <= np.quantile(mesh.joints, inside_out) - (inside_out == 0)
-    triangles[flipped] = triangles[flipped, ::-1]
-    mesh = replace(mesh, triangles=triangles)
-    segments = find_segments(BODY).of_joint
-    balls = inner_balls(mesh, PERSON, segments)
-    places, size = PERSON.rest_positions[balls.joints, None] + balls.ends, BODY.height
-    away, _ = distances(mesh.vertices, places, balls.radii)
-    assert np.abs(away).max() < 0.006 * size
-    assert (balls.segments == segments[balls.joints]).all()
+def depths_in(mesh, places, motion):
+    """(places, segments), how deep places are inside each segment of a mesh in the first frame of a motion."""
+    offsets = (places - motion.positions[0, 0])[:, None]  # of the root, which is not turned
+    ones, zeros = np.ones((len(places), 1)), np.zeros((len(places), 1), int)
+    points = one_by_one(SkinPoints(zeros[:, 0], zeros, ones, offsets, ones[:, 0]))
+    solids = solids_of_mesh(mesh, PERSON, find_segments(BODY).of_joint)
+    posed = motion.positions[:1], motion.world_rotations[:1]
+    return find_depths(points, solids, posed, np.full((1, 1, 1), np.inf))[0][0]
+
+
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_depths_in_a_mesh_are_known_whichever_way_triangles_face(inside_out):
+    mesh, _ = round_body(rings=48)
+    if inside_out:
+        mesh = replace(mesh, triangles=mesh.triangles[:, ::-1])
+    away = normalised(np.random.default_rng(0).normal(size=(200, 3))) * np.linspace(0.02, 0.3, 200)[:, None]
+    found = depths_in(mesh, PERSON.rest_positions[ROLES["hips"]] + away, REST)[:, SEGMENTS.index("pelvis")]
+    np.testing.assert_allclose(found, BELLY - np.linalg.norm(away, axis=1), atol=0.003)
+
+
+def test_skin_that_two_joints_move_is_as_deep_as_its_posed_surface_says():
+    low, high = ROLES["hips"], ROLES["chest"]
+    rest = PERSON.rest_positions
+    rings, around = 60, 48
+    turns = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
+    heights = np.linspace(rest[low, 1] - 0.2, rest[high, 1] + 0.3, rings)
+    circle = 0.12 * np.stack([np.cos(turns), 0.0 * turns, np.sin(turns)], axis=1)
+    vertices = (circle + heights[:, None, None] * [0.0, 1.0, 0.0]).reshape(-1, 3)  # a tube that is open at both ends
+    a = np.arange((rings - 1) * around).reshape(-1, around)
+    b = np.roll(a, -1, axis=1)
+    triangles = np.stack([a, a + around, b, b, a + around, b + around], axis=-1).reshape(-1, 3)
+    share = np.clip((vertices[:, 1] - rest[low, 1]) / (rest[high, 1] - rest[low, 1]), 0.0, 1.0)
+    joints = np.tile([low, high], (len(vertices), 1))
+    mesh = SkinnedMesh(vertices, joints, np.column_stack([1.0 - share, share]), triangles)
+    rotations = PERSON.unturned[None].copy()
+    rotations[0, high] = Rotation.from_euler("X", 40, degrees=True).as_quat()
+    bent = Motion(PERSON, rest[:1], rotations, "0.0333333")
+    posed = mesh.posed(bent)[0]
+    inner = replace(mesh, vertices=vertices * [0.6, 1.0, 0.6])
+    places = inner.posed(bent)[0][15 * around : -15 * around : 7]
+    corners = posed[mesh.triangles]
+    known = KDTree(np.concatenate([corners.mean(axis=1), *corners.transpose(1, 0, 2)])).query(places)[0]
+    np.testing.assert_allclose(depths_in(mesh, places, bent).max(axis=1), known, atol=0.008)
 
 
 def test_loose_points_and_open_sheets_have_no_inside():
     mesh, _ = round_body()
-    corners = np.array([[0.0, 5.0, 0.0], [0.3, 5.0, 0.0], [0.0, 5.0, 0.3], [9.0, 9.0, 9.0]])
+    corners = np.array([[0.0, 1.6, 0.0], [0.3, 1.6, 0.0], [0.0, 1.6, 0.3], [9.0, 9.0, 9.0]])
     more = replace(
         mesh,
         vertices=np.concatenate([mesh.vertices, corners]),
@@ -144,10 +178,8 @@ def test_loose_points_and_open_sheets_have_no_inside():
         weights=np.concatenate([mesh.weights, np.ones((4, 1))]),
         triangles=np.concatenate([mesh.triangles, len(mesh.vertices) + np.array([[0, 1, 2]])]),
     )
-    segments = find_segments(BODY).of_joint
-    balls = inner_balls(more, PERSON, segments)
-    places = PERSON.rest_positions[balls.joints, 1] + balls.ends[:, 0, 1]
-    assert (places + balls.radii[:, 0] < 2).all()
+    places = np.array([[0.05, 1.6 + off, 0.05] for off in (-0.02, -0.001, 0.001, 0.02)])
+    assert (depths_in(more, places, REST) <= 0.0).all()
 
 
 def test_a_body_without_skin_has_no_metrics():
@@ -292,3 +324,28 @@ def test_frames_between_those_that_are_measured_hold_the_last():
     edges = np.flatnonzero(np.diff(touching)) + 1
     assert len(edges)
     assert np.isin(edges, reference.seen).all()
+
+
+# ---- other parts
+
+
+def test_an_upper_arm_in_the_trunk_is_as_deep_as_known_and_its_top_does_not_count():
+    """A ball near the elbow, and one at the shoulder, which folds, against a ball around the chest."""
+    chest, arm, elbow = ROLES["chest"], ROLES["leftUpperArm"], PERSON.offsets[ROLES["leftLowerArm"]]
+    rest = PERSON.rest_positions
+    radius = float(np.linalg.norm(rest[arm] - rest[chest])) - 0.02
+    capsules = Capsules(
+        np.array([chest, arm, arm]),
+        np.array([np.zeros((2, 3)), np.tile(0.9 * elbow, (2, 1)), np.zeros((2, 3))]),
+        np.array([[radius] * 2, [0.05] * 2, [0.01] * 2]),
+        np.array([SEGMENTS.index(name) for name in ("chest", "left upper arm", "left upper arm")]),
+    )
+    rotations = np.tile(PERSON.unturned, (20, 1, 1))
+    rotations[:, arm] = Rotation.from_euler("Z", -np.linspace(0, 120, 20)[:, None], degrees=True).as_quat()
+    motion = Motion(PERSON, np.tile(rest[0], (20, 1)), rotations, "0.0333333")
+    places = rest[arm] + Rotation.from_quat(rotations[:, arm]).apply(0.9 * elbow)
+    known = 100 / BODY.height * np.maximum(radius + 0.05 - np.linalg.norm(places - rest[chest], axis=1), 0.0)
+    found = measured(find_skin(BODY, capsules), motion)
+    assert known.max() > 3
+    np.testing.assert_allclose(found.deepest_parts[:, 0], known, atol=0.4)
+    np.testing.assert_array_equal(found.deepest, 0)

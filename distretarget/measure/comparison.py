@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -23,13 +22,14 @@ from distretarget.measure.movement import (
 )
 from distretarget.measure.pops import INSTANT
 from distretarget.measure.posture import errors_of, find_posture
-from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
+from distretarget.measure.skin import Skin, SkinMeasured, find_skin, find_source_skin
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
 from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
+from distretarget.skin.capsules import no_capsules
 
 STEADY = 1 / 30  # the acceleration of the hips is that between frames so far apart: noise is faster [s]
 OF_FEET = ("hips_height", "foot_pitch", "ankle_height", "foot_height")  # errors of `Feet` that are metrics
@@ -120,9 +120,6 @@ class Comparison:
         }
 
 
-_no_skin = cache(no_skin)
-
-
 class Reference:
     """A source that results on a target are measured against; what concerns the source alone is measured once."""
 
@@ -138,7 +135,8 @@ class Reference:
         their thickness is known, `surface` the target's.
         """
         self.source, self.matching = source, matching
-        self._skin = find_source_skin(source, matching.source, up, *(skins or (_no_skin(), _no_skin())))
+        skins = skins or (find_skin(matching.source, no_capsules()), find_skin(matching.target, no_capsules()))
+        self._skin = find_source_skin(source, matching.source, up, *skins)
         self._feet = find_feet(source, matching, up, surface)
         self._contacts = find_contacts(source, matching, self._feet.stance)
         self._supports = find_supports(source, matching, up, surface, self._feet.thickness)

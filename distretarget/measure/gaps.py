@@ -12,7 +12,7 @@ import numpy as np
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.skin import TOUCHING, Skin
-from distretarget.measure.skin_depths import LIMBS, find_depths
+from distretarget.measure.skin_depths import LIMBS, PARTS, find_depths
 from distretarget.measure.skin_places import PLACE_OF
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
@@ -184,15 +184,17 @@ def _gaps(
     """(frames, limbs, segments), the gaps between the hands and forearms of one performer and all of the other, up to
     the `farthest` [% of the mean height]; infinite where there is none.
     """
-    clusters, height = skins[other].clusters, (skins[0].height + skins[1].height) / 2.0
-    groups = clusters.groups.copy()
-    groups[:, 0] += len(motions[one].skeleton)
-    there = np.isin(np.arange(len(SEGMENTS)), groups[:-1, 1])
-    reach = np.where(there, farthest / 100.0 * height, -np.inf) * np.ones((1, len(LIMBS), 1))
+    solids, height = (
+        skins[other].solids.of_second_body(len(motions[one].skeleton)),
+        (skins[0].height + skins[1].height) / 2.0,
+    )
+    there = np.isin(np.arange(len(SEGMENTS)), solids.groups[:-1, 1])
+    reach = np.full((1, len(PARTS), len(SEGMENTS)), -np.inf)
+    reach[:, : len(LIMBS), there] = farthest / 100.0 * height
     both = motions[one], motions[other]
     posed = (
         np.concatenate([each.positions[frames] for each in both], axis=1),
         np.concatenate([each.world_rotations_in(frames) for each in both], axis=1),
     )
-    depths, _ = find_depths(skins[one].patches, clusters._replace(groups=groups), posed, reach)
+    depths = find_depths(skins[one].patches, solids, posed, reach)[0][:, : len(LIMBS)]
     return np.where(there, -100.0 / height * depths, np.inf)

@@ -13,23 +13,18 @@ from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.measure.hanging import hangs
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.skin_depths import LIMBS, Clusters, Patches, find_depths
+from distretarget.measure.part_frames import PART_OF, PartFrames, difference, find_part_frames
+from distretarget.measure.skin_depths import LIMBS, PARTS, Patches, Solids, find_depths
 from distretarget.measure.skin_places import PLACE_OF
-from distretarget.measure.skin_shapes import (
-    SkinPoints,
-    clusters_of,
-    inner_balls,
-    patches_of,
-    points_of_capsules,
-    points_of_mesh,
-)
+from distretarget.measure.skin_shapes import SkinPoints, one_by_one, patches_of, points_of_capsules, points_of_mesh
+from distretarget.measure.solids import solids_of_capsules, solids_of_mesh
+from distretarget.measure.touch_times import around, off_times
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skeleton import Skeleton
-from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
-from distretarget.skin.fit import distances
+from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
@@ -38,16 +33,32 @@ RATE = 30.0  # skin is measured about as often [1/s]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 OWN_ARM = ("hand", "forearm", "upper arm")
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
+LEG = ("thigh", "shin", "foot")
+TRUNK = ("chest", "belly", "pelvis")
+# What is nearer to the top of a part than this is skin that folds as it bends [lengths of its bone].
+FOLDS = {"upper arm": ("UpperArm", "LowerArm", 0.45), "thigh": ("UpperLeg", "LowerLeg", 0.35)}
 
 
-def _are(limb: str, parts: tuple[str, ...]) -> list[bool]:
-    """(segments,), whether each segment is one of these parts; those with sides, on the side of the limb."""
-    return [segment in {*parts, *(f"{limb.split()[0]} {part}" for part in parts)} for segment in SEGMENTS]
+def _are(side: str, parts: tuple[str, ...]) -> list[bool]:
+    """(segments,), whether each segment is one of these parts; those with sides, on this side."""
+    return [segment in {*parts, *(f"{side} {part}" for part in parts)} for segment in SEGMENTS]
 
 
-# (limbs, segments), the parts of the body that a limb can touch, all but its own arm; and those beside its arm.
-TOUCHABLE = ~np.array([_are(limb, OWN_ARM) for limb in LIMBS])
-BESIDE = np.array([_are(limb, BESIDE_ARM) for limb in LIMBS])
+def _can_touch(part: str) -> list[bool]:
+    """(segments,), what a part of the body can touch, or sink into, that is no neighbour of it."""
+    side = part.split()[0]
+    if part.endswith(OWN_ARM[:2]):
+        return [not own for own in _are(side, OWN_ARM)]
+    if part.endswith("upper arm"):
+        return [name in (*TRUNK, "head") or name.endswith(LEG) for name in SEGMENTS]
+    if part == "head":
+        return [name in TRUNK or name.endswith(LEG) for name in SEGMENTS]
+    return _are("right" if side == "left" else "left", LEG)
+
+
+# (parts, segments), the segments that each part can touch; (limbs, segments), those beside an arm that hangs.
+TOUCHABLE = np.array([_can_touch(part) for part in PARTS])
+BESIDE = np.array([_are(limb.split()[0], BESIDE_ARM) for limb in LIMBS])
 # (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
 # at the wrist, which is not at the same place of every mesh.
 HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
@@ -55,47 +66,51 @@ HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The skin of a body: points on its hands and forearms, and the solid parts that they may sink into."""
+    """The skin of a body: points on its parts, and the solids that they may sink into."""
 
-    patches: Patches  # the points, in the order of limbs
-    clusters: Clusters  # capsules, or many more balls inside a mesh
+    patches: Patches  # the points, in the order of parts
+    solids: Solids  # the inside of its capsules or of its mesh
     height: float  # of the body [file units]
-    can_touch: Flags  # (limbs, segments), whether the body has both, and they are no neighbours
+    can_touch: Flags  # (parts, segments), whether the body has both, and they are no neighbours
+    frames: PartFrames  # in which the places of touches are
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
-    """Return the skin of a body, by its mesh, or else by its capsules, without points inside in the bind pose."""
-    if mesh is not None:
-        return _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()), body.height)
-    return _skin(points_of_capsules(capsules), capsules, body.skeleton.rest_positions, body.height)
-
-
-def no_skin() -> Skin:
-    """Return the skin of a body whose thickness is not known."""
-    return _skin(points_of_capsules(no_capsules()), no_capsules(), np.zeros((0, 3)), 1.0)
+    """Return the skin of a body, by its mesh, or else by its capsules."""
+    if mesh is None:
+        return _skin(points_of_capsules(capsules), solids_of_capsules(capsules, body.skeleton), body)
+    return _skin(*_of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist())), body)
 
 
 @lru_cache(maxsize=4)
-def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...], height: float) -> Skin:
-    """The skin of a mesh, cached for a batch of clips with the same target."""
+def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...]) -> tuple[SkinPoints, Solids]:
+    """Points and inside of a mesh, cached for a batch of clips with the same target."""
     of_joint = np.array(segments, np.intp)
-    points, balls = points_of_mesh(mesh, skeleton, of_joint), inner_balls(mesh, skeleton, of_joint)
-    return _skin(points, balls, skeleton.rest_positions, height)
+    return points_of_mesh(mesh, skeleton, of_joint), solids_of_mesh(mesh, skeleton, of_joint)
 
 
-def _skin(points: SkinPoints, solid: Capsules, rest: Array, height: float) -> Skin:
-    """The skin without the points inside while the joints are at `rest`, (joints, 3)."""
-    outside = np.ones(len(points), bool)
-    places, ends = rest[points.joints[:, 0]] + points.offsets[:, 0], rest[solid.joints][:, None] + solid.ends
-    for limb in range(len(LIMBS)):
-        on, others = points.limbs == limb, TOUCHABLE[limb, solid.segments]
-        if on.any() and others.any():
-            outside[on] = distances(places[on], ends[others], solid.radii[others])[0] > 0.0
-    points = points[outside]
-    there = np.zeros(len(SEGMENTS), bool)
-    there[solid.segments] = True
-    can_touch = TOUCHABLE & there & np.isin(np.arange(len(LIMBS)), points.limbs)[:, None]
-    return Skin(patches_of(points), clusters_of(solid), height, can_touch)
+def _skin(points: SkinPoints, solids: Solids, body: Body) -> Skin:
+    """The skin of these points but those that are inside in the bind pose, and those where skin folds."""
+    rest, unturned = body.skeleton.rest_positions, body.skeleton.unturned
+    reach = np.where(TOUCHABLE[points.parts], 0.0, -np.inf)
+    depths = find_depths(one_by_one(points), solids, (rest[None], unturned[None]), reach[None])[0][0]
+    points = points[(depths.max(axis=1, initial=0.0) <= 0.0) & ~_folds(points, body)]
+    there = np.isin(np.arange(len(SEGMENTS)), np.append(solids.groups[:-1, 1], solids.segments))
+    can_touch = TOUCHABLE & there & np.isin(np.arange(len(PARTS)), points.parts)[:, None]
+    return Skin(patches_of(points), solids, body.height, can_touch, find_part_frames(body))
+
+
+def _folds(points: SkinPoints, body: Body) -> Flags:
+    """(points,), whether each is near the top of an upper arm or thigh, where skin folds as it bends."""
+    roles, rest = body.anatomy.roles if body.anatomy else {}, body.skeleton.rest_positions
+    places = (points.weights[..., None] * (rest[points.joints] + points.offsets)).sum(axis=1)
+    folds = np.zeros(len(points), bool)
+    for side, (part, (top, end, share)) in product(SIDES, FOLDS.items()):
+        if roles.keys() >= {side + top, side + end}:
+            bone = rest[roles[side + end]] - rest[roles[side + top]]
+            near = (places - rest[roles[side + top]]) @ bone < share * (bone @ bone)
+            folds |= (points.parts == PARTS.index(f"{side} {part}")) & near
+    return folds
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,19 +118,32 @@ class SkinMeasured:
     """The skin of hands and forearms of a result. Arrays have no frames where its thickness is not known."""
 
     deepest: Array  # (frames, limbs), how deep each is inside other parts of the body [% of height]
-    inside: Array  # (frames,), how much of them is [% of the vertices]
+    deepest_parts: Array  # (frames, other parts), how deep upper arms, legs and head are inside others [% of height]
+    inside: Array  # (frames,), how much of hands and forearms is [% of the vertices]
     # (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the heights; what
     # overlaps there may just touch; a forearm's gap is the least of forearm and hand [% of height]
     gap_error: Array
     touching: Numbers  # (frames, limbs), the number of parts of the body that it touches there
+    # (frames, limbs), the mean distance of the places where it touches others from those of the source, along and round
+    # what is touched [half widths], and the number of these places
+    place_error: Array
+    placed: Numbers
+    # (frames, limbs), how far begins and ends of touches are off, in the frames where those of the source are [ms], and
+    # their number
+    time_error: Array
+    timed: Numbers
 
     @property
     def tracks(self) -> Tracks:
         """The values of the metrics of skin."""
         return {
             "skin_depth": Track(self.deepest, parts=LIMBS),
+            "part_depth": Track(self.deepest_parts, parts=PARTS[len(LIMBS) :]),
             "skin_frames": Track(np.where(self.inside > VISIBLE, 100.0, 0.0)),
             "skin_gap": Track(self.gap_error, self.touching > 0, LIMBS),
+            "touch_missed": Track(np.where(self.gap_error > TOUCHING, 100.0, 0.0), self.touching, LIMBS),
+            "touch_place": Track(self.place_error, self.placed, LIMBS),
+            "touch_time": Track(self.time_error, self.timed, LIMBS),
         }
 
 
@@ -127,78 +155,147 @@ class SourceSkin:
     seen: Numbers  # (some frames,), those that are measured; each holds up to the next
     touches: Numbers  # (3, contacts), which of these, limb and segment, by frames
     gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
+    spots: Array  # (contacts, 3), where on the segment, as `PartFrames.coordinates`
+    frame_time: float  # [s]
+
+    @classmethod
+    def without_touches(cls, target: Skin, seen: Numbers, frame_time: float) -> SourceSkin:
+        """A source in which nothing touches."""
+        none = np.zeros((3, 0), np.intp)
+        return cls(
+            target=target, seen=seen, touches=none, gaps=np.zeros(0), spots=np.zeros((0, 3)), frame_time=frame_time
+        )
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""
         skin = self.target
         frames = len(self.seen) if skin.can_touch.any() else 0
-        shape = frames, len(LIMBS)
-        deepest, vertices, gaps = np.zeros(shape), np.zeros(frames), np.zeros(len(self.gaps))
+        deepest, vertices = np.zeros((frames, len(PARTS))), np.zeros(frames)
+        gaps, spots = np.zeros(len(self.gaps)), np.full((len(self.gaps), 3), np.nan)
+        near = around(self.times[:frames], self._touching(frames))
+        touching, touch = np.zeros(near.shape, bool), TOUCHING / 100.0 * skin.height
 
         def measure(block: slice) -> None:
             rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
             frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
             reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (block.stop - block.start, 1, 1))
+            beside = near[block][:, :, PLACE_OF]
+            reach[:, : len(LIMBS)][(beside | beside[:, HAND]) & skin.can_touch[: len(LIMBS)]] = touch
             there = PLACE_OF[segment][:, None] == PLACE_OF
             for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
                 reach[frame[there[:, part]], either[there[:, part]], part] = np.inf
-            depths, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach))
+            depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach))
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
-            gaps[rows] = -np.where(there, of_arm, -np.inf).max(axis=1, initial=-np.inf)
+            of_arm = np.maximum(depths[:, : len(LIMBS)], depths[:, HAND])
+            gaps[rows] = -np.where(there, of_arm[frame, limb], -np.inf).max(axis=1, initial=-np.inf)
+            same = PART_OF[segment][:, None] == PART_OF
+            nearest = np.where(same, of_arm[frame, limb], -np.inf).argmax(axis=1)
+            spots[rows] = _spots(skin, depths, places, frame, limb, nearest)
+            for place in range(near.shape[2]):
+                nearest_skin = of_arm[:, :, place == PLACE_OF].max(axis=2)
+                touching[block, :, place] = near[block, :, place] & (nearest_skin > -touch)
 
         if frames:
             over_blocks(measure, frames, len(skin.patches.counts))
         to_percent = 100.0 / skin.height
-        cell = self.touches[0] * len(LIMBS) + self.touches[1]
-        counts = np.bincount(cell, minlength=frames * len(LIMBS))
         too_far = to_percent * gaps - np.maximum(self.gaps, 0.0)
         too_near = self.gaps - to_percent * gaps
-        errors = np.bincount(cell, np.maximum(np.maximum(too_far, too_near), 0.0), minlength=frames * len(LIMBS))
+        errors = np.maximum(np.maximum(too_far, too_near), 0.0)
+        frame, limb, segment = self.touches[:, errors <= TOUCHING]
+        touching[frame, limb, PLACE_OF[segment]] = True
         last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
+        gap_error, counts = self._means(errors, frames)
+        place_error, placed = self._means(difference(self.spots, spots), frames)
+        time_error, timed = self._times(touching, len(last))
+        of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
         return SkinMeasured(
-            deepest=to_percent * deepest[last],
-            inside=100.0 * vertices[last] / max(skin.patches.counts.sum(), 1.0),
-            gap_error=(errors / np.maximum(counts, 1)).reshape(shape)[last],
-            touching=counts.reshape(shape)[last],
+            deepest=to_percent * deepest[last, : len(LIMBS)],
+            deepest_parts=to_percent * deepest[last, len(LIMBS) :],
+            inside=100.0 * vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
+            gap_error=gap_error[last],
+            touching=counts[last],
+            place_error=place_error[last],
+            placed=placed[last],
+            time_error=time_error,
+            timed=timed,
         )
+
+    @property
+    def times(self) -> Array:
+        """(seen frames,) [s]."""
+        return self.seen * self.frame_time
+
+    def _touching(self, frames: int) -> Flags:
+        """(seen frames, limbs, places), what touches in the source."""
+        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
+        frame, limb, segment = self.touches
+        touching[frame, limb, PLACE_OF[segment]] = True
+        return touching
+
+    def _means(self, values: Array, frames: int) -> tuple[Array, Numbers]:
+        """The means of what was measured of contacts, (seen frames, limbs), and how many have a value there."""
+        known, shape = np.isfinite(values), (frames, len(LIMBS))
+        cell = (self.touches[0] * len(LIMBS) + self.touches[1])[known]
+        counts = np.bincount(cell, minlength=frames * len(LIMBS))
+        sums = np.bincount(cell, values[known], minlength=frames * len(LIMBS))
+        return (sums / np.maximum(counts, 1)).reshape(shape), counts.reshape(shape)
+
+    def _times(self, touching: Flags, frames: int) -> tuple[Array, Numbers]:
+        """(frames, limbs), how far begins and ends of touches are off on average [ms], and how many there are."""
+        off, counts = np.zeros((frames, len(LIMBS))), np.zeros((frames, len(LIMBS)), np.intp)
+        of_source = self._touching(len(touching))
+        for limb, place in np.argwhere(of_source.any(axis=0)):
+            values, some = off_times(self.times, of_source[:, limb, place], touching[:, limb, place])
+            off[self.seen, limb] += values
+            counts[self.seen, limb] += some
+        return off / np.maximum(counts, 1), counts
 
 
 def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: Skin) -> SourceSkin:
     """Find what touches in a source; `skin` is that of its `body`, `up`, (3,), the unit vector up. About `RATE` frames
     a second are looked at, and all around the first and the last of each touch.
     """
-    both = skin.can_touch & target.can_touch
+    both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
     seen = _spread(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
     if not both.any():
-        return SourceSkin(target=target, seen=seen, touches=np.zeros((3, 0), np.intp), gaps=np.zeros(0))
+        return SourceSkin.without_touches(target, seen, source.frame_time)
     hanging = _hanging(source, body, up)
     reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
+    reach[:, len(LIMBS) :] = -np.inf
 
-    def touch(frames: Numbers) -> tuple[Numbers, Array]:
-        depths, _ = _depths(skin, source, frames, reach)
-        touching = (depths > -reach) & both & ~(hanging[frames, :, None] & BESIDE)
+    def touch(frames: Numbers) -> tuple[Numbers, Array, Array]:
+        depths, places, _ = _depths(skin, source, frames, reach)
+        of_limbs = depths[:, : len(LIMBS)]
+        touching = (of_limbs > -reach[:, : len(LIMBS)]) & both & ~(hanging[frames, :, None] & BESIDE)
         for place in np.unique(PLACE_OF):  # where a limb touches several parts of one place, the nearest counts
             on = np.flatnonzero(place == PLACE_OF)
-            some = np.where(touching[:, :, on], depths[:, :, on], -np.inf)
+            some = np.where(touching[:, :, on], of_limbs[:, :, on], -np.inf)
             touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
-        frame, limb, segment = rows = np.nonzero(touching)
-        of_arm = np.maximum(depths[rows], depths[frame, HAND[limb], segment])
-        return np.stack([frames[frame], limb, segment]), -100.0 / skin.height * of_arm
+        frame, limb, segment = np.nonzero(touching)
+        of_arm = np.maximum(of_limbs[frame, limb, segment], of_limbs[frame, HAND[limb], segment])
+        spots = _spots(skin, depths, places, frame, limb, segment)
+        return np.stack([frames[frame], limb, segment]), -100.0 / skin.height * of_arm, spots
 
-    def touches_in(frames: Numbers) -> tuple[Numbers, Array]:
-        side_by_side = mapper_for(len(frames), len(skin.patches.counts))
-        found = [*side_by_side(touch, [frames[block] for block in blocks_of(len(frames))])]
-        return np.concatenate([each for each, _ in found], axis=1), np.concatenate([gaps for _, gaps in found])
+    def touches_in(frames: Numbers) -> tuple[Numbers, Array, Array]:
+        in_blocks = [frames[block] for block in blocks_of(len(frames))]
+        found = mapper_for(len(frames), len(skin.patches.counts))(touch, in_blocks)
+        touches, gaps, spots = zip(*found, strict=True)
+        return np.concatenate(touches, axis=1), np.concatenate(gaps), np.concatenate(spots)
 
-    touches, gaps = touches_in(seen)
+    touches, gaps, spots = touches_in(seen)
     if len(between := _around_changes(seen, touches)):
-        others, of_others = touches_in(between)
+        others, of_others, spots_of_others = touches_in(between)
         touches, gaps, seen = np.hstack([touches, others]), np.append(gaps, of_others), np.union1d(seen, between)
         order = np.argsort(touches[0], kind="stable")
-        touches, gaps = touches[:, order], gaps[order]
+        touches, gaps, spots = touches[:, order], gaps[order], np.concatenate([spots, spots_of_others])[order]
     touches[0] = np.searchsorted(seen, touches[0])
-    return SourceSkin(target=target, seen=seen, touches=touches, gaps=gaps)
+    return SourceSkin(target=target, seen=seen, touches=touches, gaps=gaps, spots=spots, frame_time=source.frame_time)
+
+
+def _spots(skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers) -> Array:
+    """(n, 3), where limbs, or the hands of their arms if these are nearer, touch segments, (n,) each."""
+    limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)
+    return skin.frames.coordinates(segment, places[frame, limb, segment])
 
 
 def _spread(frames: Numbers, step: float) -> Numbers:
@@ -215,18 +312,18 @@ def _around_changes(seen: Numbers, touches: Numbers) -> Numbers:
     return np.concatenate([np.zeros(0, np.intp), *spans])
 
 
-def _depths(skin: Skin, motion: Motion, frames: Numbers, reach: Array) -> tuple[Array, Array]:
-    """`find_depths` in some frames, where two limbs meet those of the first of the two."""
+def _depths(skin: Skin, motion: Motion, frames: Numbers, reach: Array) -> tuple[Array, Array, Array]:
+    """`find_depths` in some frames, where two parts meet those of the first of the two."""
     posed = motion.positions[frames], world_rotations(motion.skeleton.parents, motion.rotations[frames])
-    depths, inside = find_depths(skin.patches, skin.clusters, posed, reach, GRAZING / 100.0 * skin.height)
-    return _of_first(depths), inside
+    depths, places, inside = find_depths(skin.patches, skin.solids, posed, reach, GRAZING / 100.0 * skin.height)
+    return _of_first(depths), places, inside
 
 
-def _of_first(of_limbs: Array) -> Array:
-    """Values of limbs and segments, (frames, limbs, segments), those of two limbs being the larger of both ways."""
-    between = of_limbs[:, :, : len(LIMBS)]  # the first segments are the limbs
+def _of_first(of_parts: Array) -> Array:
+    """Values of parts and segments, (frames, parts, segments), those of two limbs being the larger of both ways."""
+    between = of_parts[:, : len(LIMBS), : len(LIMBS)]  # the first parts, and the first segments, are the limbs
     between[:] = np.maximum(between, between.transpose(0, 2, 1))
-    return of_limbs
+    return of_parts
 
 
 def _hanging(motion: Motion, body: Body, up: Array) -> Flags:

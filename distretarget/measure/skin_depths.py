@@ -1,4 +1,4 @@
-"""How deep points of hands and forearms are inside the other parts of a body, or how far off these."""
+"""How deep points of the skin are inside the other parts of a body, or how far off these."""
 
 from __future__ import annotations
 
@@ -6,18 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from distretarget.measure.surface_distances import squared_distance
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.quaternions import turned
-from distretarget.numerics.vectors import F1, F2, F3, I1, I2, I3, Array
+from distretarget.numerics.vectors import F1, F2, F3, F4, I1, I2, I3, Array
 from distretarget.skin.capsules import SEGMENTS
 
-LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
+PARTS = SEGMENTS[: SEGMENTS.index("head") + 1]  # whose skin may be inside others: arms, legs and head
+LIMBS = PARTS[:4]  # hands and forearms
+PASSES = 4  # in which a point is brought back to the bind pose
+RIGID = 0.999  # share of a joint from which on nothing else moves a point
 
 
 class Patches(NamedTuple):
-    """Points of one limb that one joint moves most, in patches of a few neighbours."""
+    """Points of one part that one joint moves most, in patches of a few neighbours."""
 
-    limbs: I1  # (limbs + 1,), the first patch of each; the last is their end
+    parts: I1  # (parts + 1,), the first patch of each; the last is their end
     patches: I2  # (patches + 1, 2), joint and first point of each; the last is their end
     balls: F2  # (patches, 4), centre relative to the joint, and radius [file units]
     joints: I2  # (points, influences), as in `SkinPoints`, but in this order
@@ -25,35 +29,68 @@ class Patches(NamedTuple):
     counts: F1  # (points,)
 
 
-class Clusters(NamedTuple):
-    """Capsules in groups of one joint and segment, and these in clusters of a few neighbours, each within a ball."""
+class Solids(NamedTuple):
+    """The inside of a body, in groups of what one joint moves most of one segment: capsules, or a part of a mesh."""
 
-    groups: I2  # (groups + 1, 3), the joint and the segment of each, and its first cluster; the last is their end
-    first: I1  # (clusters + 1,), the first capsule of each; the last is their end
-    balls: F2  # (groups + clusters, 4), centre relative to the joint, and radius [file units]
+    # (groups + 1, 4), joint and segment of each, its first capsule, and its lattice or -1; the last is their end
+    groups: I2
+    balls: F2  # (groups, 4), one around each: centre relative to the joint, and radius [file units]
     # (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius where it
     # begins, the change of the radius along it, and how far along it, over a point's distance to the axis, the nearest
     # ball is off the point's foot
     capsules: F2
+    lattices: F2  # (lattices, 4), the place of the first node in the bind pose, and the spacing [file units]
+    sizes: I2  # (lattices, 4), the numbers of nodes along x, y and z, and the first node
+    distances: F1  # (nodes,), from the skin, negative inside [file units]
+    nearest: I1  # (nodes,), the triangle nearest to each; -1 where the skin is far
+    triangles: I2  # (triangles, 3), the vertices of each
+    vertices: F2  # (vertices, 3), in the bind pose [file units]
+    joints: I2  # (vertices, 4), those that move each most, the strongest first
+    weights: F2  # (vertices, 4), their shares, which sum to 1
+    segments: I1  # (vertices,), the segment of each, -1 for none
+    rest: F2  # (joints, 3), the places of the joints in the bind pose [file units]
+
+    def of_second_body(self, joints: int) -> Solids:
+        """Return the same on joints that are numbered behind as many others."""
+        groups, rest = self.groups.copy(), np.concatenate([np.zeros((joints, 3)), self.rest])
+        groups[:-1, 0] += joints
+        return self._replace(groups=groups, joints=self.joints + joints, rest=rest)
 
 
 def find_depths(
-    patches: Patches, clusters: Clusters, posed: tuple[Array, Array], reach: Array, grazing: float = 0.0
-) -> tuple[Array, Array]:
-    """Return how deep the deepest point of each limb is inside each segment, (frames, limbs, segments), negative where
-    it is that far off, and minus the reach where that is farther [file units]; and the number of vertices, (frames,),
-    that the points stand for that are inside any segment, deeper than `grazing`.
+    patches: Patches, solids: Solids, posed: tuple[Array, Array], reach: Array, grazing: float = 0.0
+) -> tuple[Array, Array, Array]:
+    """Return how deep the deepest point of each part is inside each segment, (frames, parts, segments), negative where
+    it is that far off, and minus the reach where that is farther [file units]; where this point is in the bind pose of
+    the segment, (frames, parts, segments, 3), nan where none was found; and the number of vertices, (frames,), that the
+    points of hands and forearms stand for that are inside any segment, deeper than `grazing`.
 
     `posed` are the positions and world rotations of the joints, (frames, joints, 3 and 4); `reach`, (frames or 1,
-    limbs, segments), is how far from a segment to look [file units], negative infinity for not at all.
+    parts, segments), is how far from a segment to look [file units], negative infinity for not at all.
     """
-    depths = np.array(np.broadcast_to(-reach, (len(posed[0]), len(LIMBS), len(SEGMENTS))), order="C")
-    inside, near = np.zeros(len(depths)), np.empty((4, len(clusters.balls)), np.intp)
-    placed, placed_patches = np.empty((len(clusters.balls), 4)), np.empty((len(patches.balls) + 2, 4))
-    last = np.full((len(LIMBS), len(SEGMENTS), 3), -1, np.intp)
+    shape = len(posed[0]), len(patches.parts) - 1, len(SEGMENTS)
+    depths = np.array(np.broadcast_to(-reach, shape), order="C")
+    inside, places = np.zeros(len(depths)), np.full((*shape, 3), np.nan)
+    near, placed = np.empty(len(solids.balls), np.intp), np.empty((len(solids.balls), 4))
+    placed_patches, last = np.empty((len(patches.balls) + 1, 4)), np.full((*shape[1:], 2), -1, np.intp)
     x, q = map(np.ascontiguousarray, posed)
-    _find(x, q, patches, clusters, grazing, near, placed, placed_patches, last, depths, inside)
-    return np.where(depths == np.inf, -np.inf, depths), inside
+    _find(
+        x,
+        q,
+        patches,
+        solids,
+        grazing,
+        near,
+        placed,
+        placed_patches,
+        np.empty(12),
+        np.empty((3, 3)),
+        last,
+        depths,
+        places,
+        inside,
+    )
+    return np.where(depths == np.inf, -np.inf, depths), places, inside
 
 
 @inlined()
@@ -82,8 +119,9 @@ def _posed(x, q, joints, bound):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _depth(capsules, first, end, deepest, i, j, k):  # type: ignore[no-untyped-def]
-    """How deep the point i j k is in some capsules, if deeper than `deepest`; else this."""
+def _in_capsules(capsules, first, end, i, j, k):  # type: ignore[no-untyped-def]
+    """How deep the point i j k is in some capsules."""
+    deepest = -np.inf
     for m in range(first, end):
         e = capsules[m]
         u, v, w = i - e[0], j - e[1], k - e[2]
@@ -92,11 +130,157 @@ def _depth(capsules, first, end, deepest, i, j, k):  # type: ignore[no-untyped-d
             along = u * e[3] + v * e[4] + w * e[5]
             off = max(squared - along * along, 0.0)
             foot = min(max(along + e[9] * np.sqrt(off), 0.0), e[6])
-            squared, radius = off + (along - foot) ** 2, radius + e[8] * foot
-        room = radius - deepest
-        if room > 0.0 and squared < room * room:
-            deepest = radius - np.sqrt(squared)
+            squared, radius = off + (along - foot) * (along - foot), radius + e[8] * foot
+        deepest = max(deepest, radius - np.sqrt(squared))
     return deepest
+
+
+@inlined()
+def _node(lattice, axis, size, place):  # type: ignore[no-untyped-def]
+    """The node before a place along an axis of a lattice, how far beyond it the place is, in spacings, and how far off
+    the lattice it is, in file units.
+    """
+    at = (place - lattice[axis]) / lattice[3]
+    within = min(max(at, 0.0), size[axis] - 1.0)
+    node = min(int(within), size[axis] - 2)
+    return node, within - node, (at - within) * lattice[3]
+
+
+@inlined()
+def _on_lattice(body, number, i, j, k):  # type: ignore[no-untyped-def]
+    """The distance of the place i j k in the bind pose from the skin of a solid, and the vertex that is nearest; -1
+    where the skin is far.
+    """
+    lattice, size, d = body.lattices[number], body.sizes[number], body.distances
+    l, s, u = _node(lattice, 0, size, i)
+    m, t, v = _node(lattice, 1, size, j)
+    n, r, w = _node(lattice, 2, size, k)
+    first, row, layer = size[3] + (l * size[1] + m) * size[2] + n, size[2], size[1] * size[2]
+    distance, node = 0.0, first
+    for corner in range(2):
+        share = s if corner else 1.0 - s
+        low, high = (1.0 - r) * d[node] + r * d[node + 1], (1.0 - r) * d[node + row] + r * d[node + row + 1]
+        distance += share * ((1.0 - t) * low + t * high)
+        node += layer
+    off = u * u + v * v + w * w
+    if off > 0.0:
+        distance = np.sqrt(off + max(distance, 0.0) * max(distance, 0.0))
+    triangle = body.nearest[first + (layer if s >= 0.5 else 0) + (row if t >= 0.5 else 0) + (1 if r >= 0.5 else 0)]
+    vertex, least = -1, np.inf
+    for corner in range(3 if triangle >= 0 else 0):
+        place = body.vertices[body.triangles[triangle, corner]]
+        squared = (place[0] - i) * (place[0] - i) + (place[1] - j) * (place[1] - j) + (place[2] - k) * (place[2] - k)
+        if squared < least:
+            vertex, least = body.triangles[triangle, corner], squared
+    return distance, vertex
+
+
+@inlined()
+def _blend(x, q, body, vertex, blended):  # type: ignore[no-untyped-def]
+    """Write how the joints of a vertex move what is near it in the bind pose: a matrix, row by row, and a shift."""
+    for i in range(12):
+        blended[i] = 0.0
+    for n in range(4):
+        share = body.weights[vertex, n]
+        if share > 0.0:
+            joint = body.joints[vertex, n]
+            e, p, o = q[joint], x[joint], body.rest[joint]
+            for column in range(3):
+                u, v = 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0
+                a, b, c = turned(e[0], e[1], e[2], e[3], u, v, 1.0 - u - v)
+                blended[column] += share * a
+                blended[3 + column] += share * b
+                blended[6 + column] += share * c
+            a, b, c = turned(e[0], e[1], e[2], e[3], o[0], o[1], o[2])
+            blended[9] += share * (p[0] - a)
+            blended[10] += share * (p[1] - b)
+            blended[11] += share * (p[2] - c)
+
+
+@inlined()
+def _unblended(m, a, b, c):  # type: ignore[no-untyped-def]
+    """The place that a matrix and a shift move to a b c; far off where the matrix is flat."""
+    u, v, w = a - m[9], b - m[10], c - m[11]
+    d, e, f = m[4] * m[8] - m[5] * m[7], m[5] * m[6] - m[3] * m[8], m[3] * m[7] - m[4] * m[6]
+    determinant = m[0] * d + m[1] * e + m[2] * f
+    if abs(determinant) < 1e-3:
+        return np.inf, np.inf, np.inf
+    s = 1.0 / determinant
+    return (
+        s * (d * u + (m[2] * m[7] - m[1] * m[8]) * v + (m[1] * m[5] - m[2] * m[4]) * w),
+        s * (e * u + (m[0] * m[8] - m[2] * m[6]) * v + (m[2] * m[3] - m[0] * m[5]) * w),
+        s * (f * u + (m[1] * m[6] - m[0] * m[7]) * v + (m[0] * m[4] - m[1] * m[3]) * w),
+    )
+
+
+@inlined()
+def _depth(x, q, body, group, a, b, c, blended):  # type: ignore[no-untyped-def]
+    """How deep the point a b c is in a group, the segment that it is in, and its place in the bind pose.
+
+    What moves a point of a mesh is not known before its place in the bind pose is: it is found by repetition, as the
+    skin's joints nearest to the place before would have it. What is then left of the way counts as apart.
+    """
+    joint, lattice = body.groups[group, 0], body.groups[group, 3]
+    rest = body.rest[joint]
+    i, j, k = _relative(x[joint], q[joint], a, b, c)
+    if lattice < 0:
+        deep = _in_capsules(body.capsules, body.groups[group, 2], body.groups[group + 1, 2], i, j, k)
+        return deep, body.groups[group, 1], i + rest[0], j + rest[1], k + rest[2]
+    i, j, k = i + rest[0], j + rest[1], k + rest[2]
+    distance, vertex = _on_lattice(body, lattice, i, j, k)
+    by = -1  # the vertex whose joints brought the point where it is; at first the group's joint alone does
+    if vertex >= 0 and body.joints[vertex, 0] == joint and body.weights[vertex, 0] > RIGID:
+        by = vertex
+    for _ in range(PASSES):
+        if vertex < 0 or vertex == by:
+            break
+        _blend(x, q, body, vertex, blended)
+        l, m, n = _unblended(blended, a, b, c)
+        off = np.sqrt((l - i) * (l - i) + (m - j) * (m - j) + (n - k) * (n - k))
+        if not off < np.inf:
+            vertex = -1
+            break
+        i, j, k, by = l, m, n, vertex
+        distance, vertex = _on_lattice(body, lattice, i, j, k)
+        distance += off
+    if vertex < 0:
+        return -np.inf, -1, i, j, k
+    return -distance, body.segments[vertex], i, j, k
+
+
+@inlined()
+def _exact(x, q, body, group, deep, place, a, b, c, corners):  # type: ignore[no-untyped-def]
+    """How deep the point a b c is by the triangles nearest to the nodes of the lattice around its place in the bind
+    pose, as they are posed; `deep` is what is known of it, `corners`, (3, 3), scratch.
+    """
+    number = body.groups[group, 3]
+    if number < 0:
+        return deep
+    lattice, size = body.lattices[number], body.sizes[number]
+    l, _s, _u = _node(lattice, 0, size, place[0])
+    m, _t, _v = _node(lattice, 1, size, place[1])
+    n, _r, _w = _node(lattice, 2, size, place[2])
+    first, least, before = size[3] + (l * size[1] + m) * size[2] + n, np.inf, -1
+    for corner in range(8):
+        node = first + (corner & 1) * size[1] * size[2] + (corner >> 1 & 1) * size[2] + (corner >> 2)
+        triangle = body.nearest[node]
+        if triangle < 0 or triangle == before:
+            continue
+        before = triangle
+        for of_triangle in range(3):
+            vertex, at = body.triangles[triangle, of_triangle], corners[of_triangle]
+            at[0] = at[1] = at[2] = 0.0
+            for influence in range(4):
+                share = body.weights[vertex, influence]
+                if share > 0.0:
+                    joint = body.joints[vertex, influence]
+                    v, o, e = body.vertices[vertex], body.rest[joint], q[joint]
+                    i, j, k = turned(e[0], e[1], e[2], e[3], v[0] - o[0], v[1] - o[1], v[2] - o[2])
+                    at[0] += share * (x[joint, 0] + i)
+                    at[1] += share * (x[joint, 1] + j)
+                    at[2] += share * (x[joint, 2] + k)
+        least = min(least, squared_distance(corners[0], corners[1], corners[2], a, b, c))
+    return np.sqrt(least) if deep > 0.0 else -np.sqrt(least)
 
 
 @inlined()
@@ -143,92 +327,86 @@ def _find(
     positions: F3,
     rotations: F3,
     skin: Patches,
-    body: Clusters,
+    body: Solids,
     grazing: float,
-    near: Out[I2],
+    near: Out[I1],
     placed: Out[F2],
     placed_patches: Out[F2],
+    blended: Out[F1],
+    corners: Out[F2],
     last: Out[I3],
     depths: Out[F3],
+    places: Out[F4],
     inside: Out[F1],
 ) -> None:
-    """Write depths and counts of vertices inside; `near`, (4, balls), `placed`, (balls, 4), and `placed_patches`,
-    (patches + 2, 4), are scratch: the near groups, and the near clusters and their groups; and balls in the world.
-    `last`, (limbs, segments, 3), begins as -1: the point, cluster and group that were deepest in the frame before, with
-    which the search begins, as all that is farther off need not be looked at.
+    """Write depths, places and counts of vertices inside; `near`, (groups,), `placed`, (groups, 4), `placed_patches`,
+    (patches + 1, 4), `blended`, (12,), and `corners`, (3, 3), are scratch: the near groups, balls in the world, how
+    joints move, and a triangle. `last`, (parts, segments, 2), begins as -1: the point and group that were deepest in
+    the frame before, with which the search begins, as all that is farther off need not be looked at.
     """
-    groups, first, balls, capsules = body.groups, body.first, body.balls, body.capsules
-    limbs, patches = skin.limbs, skin.patches
-    all_groups, all_patches = len(groups) - 1, len(patches) - 1
-    place, around = placed_patches[all_patches], placed_patches[all_patches + 1]
+    groups, parts, patches = body.groups, skin.parts, skin.patches
+    all_patches = len(patches) - 1
+    around = placed_patches[all_patches]
     for frame in range(len(positions)):
         x, q = positions[frame], rotations[frame]
         for patch in range(all_patches):
             joint = patches[patch, 0]
             _set(placed_patches[patch], x[joint], q[joint], skin.balls[patch])
-        for group in range(all_groups):
+        for group in range(len(groups) - 1):
             joint = groups[group, 0]
-            _set(placed[group], x[joint], q[joint], balls[group])
-            near[2, group] = 0  # its clusters are not placed yet
-        for limb in range(len(limbs) - 1):
-            near_groups, deepest_of = 0, depths[frame, limb]
+            _set(placed[group], x[joint], q[joint], body.balls[group])
+        for part in range(len(parts) - 1):
+            near_groups, deepest_of, is_limb = 0, depths[frame, part], part < len(LIMBS)
             for segment in range(len(deepest_of)):
-                point, cluster, group = last[limb, segment, 0], last[limb, segment, 1], last[limb, segment, 2]
+                point, group = last[part, segment, 0], last[part, segment, 1]
                 if point >= 0 and deepest_of[segment] < 0.0:
                     a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
-                    i, j, k = _relative(x[groups[group, 0]], q[groups[group, 0]], a, b, c)
-                    deepest = _depth(capsules, first[cluster], first[cluster + 1], deepest_of[segment], i, j, k)
-                    deepest_of[segment] = min(deepest, 0.0)
-            _enclose(around, placed_patches, limbs[limb], limbs[limb + 1])
-            for group in range(all_groups):
-                if not _meet(placed[group], around, _reach(deepest_of[groups[group, 1]])):
-                    continue
-                near[0, near_groups] = group
-                near_groups += 1
-                if near[2, group] == 0:
-                    near[2, group], joint = 1, groups[group, 0]
-                    for ball in range(all_groups + groups[group, 2], all_groups + groups[group + 1, 2]):
-                        _set(placed[ball], x[joint], q[joint], balls[ball])
-            for patch in range(limbs[limb], limbs[limb + 1] if near_groups else limbs[limb]):
-                found = 0  # near clusters
+                    deep, on, i, j, k = _depth(x, q, body, group, a, b, c, blended)
+                    if on == segment and deep > deepest_of[segment]:
+                        # a point that is inside is counted when all are looked at
+                        deepest_of[segment] = min(deep, 0.0)
+                        places[frame, part, segment, 0] = i
+                        places[frame, part, segment, 1] = j
+                        places[frame, part, segment, 2] = k
+            _enclose(around, placed_patches, parts[part], parts[part + 1])
+            for group in range(len(groups) - 1):
+                if _meet(placed[group], around, _reach(deepest_of[groups[group, 1]])):
+                    near[near_groups] = group
+                    near_groups += 1
+            for patch in range(parts[part], parts[part + 1] if near_groups else parts[part]):
+                found, ball = 0, placed_patches[patch]
                 for n in range(near_groups):
-                    group, ball = near[0, n], placed_patches[patch]
+                    group = near[n]
                     reach = _reach(deepest_of[groups[group, 1]])
                     if not _meet(placed[group], ball, reach):
                         continue
-                    joint, limit = groups[group, 0], -reach - ball[3]
-                    i, j, k = _relative(x[joint], q[joint], ball[0], ball[1], ball[2])
-                    for cluster in range(groups[group, 2], groups[group + 1, 2]):
-                        if not _meet(placed[all_groups + cluster], ball, reach):
-                            continue
-                        if _depth(capsules, first[cluster], first[cluster + 1], limit, i, j, k) > limit:
-                            near[1, found], near[3, found] = cluster, group
-                            found += 1
+                    deep, _on, _i, _j, _k = _depth(x, q, body, group, ball[0], ball[1], ball[2], blended)
+                    if deep + ball[3] > -reach or deep == -np.inf:
+                        near[n], near[found] = near[found], group
+                        found += 1
                 if found == 0:
                     continue
                 for point in range(patches[patch, 1], patches[patch + 1, 1]):
                     a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
-                    place[0], place[1], place[2] = a, b, c
                     is_inside = False
                     for n in range(found):
-                        cluster, group = near[1, n], near[3, n]
-                        joint, segment, ball = groups[group, 0], groups[group, 1], all_groups + cluster
-                        deepest = deepest_of[segment]
-                        if not is_inside and deepest > 0.0:
-                            deepest = 0.0
-                        room = balls[ball, 3] - deepest
-                        if room <= 0.0 or _apart(placed[ball], place) >= room * room:
+                        group = near[n]
+                        deep, segment, i, j, k = _depth(x, q, body, group, a, b, c, blended)
+                        if segment < 0 or deepest_of[segment] == np.inf:
                             continue
-                        i, j, k = _relative(x[joint], q[joint], a, b, c)
-                        deepest = _depth(capsules, first[cluster], first[cluster + 1], deepest, i, j, k)
-                        if deepest > grazing:
+                        if deep > grazing:
                             is_inside = True
-                        if deepest > deepest_of[segment]:
-                            deepest_of[segment] = deepest
-                            last[limb, segment, 0], last[limb, segment, 1], last[limb, segment, 2] = (
-                                point,
-                                cluster,
-                                group,
-                            )
-                    if is_inside:
+                        if deep > deepest_of[segment]:
+                            deepest_of[segment] = deep
+                            last[part, segment, 0], last[part, segment, 1] = point, group
+                            places[frame, part, segment, 0] = i
+                            places[frame, part, segment, 1] = j
+                            places[frame, part, segment, 2] = k
+                    if is_inside and is_limb:
                         inside[frame] += skin.counts[point]
+            for segment in range(len(deepest_of)):
+                point, place = last[part, segment, 0], places[frame, part, segment]
+                if point >= 0 and place[0] < np.inf and deepest_of[segment] > -np.inf:
+                    a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
+                    deep, group = deepest_of[segment], last[part, segment, 1]
+                    deepest_of[segment] = _exact(x, q, body, group, deep, place, a, b, c, corners)
