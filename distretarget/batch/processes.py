@@ -47,10 +47,11 @@ class Processes:
     def submit(self, job: Job) -> None:
         """Give a clip to the process that has the fewest; a BatchError if none can be started."""
         if not self._processes:
-            self._start()
+            self.start()
         min(self._processes, key=lambda process: len(process.jobs)).begin(job)
 
-    def _start(self) -> None:
+    def start(self) -> None:
+        """Start the processes; a BatchError if they cannot be started."""
         started = time.perf_counter()
         loaded()  # if it cannot be, every clip would say so
         self._processes += [_Process(self._context) for _ in range(self.count)]
