@@ -137,9 +137,10 @@ def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
 def _rotations(arrays: ArraysFile) -> Array:
     """The local rotations in a file, in any representation."""
     name = OWN[0]
-    if arrays.array(name).ndim == 4:
+    shape, _ = arrays.kind(name)
+    if len(shape) == 4:
         return arrays.numbers(name, "frames", "joints", 3, 3)
-    six = arrays.array(name).shape[-1:] == (6,)
+    six = shape[-1:] == (6,)
     return arrays.numbers(name, "frames", "joints", 6 if six else 4)
 
 
@@ -147,9 +148,9 @@ def _positions(arrays: ArraysFile) -> Array:
     """(frames, joints, 3), the positions in a file: the array of this name, or the only one of this shape."""
     if POSITIONS in arrays:
         return arrays.numbers(POSITIONS, "frames", "joints", 3)
-    likely = [name for name in arrays.arrays if arrays.array(name).ndim == 3 and arrays.array(name).shape[2] == 3]
+    likely = [name for name in arrays.parts if len(shape := arrays.kind(name)[0]) == 3 and shape[2] == 3]
     if len(likely) != 1:
-        found = quoted(likely or arrays.arrays)
+        found = quoted(likely or arrays.parts)
         wanted = f"{POSITIONS}, (frames, joints, 3), or poses and trans of SMPL"
         raise FileError(arrays.path, f"has {found}; expected {wanted}")
     return arrays.numbers(likely[0], "frames", "joints", 3)
