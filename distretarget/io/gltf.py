@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import base64
 import binascii
+import json
+import math
 import struct
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,7 +23,7 @@ from numpy.typing import NDArray
 
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.files import is_inside, read_bytes
-from distretarget.io.json_node import Fields, Node, parse_json
+from distretarget.io.json_node import Fields, Node, parse_json, without_collection
 from distretarget.numerics.vectors import Array, read_only
 
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
@@ -66,6 +68,23 @@ class Gltf:
             return bytes(self.chunks[0][1]).decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise FileError(self.path, f"its JSON is not valid UTF-8: {error.reason}") from None
+
+    @cached_property
+    def text_to_copy(self) -> str:
+        """The JSON, for another file; a FileError if it has a number that other readers refuse, anywhere."""
+        try:
+            with without_collection():
+                json.loads(self.text, parse_float=self._finite, parse_int=self._finite, parse_constant=self._finite)
+        except RecursionError:
+            raise SkeletonFileError(self.path, "", "is nested too deeply") from None
+        return self.text
+
+    def _finite(self, digits: str) -> float:
+        """The value of a number."""
+        value = float(digits)
+        if not math.isfinite(value):
+            raise FileError(self.path, f"its JSON has the number {cut(digits)}, which is not finite; export it again")
+        return value
 
     @cached_property
     def document(self) -> Fields:
