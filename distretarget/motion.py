@@ -24,6 +24,7 @@ from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
 from distretarget.stick_figures import likely_up, stick_figures
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
+SLOWEST, FASTEST = 1e-3, 1e5  # the same as frame rates [frames/s]
 UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
 ROUNDING = 1e-9  # a length that is farther off is made 1: float32 is off by 1e-7, float64 by 1e-15
 MOST_SAMPLES = 20  # frames into which resampling may turn each frame of a motion ...

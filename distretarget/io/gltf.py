@@ -55,6 +55,7 @@ class Gltf:
     path: str | Path  # for errors
     chunks: tuple[tuple[int, memoryview], ...]  # of a GLB, (type, content) each; of a .gltf file its JSON alone
     beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
+    has_folder: bool = True  # whether images may be in files beside it
     _lists: dict[str, list[Node]] = field(default_factory=dict, init=False)
     _entries: dict[tuple[str, int], Fields] = field(default_factory=dict, init=False)  # by list and number
     _accessors: dict[tuple[str, str], Array] = field(default_factory=dict, init=False)  # by place and kind
@@ -211,7 +212,7 @@ class Gltf:
         if uri.startswith(DATA_URI):
             return _decoded(fields["uri"], uri)
         with suppress(DistretargetError):
-            return read_bytes(inside(fields["uri"], Path(self.path).parent, uri))
+            return b"" if not self.has_folder else read_bytes(inside(fields["uri"], Path(self.path).parent, uri))
         return b""
 
     @property
@@ -226,13 +227,17 @@ class Gltf:
         return sum(len(content) for _, content in self.chunks) + sum(map(len, beside))
 
 
-def parse_gltf(content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None) -> Gltf:
-    """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI."""
+def parse_gltf(
+    content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None, has_folder: bool = True
+) -> Gltf:
+    """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI, and its
+    images may be in others if it has a folder.
+    """
     if content.startswith(MAGIC):
-        return Gltf(path, _chunks(content, path), beside or {})
+        return Gltf(path, _chunks(content, path), beside or {}, has_folder)
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
         raise FileError(path, "is no glTF: a GLB begins with 'glTF', a .gltf file with {" if content else "is empty")
-    return Gltf(path, ((JSON_CHUNK, memoryview(content)),), beside or {})
+    return Gltf(path, ((JSON_CHUNK, memoryview(content)),), beside or {}, has_folder)
 
 
 def _chunks(content: bytes, path: str | Path) -> tuple[tuple[int, memoryview], ...]:

@@ -5,24 +5,27 @@ from __future__ import annotations
 import io
 import math
 import re
+import reprlib
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from os import PathLike
 from pathlib import Path
 from typing import IO, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import FileError, closest
-from distretarget.io.files import hash_of, read_bytes, text_of
+from distretarget.errors import FileError, SettingsError, closest
+from distretarget.io.files import check_known, hash_of, read_bytes, text_of
 from distretarget.io.gltf import MAGIC, Gltf, parse_gltf, read_beside
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST
 
+Source = str | Path | bytes | IO[bytes]  # a file to read: its path, its content, or a file object opened as binary
 Kind = Literal["BVH", "skeleton", "glTF", "FBX", "arrays"]
 
 FBX_MARKS = (b"Kaydara FBX Binary", b"FBXHeaderExtension")  # one of them is at the beginning of an FBX file
@@ -33,6 +36,7 @@ GLTF_ASSET = re.compile(rb'"asset"\s*:\s*\{')  # in every .gltf file, in no skel
 KINDS: dict[str, Kind] = {".glb": "glTF", ".gltf": "glTF", ".vrm": "glTF", ".vrma": "glTF", ".fbx": "FBX"}
 ARRAY_SUFFIXES = (".npz", ".npy")  # of files of arrays
 MOTION_SUFFIXES = (".bvh", *(suffix for suffix in KINDS if suffix != ".vrm"))  # of files that may be motions
+BYTES = "bytes"  # stands for a file without a name in errors
 ONLY = ""  # the name of the array in an npy file
 FREE_NUMBERS = 1_000_000  # so many numbers may an array have, however small the file is ...
 NUMBERS_PER_BYTE = 4  # ... and so many for each of its bytes: arrays of poses that rest become that small
@@ -48,6 +52,7 @@ class InputFile:
     path: str | Path  # of the file, or what stands for it in errors
     beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
     joints: InputFile | None = None  # the skeleton that arrays are for
+    has_folder: bool = True  # whether the path is one, so that there may be files beside it
 
     @cached_property
     def kind(self) -> Kind:
@@ -60,18 +65,19 @@ class InputFile:
         if any(mark in head for mark in FBX_MARKS):
             return "FBX"
         suffix = Path(self.path).suffix.lower()
+        check_known(self.path)
         if self.content.lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n\0")[:1] in (b"{", b"["):
             return "glTF" if suffix == ".gltf" or GLTF_ASSET.search(self.content) else "skeleton"
         return KINDS.get(suffix, "BVH")
 
     def __reduce__(self) -> tuple[type[InputFile], tuple[object, ...]]:
         """What goes to a worker: what was read, not what was made of it."""
-        return InputFile, (self.content, self.path, dict(self.beside), self.joints)
+        return InputFile, (self.content, self.path, dict(self.beside), self.joints, self.has_folder)
 
     @cached_property
     def gltf(self) -> Gltf:
         """The file as glTF; errors as in `parse_gltf`."""
-        return parse_gltf(self.content, self.path, self.beside)
+        return parse_gltf(self.content, self.path, self.beside, self.has_folder)
 
     @cached_property
     def arrays(self) -> ArraysFile:
@@ -89,11 +95,26 @@ class InputFile:
         return hash_of(self.content)
 
 
-def load_file(path: str | Path) -> InputFile:
+def load_file(source: Source) -> InputFile:
     """Read a file, and those that it names if it is a .gltf file; a FileError or SkeletonFileError if one cannot be
     read, or if it names one outside its folder.
+
+    Bytes, and what a file object holds, have no folder, so that no file beside them is read; the name of a file object,
+    if it has one, stands for them in errors, and its ending says what they are where they do not.
     """
-    return with_files_beside(InputFile(read_bytes(path), path))
+    if isinstance(source, str | PathLike):
+        return with_files_beside(InputFile(read_bytes(source), source))
+    content = source if isinstance(source, bytes) else _content_of(source)
+    name = getattr(source, "name", None)
+    return InputFile(content, name if isinstance(name, str) else BYTES, has_folder=False)
+
+
+def _content_of(source: IO[bytes]) -> bytes:
+    """The rest of a file object."""
+    content = source.read() if hasattr(source, "read") else None
+    if not isinstance(content, bytes):
+        raise SettingsError(f"the file is {reprlib.repr(source)}; expected a path, bytes, or a file opened as binary")
+    return content
 
 
 def with_files_beside(file: InputFile) -> InputFile:
