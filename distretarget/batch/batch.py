@@ -78,8 +78,10 @@ class Batch:
 
     def _contacts_path(self, clip: Clip) -> Path | None:
         """The path of a clip's contact file; None if it has none."""
+        if self.contacts != BESIDE:
+            return self.contacts
         beside = clip.path.with_suffix(CONTACTS_SUFFIX)
-        return self.contacts if self.contacts != BESIDE else beside if beside.exists() else None
+        return beside if beside.exists() else None
 
     @cached_property
     def _targets(self) -> dict[str, TargetFile]:

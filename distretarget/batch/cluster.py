@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
@@ -29,6 +30,7 @@ class Cluster:
             from distributed import Client
         except ImportError as missing:
             raise BatchError("--dask needs the package distributed: pip install 'distretarget[dask]'") from missing
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it prints tracebacks of what is said in a line
         try:
             kind = asyncio.run(_kind(address))  # a client would wait for much longer, and not without noise
             client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) if kind == "Scheduler" else None

@@ -45,12 +45,12 @@ class Results:
         """Return the record of a clip that is done, now its newest: the results that are there were made from the same
         files in the same way as `record` says; None if they were not.
         """
-        if self.overwrite or not (self.folder / outputs[0]).exists():
+        hashes = [(name, hash_of_file(self.folder / name)) for name in outputs] if not self.overwrite else []
+        if not hashes or not all(each for _, each in hashes):
             return None
-        hashes = [(name, hash_of_file(self.folder / name)) for name in outputs]
         for older, found in enumerate(self.database.records(outputs[0])):
             made = results_of(found)
-            if made_from(found) == made_from(record) and all(each and made.get(name) == each for name, each in hashes):
+            if made_from(found) == made_from(record) and all(made.get(name) == each for name, each in hashes):
                 if older and not self.read_only:
                     self.database.confirm(found)
                 return found
