@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 
-FORMULAS = ("=", "+", "-", "@", "\t", "\r")  # a text that begins with one is run by spreadsheets
+FORMULAS = ("=", "+", "-", "@", "\t")  # a text that begins with one is run by spreadsheets
 
 
 def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
@@ -23,7 +23,13 @@ def csv_lines(columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> I
     line = io.StringIO()
     table = csv.writer(line, lineterminator="\n")
     for cells in chain([columns], (map(row.get, columns) for row in rows)):
-        table.writerow([f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULAS) else cell for cell in cells])
+        table.writerow([_plain(cell) if isinstance(cell, str) else cell for cell in cells])
         yield line.getvalue()
         line.seek(0)
         line.truncate()
+
+
+def _plain(text: str) -> str:
+    """The text of a cell; a carriage return, which ends the row for some readers, is a space."""
+    text = text.replace("\r", " ")
+    return f"'{text}" if text.startswith(FORMULAS) else text
