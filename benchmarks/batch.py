@@ -2,7 +2,7 @@
 
     python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
     python benchmarks/batch.py long [--clip walk] [--frames 30000] [--rounds 3]
-    python benchmarks/batch.py kill FOLDER [--times 10]
+    python benchmarks/batch.py together [--runs 2] [--clips 24] [--frames 200] [--rounds 10] [--kills 4]
     python benchmarks/batch.py tiny [--clips 400] [--frames 2] [--rounds 3]
 
 The exit status is 1 if 2 processes are too slow, or outputs are wrong or missing.
@@ -10,8 +10,6 @@ The exit status is 1 if 2 processes are too slow, or outputs are wrong or missin
 
 from __future__ import annotations
 
-import json
-import os
 import random
 import resource
 import statistics
@@ -19,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +25,10 @@ import click
 from clips import SAMPLES, back_and_forth
 
 from distretarget import read_bvh, write_bvh
-from distretarget.batch.plan import MANIFEST, METRICS
-from distretarget.batch.workers import Processes
+from distretarget.batch.database import Database
+from distretarget.batch.plan import DATABASE, METRICS
+from distretarget.batch.processes import Processes
+from distretarget.batch.record import BatchRecord
 
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
 TARGET = SAMPLES / "rigs" / "mixamo_t.json"
@@ -53,12 +53,11 @@ def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
         write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
     ratio, first = alternately(scratch, rounds)
     print(f"{clips} clips of {frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
-    pool, ready = Processes(1), []
+    ready = []
     for _ in range(2):  # the first worker, including the process it is forked from, and a second one
-        started = time.perf_counter()
-        pool.executor.submit(os.getpid).result()
-        ready.append(time.perf_counter() - started)
-        pool.close()
+        with closing(Processes(1)) as pool:
+            pool.start()
+            ready.append(pool.start_seconds)
     print(f"first clip done after {first:.2f} s")
     print(f"the first worker is ready after {ready[0]:.2f} s, another one after {ready[1]:.3f} s")
     sys.exit(ratio < LEAST_RATIO)
@@ -87,7 +86,7 @@ def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
         seconds = {}
         for count in (1, 2):
             out = scratch / str(count)
-            (out / MANIFEST).unlink(missing_ok=True)
+            (out / DATABASE).unlink(missing_ok=True)
             started = time.perf_counter()
             with run(scratch / "in", out, "--jobs", count, "--overwrite") as process:
                 while count == 2 and process.poll() is None and not done(out):
@@ -101,29 +100,38 @@ def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
 
 
 @main.command()
-@click.argument("source", metavar="FOLDER", type=Path)
-@click.option("--times", default=10)
+@click.option("--runs", default=2)
+@click.option("--clips", default=24)
+@click.option("--frames", default=200)
+@click.option("--rounds", default=10)
+@click.option("--kills", default=4)
 @click.pass_obj
-def kill(scratch: Path, source: Path, times: int) -> None:
-    """Kill a run over FOLDER at random moments, each time after up to a tenth of the clips, and start it again. All
-    outputs must be equal to those of an undisturbed run, and no clip may be converted twice.
+def together(scratch: Path, runs: int, clips: int, frames: int, rounds: int, kills: int) -> None:
+    """Let several runs convert the same clips into one folder, of which one is killed at a random moment and started
+    again, some times; then let all finish. Outputs and metrics must be those of an undisturbed run, all runs must exit
+    with 0, and only metrics and database may lie beside the outputs.
     """
-    whole, killed = scratch / "whole", scratch / "killed"
-    run(source, whole).wait()
-    share = len(done(whole)) // times
-    for _ in range(times):
-        goal = len(done(killed)) + random.randint(0, share)
-        with run(source, killed) as process:
-            while process.poll() is None and len(done(killed)) < goal:
-                time.sleep(0.01)
-            time.sleep(random.uniform(0.0, 0.2))
-            process.kill()
-        print(f"  killed with {len(done(killed))} clips done", flush=True)
-    run(source, killed).wait()
-    converted = Counter(record["output"] for record in done(killed))
-    twice, equal = sum(count > 1 for count in converted.values()), outputs(killed) == outputs(whole)
-    print(f"{len(converted)} clips, {twice} converted twice, outputs {'the same' if equal else 'DIFFERENT'}")
-    sys.exit(bool(twice) or not equal)
+    for number in range(clips):
+        write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
+    whole, wrong = scratch / "whole", 0
+    run(scratch / "in", whole, "--jobs", 2).wait()
+    for number in range(rounds):
+        out = scratch / f"together {number}"
+        processes = [run(scratch / "in", out, "--jobs", 1) for _ in range(runs)]
+        for _ in range(kills):
+            time.sleep(random.uniform(0.0, 3.0))
+            victim = random.randrange(runs)
+            processes[victim].kill()
+            processes[victim].wait()
+            processes[victim] = run(scratch / "in", out, "--jobs", 1)
+        statuses = {process.wait() for process in processes}
+        beside = {path.name for path in out.iterdir()} - {path.name for path in outputs(out)}
+        same = outputs(out) == outputs(whole) and (out / METRICS).read_bytes() == (whole / METRICS).read_bytes()
+        is_right = same and statuses == {0} and beside == {DATABASE, METRICS} and len(done(out)) == clips
+        wrong += not is_right
+        print(f"  round {number}: {'right' if is_right else f'WRONG: {statuses}, {beside}, {same}'}", flush=True)
+    print(f"{runs} runs over {clips} clips, {kills} killed: {wrong} of {rounds} rounds wrong")
+    sys.exit(bool(wrong))
 
 
 @main.command()
@@ -145,7 +153,7 @@ def tiny(scratch: Path, clips: int, frames: int, rounds: int) -> None:
             assert run(scratch / "in", out, "--jobs", jobs).wait() == 0
             seconds.append(1e3 * (time.perf_counter() - started) / clips)
         print(f"{clips} clips, {what}: {statistics.median(seconds):.1f} ms each", flush=True)
-    sizes = {name: (out / name).stat().st_size / clips for name in (MANIFEST, METRICS)}
+    sizes = {name: (out / name).stat().st_size / clips for name in (DATABASE, METRICS)}
     print(", ".join(f"{name}: {size:.0f} bytes a clip" for name, size in sizes.items()))
     print(f"memory of the largest process: {memory():.0f} MB")
     sys.exit(len(done(out)) != clips)
@@ -168,12 +176,10 @@ def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
     return subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def done(out: Path) -> list[dict[str, Any]]:
-    """The manifest's records of converted clips; an incomplete last line is ignored."""
-    path = out / MANIFEST
-    lines = path.read_text().split("\n")[:-1] if path.exists() else []
-    records = (json.loads(line) for line in lines if line.endswith("}"))
-    return [record for record in records if record.get("status") == "done"]
+def done(out: Path) -> list[BatchRecord]:
+    """What is recorded of converted clips."""
+    with closing(Database(out, read_only=True)) as database:
+        return [record for record in database.latest() if record["status"] == "done"]
 
 
 def outputs(out: Path) -> dict[Path, bytes]:

@@ -24,7 +24,9 @@ from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
 from distretarget.stick_figures import likely_up, stick_figures
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
+SLOWEST, FASTEST = 1e-3, 1e5  # the same as frame rates [frames/s]
 UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
+ROUNDING = 1e-9  # a length that is farther off is made 1: float32 is off by 1e-7, float64 by 1e-15
 MOST_SAMPLES = 20  # frames into which resampling may turn each frame of a motion ...
 FREE_SAMPLES = 1_000_000  # ... that is not as short as this, resampled [frames x joints]
 SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
@@ -109,7 +111,8 @@ class Motion:
     Attributes:
         skeleton: the skeleton.
         root_positions: (frames, 3), world positions of the root [file units].
-        rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions.
+        rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions; those of float32, which
+            are not quite of length 1, are normalised.
         frame_time_text: the time between frames [s], with the digits of the file.
         moving: the bones that stretch or slide; None if all keep their offset.
 
@@ -142,6 +145,8 @@ class Motion:
             frame, joint = divmod(wrong, joints)
             where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"
             raise MotionError(f"the rotation {where} is not a unit quaternion: {self.rotations[frame, joint].tolist()}")
+        if first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), ROUNDING) >= 0:
+            object.__setattr__(self, "rotations", read_only(normalised(self.rotations)))
         if not isinstance(self.frame_time_text, str) or not is_frame_time(self.frame_time_text):
             wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
             raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")

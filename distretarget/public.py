@@ -2,7 +2,7 @@
 
 from distretarget.baseline.world import World as World
 from distretarget.batch.batch import convert_folder as convert_folder
-from distretarget.batch.record import ManifestRecord as ManifestRecord
+from distretarget.batch.record import BatchRecord as BatchRecord
 from distretarget.batch.summary import Tally as Tally
 from distretarget.body.anatomy import Anatomy as Anatomy
 from distretarget.body.body import Body as Body

@@ -1,14 +1,14 @@
 """Run the program as users do: in this process, which is fast, or in a separate one."""
 
-import json
 import subprocess
 import sys
+from contextlib import closing
 from unittest.mock import patch
 
 import pytest
 from click.testing import CliRunner
 
-from distretarget.batch.manifest import Manifest
+from distretarget.batch.database import Database
 from distretarget.cli import main
 
 LOOK = 0.02  # time between two checks of a running process [s]
@@ -54,13 +54,7 @@ def wait_until(condition, process):
     pytest.fail(f"the condition did not come true in {LOOKS * LOOK:.0f} s")
 
 
-def clip_lines(folder):
-    """The lines of clips in the manifest of a folder of results, without those of settings."""
-    lines = map(json.loads, (folder / "manifest.jsonl").read_text().splitlines())
-    return [line for line in lines if "output" in line]
-
-
 def last_records(folder):
-    """The last record of each clip in a folder of results, with settings and metrics."""
-    outputs = {line["output"] for line in clip_lines(folder)}
-    return {record["output"]: record for record in Manifest(folder, read_only=True).latest(outputs)}
+    """The newest record of each clip in a folder of results."""
+    with closing(Database(folder, read_only=True)) as database:
+        return {record["output"]: record for record in database.latest()}

@@ -1,4 +1,4 @@
-"""Hypothesis strategies for what users give: clips, skeleton files, maps, manifests and options, valid and broken."""
+"""Hypothesis strategies for what users give: clips, skeleton files, maps, records and options, valid and broken."""
 
 from __future__ import annotations
 
@@ -242,19 +242,12 @@ def _with_strange_value(draw: st.DrawFn, value: Any) -> Any:
     return changed
 
 
-OUTPUTS = ("clip.bvh", "other.bvh", "..bvh", "a/b.bvh")  # in manifests
-
-
 @st.composite
-def manifests(draw: st.DrawFn) -> str:
-    """The manifest of a batch, some of its lines."""
-    settings = {"settings": "0", "target": "body.json", "target_hash": "sha256:22", "options": {}, "version": "0"}
-    lines = [settings]
-    for name in draw(st.lists(st.sampled_from(OUTPUTS), max_size=3)):
-        clip = {"input": name, "output": name, "settings": "0", "input_hash": "sha256:00"}
-        outcome = draw(st.sampled_from(({"status": "failed", "error": "no"}, {"status": "done", "output_hash": "x"})))
-        lines.append(clip | {"frames": 3, "seconds": 0.1} | outcome)
-    return "\n".join(map(json.dumps, lines)) + "\n"
+def records(draw: st.DrawFn) -> str:
+    """What the database of a batch says of a clip."""
+    name = draw(st.sampled_from(("clip.bvh", "..bvh", "a/b.bvh")))
+    outcome = draw(st.sampled_from(({"status": "failed", "error": "no"}, {"status": "done", "output_hash": "x"})))
+    return json.dumps({"input": name, "output": name, "frames": 3, "seconds": 0.1} | outcome)
 
 
 options = st.fixed_dictionaries(

@@ -1,6 +1,7 @@
 """The spread of the alignments of clips of one rig over a batch."""
 
 import base64
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from program import last_records
 from scipy.spatial.transform import Rotation
 
 from distretarget import convert_folder, write_bvh
-from distretarget.batch.manifest import Manifest
+from distretarget.batch.database import Database
 from distretarget.batch.summary import ROLES, SCALE, alignment_text, largest_spread, spread_warnings
 
 PERSON = person()
@@ -78,13 +79,13 @@ def test_a_batch_that_goes_on_warns_of_clips_that_are_done(tmp_path):
     write_bvh(tmp_path / "hero.bvh", clip())
     batch = tmp_path / "clips", tmp_path / "hero.bvh", tmp_path / "out"
     assert not convert_folder(*batch, jobs=1).alignments
-    manifest = Manifest(tmp_path / "out")
     first = last_records(tmp_path / "out")["a.bvh"]
     rig, text = first["alignment"].split(":")
     rotations = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 4).copy()
     rotations[ROLES.index("head")] = np.round(SCALE * np.sqrt(0.5)), 0, 0, np.round(SCALE * np.sqrt(0.5))
     other = base64.b64encode(rotations.tobytes()).decode()
-    manifest.add(first | {"alignment": f"{rig}:{other}"})
+    with closing(Database(tmp_path / "out")) as database:
+        database.add(first | {"alignment": f"{rig}:{other}"})
     again = convert_folder(*batch, jobs=1)
     assert again.skipped == 2
     (line,) = again.alignments

@@ -242,7 +242,28 @@ def test_a_damaged_header_is_refused(tmp_path):
     np.save(path, np.zeros((2, 22, 3)))
     path.write_bytes(path.read_bytes().replace(b"(2, 22, 3)", b"(((((((((("))
     with pytest.raises(FileError, match="not a whole file of arrays"):
-        read_motion(path)
+        read_motion(path, fps=30, joints=CLAP)
+
+
+def test_arrays_are_refused_by_their_headers_and_no_others_are_read(tmp_path, monkeypatch):
+    """A compressed array of zeros is a thousandth of its size."""
+    read, path = [], tmp_path / "clip.npz"
+    of_file = np.lib.format.read_array
+    monkeypatch.setattr(np.lib.format, "read_array", lambda *of, **how: read.append(of_file(*of, **how)) or read[-1])
+    places = read_bvh(CLAP).positions[:4]
+    np.savez_compressed(path, places=places, unused=np.zeros((4, 10**6)), fps=30)
+    assert len(read_motion(path, joints=CLAP)) == 4
+    assert {array.shape for array in read} == {places.shape, ()}
+    np.savez_compressed(path, positions=np.zeros((100_000, 22, 3), np.uint8), fps=30)
+    with pytest.raises(FileError, match=r"positions has the shape \(100000, 22, 3\): more numbers than a file of"):
+        read_motion(path, joints=CLAP)
+    assert len(read) == 3
+
+
+def test_the_smallest_whole_number_is_no_place(tmp_path):
+    np.savez(tmp_path / "clip.npz", positions=np.full((2, 22, 3), -(2**63)), fps=30)
+    with pytest.raises(FileError, match=r"positions contains 9\.22e\+18; expected finite numbers up to 1e\+12"):
+        read_motion(tmp_path / "clip.npz", joints=CLAP)
 
 
 def test_a_folder_of_parameters_is_retargeted(folder):

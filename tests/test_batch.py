@@ -1,18 +1,16 @@
 """A batch: what is written and skipped, the reports, and the effects of failures, dying workers and stops."""
 
-from concurrent.futures import Executor, Future
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
 import pytest
 from bodies import other_lengths, person
 from input_files import file_of, target_of
+from program import last_records
 
 from distretarget.batch import batch as batch_module
-from distretarget.batch import workers as batch_workers
 from distretarget.batch.batch import Batch
+from distretarget.batch.database import Database
 from distretarget.batch.job import Recipe, Result, unpacked
-from distretarget.batch.manifest import Manifest
 from distretarget.batch.pages import MARK, OF, Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.results import Results
@@ -27,33 +25,27 @@ from distretarget.pipeline.options import Options
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 
 
-class Inline(Executor):
-    """An executor that runs a job as soon as it is submitted."""
-
-    def submit(self, function, *arguments):
-        future = Future()
-        try:
-            future.set_result(function(*arguments))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
 class Workers:
-    """Workers that run a job as soon as it is submitted."""
+    """Workers that do a job as soon as somebody asks what is finished."""
 
     count, start_seconds = 2, 0.0
 
-    def __init__(self, executor=None):
-        self.executor = executor or Inline()
-        self.closed = 0
+    def __init__(self):
+        self.jobs = []
 
-    def close(self):
-        self.closed += 1
+    def submit(self, job):
+        self.jobs.append(job)
+
+    def finished(self):
+        job = self.jobs.pop(0)
+        yield job, self.result(job)
+
+    def result(self, job):
+        return copied(job)
 
 
 class Seen(list):
-    """The lines of the manifest that a batch has shown."""
+    """The records that a batch has shown."""
 
     def of(self, status):
         return [record["output"] for record in self if record and record["status"] == status]
@@ -65,18 +57,16 @@ class Seen(list):
 
 def copied(job, *_):
     """What becomes of a clip that is copied instead of converted; those with the word `fail` in them fail."""
-    if "fail" in job.source.text:
-        return job.failed("it fails")
+    try:
+        if "fail" in job.source.text:
+            return job.failed("it fails")
+    except FileError as error:
+        return job.failed(str(error))
     text = f"{unpacked(job.target).path}: {job.source.text}"
     metrics = dict.fromkeys(COLUMNS) | {"contact_error": float(len(job.source.text))}
     done = {"seconds": 0.5, "frames": 7, "metrics": metrics, "notes": ["a tail"], "warnings": ["careful"]}
     outputs = {job.outputs[0]: b"".join(encoded_parts(text))}
     return Result(job.record | done | {"status": "done"}, outputs, f"{MARK} {job.about}" if job.about else "")
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    monkeypatch.setattr(batch_workers, "convert", copied)
 
 
 @pytest.fixture
@@ -107,21 +97,12 @@ def go(folder, workers=None, clips=None, **others):
     return seen
 
 
-def lines(folder):
-    return [*Manifest(folder / "out", read_only=True).latest(clip.output for clip in clips_in(folder))]
-
-
-def runs(folder):
-    """How often a clip has a line in the manifest."""
-    return (folder / "out" / "manifest.jsonl").read_text().count('"frames": ')
-
-
 def results(folder):
     files = (path for path in (folder / "out").rglob("*.bvh") if path.is_file())
     return {path.relative_to(folder / "out").as_posix(): path.read_text() for path in files}
 
 
-def test_every_clip_gets_an_output_and_a_line(folder):
+def test_every_clip_gets_an_output_and_a_record(folder):
     seen = go(folder)
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
     assert results(folder) == {
@@ -129,7 +110,7 @@ def test_every_clip_gets_an_output_and_a_line(folder):
         "c.bvh": "body.json: third clip",
         "deep/b.bvh": "body.json: other",
     }
-    assert lines(folder) == seen
+    assert last_records(folder / "out") == {record["output"]: record for record in seen}
     assert {(line["frames"], line["seconds"], *line["notes"], *line["warnings"]) for line in seen} == {
         (7, 0.5, "a tail", "careful")
     }
@@ -139,30 +120,46 @@ def test_a_second_run_has_nothing_to_do(folder):
     go(folder)
     seen = go(folder)
     assert seen == [None] * 3
-    assert runs(folder) == 3
 
 
 def test_a_run_leaves_to_another_what_that_is_at_work_on(folder):
-    first, begun = Manifest(folder / "out"), []
+    """It takes it over at the end, if the other one has not done it by then."""
+    first, begun = Database(folder / "out"), []
     assert first.claim("c.bvh")
 
-    class Finishing(Inline):
-        """Before the clip a.bvh, another run finishes c.bvh if it is at work on it."""
+    class Watched(Workers):
+        def submit(self, job):
+            begun.append(job.record["output"])
+            super().submit(job)
 
-        def submit(self, function, *arguments):
-            begun.extend(job.source.path.name for job in arguments)
-            if begun[-1] == "a.bvh" and len(begun) > 3:
-                (folder / "out" / "c.bvh").write_text("body.json: third clip")
-                first.release("c.bvh")
-            return super().submit(function, *arguments)
-
-    go(folder, Workers(Finishing()))
-    assert begun == ["b.bvh", "a.bvh", "c.bvh"]
+    go(folder, Watched())
+    assert begun == ["deep/b.bvh", "a.bvh", "c.bvh"]
     for name in ("c.bvh", "a.bvh"):
         (folder / "out" / name).unlink()
-    seen = go(folder, Workers(Finishing()))
+    assert first.claim("c.bvh")
+
+    class Finishing(Watched):
+        def result(self, job):
+            (folder / "out" / "c.bvh").write_text("body.json: third clip")
+            return super().result(job)
+
+    workers = Finishing()
+    workers.count = 0.5  # so that it finishes a clip before it begins the next
+    seen = go(folder, workers)
     assert (begun[3:], seen.skipped) == (["a.bvh"], 2)
-    assert not [*(folder / "out").glob(".distretarget-*")]
+    first.close()
+
+
+def test_what_another_run_has_done_just_now_is_not_done_again(folder, monkeypatch):
+    """The other run does a clip between the look whether it is done and the claim."""
+
+    def late(database, output):
+        monkeypatch.undo()
+        assert len(go(folder).of("done")) == 3
+        return database.claim(output)
+
+    monkeypatch.setattr(Database, "claim", late)
+    assert go(folder) == [None] * 3
 
 
 def test_what_changed_is_done_again(folder):
@@ -223,23 +220,23 @@ def test_files_that_were_not_made_here_are_left_alone(folder):
     assert results(folder)["a.bvh"] == "body.json: one"
 
 
-def test_what_another_run_writes_meanwhile_is_no_failure(folder, monkeypatch):
+def test_what_another_run_writes_meanwhile_is_no_failure(folder):
     """The other run, with other options, converts all clips while this one converts its first."""
 
-    def late(job, *_):
-        with monkeypatch.context() as other:
-            other.setattr(batch_workers, "convert", lambda job, *_: with_other_options(job))
-            assert len(go(folder, options=Options(root_scale=2.0)).of("done")) == 3
-        monkeypatch.setattr(batch_workers, "convert", copied)
-        assert set(results(folder).values()) == {"with other options"}
-        return copied(job)
+    class WithOtherOptions(Workers):
+        def result(self, job):
+            return Result(copied(job).record, {job.outputs[0]: b"with other options"})
 
-    def with_other_options(job):
-        return Result(copied(job).record, {job.outputs[0]: b"with other options"})
+    class Late(Workers):
+        def result(self, job):
+            if not results(folder):
+                assert len(go(folder, WithOtherOptions(), options=Options(root_scale=2.0)).of("done")) == 3
+                assert set(results(folder).values()) == {"with other options"}
+            return copied(job)
 
-    monkeypatch.setattr(batch_workers, "convert", late)
-    assert len(go(folder).of("done")) == 3
+    assert len(go(folder, Late()).of("done")) == 3
     assert results(folder)["a.bvh"] == "body.json: one"
+    assert {record["options"]["root_scale"] for record in last_records(folder / "out").values()} == {None}
 
 
 def test_an_output_that_is_there_already_is_taken_over_as_it_is(folder):
@@ -269,135 +266,86 @@ def test_a_file_in_the_place_of_a_folder_fails_the_clips_below_it(folder):
     assert len(seen.of("done")) == 2
 
 
-def test_a_line_is_written_before_its_output_is_in_place(folder, monkeypatch):
-    def full(manifest, _):
-        raise FileError(manifest.path, "the disk is full")
+def test_a_result_is_recorded_before_it_is_in_place(folder, monkeypatch):
+    def full(database, *_):
+        raise FileError(database.path, "the disk is full")
 
-    monkeypatch.setattr(Manifest, "add", full)
+    monkeypatch.setattr(Database, "add", full)
     seen = go(folder)
     assert len(seen.of("failed")) == 3
     assert "the disk is full" in seen[0]["error"]
     assert results(folder) == {}
 
 
-class Dying(Inline):
-    """An executor that dies when it is given certain clips, and does nothing more until it is replaced."""
+class Dying(Workers):
+    """Workers of which one dies when it is given certain clips."""
 
     def __init__(self, deadly, always):
-        self.deadly, self.always, self.dead = deadly, always, False
+        super().__init__()
+        self.deadly, self.always = deadly, always
 
-    def submit(self, function, job):
-        if self.dead:
-            raise BrokenProcessPool("dead before")
-        if self.deadly in job.source.text:
-            self.dead = True
-            self.deadly = self.deadly if self.always else "nothing"
-            future = Future()
-            future.set_exception(BrokenProcessPool("died"))
-            return future
-        return super().submit(function, job)
-
-
-class Replaced(Workers):
-    def close(self):
-        super().close()
-        self.executor.dead = False
+    def result(self, job):
+        if self.deadly not in job.source.text:
+            return copied(job)
+        self.deadly = self.deadly if self.always else "nothing"
+        return None
 
 
 def test_a_worker_that_dies_costs_a_retry(folder):
-    workers = Replaced(Dying("other", always=False))
-    seen = go(folder, workers)
+    seen = go(folder, Dying("other", always=False))
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
-    assert workers.closed == 1
 
 
 def test_a_clip_that_kills_its_worker_fails_alone(folder):
-    seen = go(folder, Replaced(Dying("other", always=True)))
+    seen = go(folder, Dying("other", always=True))
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh"]
     assert seen.of("failed") == ["deep/b.bvh"]
     assert "the process that converted it died" in seen[-1]["error"]
-
-
-def test_workers_that_cannot_start_end_the_run(folder):
-    class NeverStarting(Inline):
-        def submit(self, *_):
-            raise BrokenProcessPool("dead")
-
-    with pytest.raises(BatchError, match="the workers die as they start"):
-        go(folder, Workers(NeverStarting()))
-
-
-def test_a_cluster_that_goes_away_ends_the_run(folder):
-    class Gone(Inline):
-        def submit(self, *_):
-            future = Future()
-            future.cancel()
-            future.set_running_or_notify_cancel()
-            return future
-
-    with pytest.raises(BatchError, match="the workers are gone"):
-        go(folder, Workers(Gone()))
-
-
-def test_what_a_cluster_raises_is_its_clips_failure(folder):
-    class Raising(Inline):
-        def submit(self, *_):
-            future = Future()
-            future.set_exception(RuntimeError("killed\nthrice"))
-            return future
-
-    seen = go(folder, Workers(Raising()))
-    assert len(seen.of("failed")) == 3
-    assert all(record["error"].endswith(".bvh: RuntimeError: killed thrice") for record in seen)
 
 
 def test_a_clip_that_would_keep_one_worker_busy_at_the_end_gets_several_threads(folder, monkeypatch):
     monkeypatch.setattr(batch_module, "SPLIT_SIZE", 4)
     monkeypatch.setattr(batch_module, "cores", lambda: 7)
     threads = {}
-    monkeypatch.setattr(
-        batch_workers, "convert", lambda job: threads.update({job.source.path.name: job.threads}) or copied(job)
-    )
-    assert len(go(folder).of("done")) == 3  # of 10, 5 and 3 bytes
+
+    class Watched(Workers):
+        def submit(self, job):
+            threads[job.source.path.name] = job.threads
+            super().submit(job)
+
+    assert len(go(folder, Watched()).of("done")) == 3  # of 10, 5 and 3 bytes
     assert threads == {"c.bvh": 7, "b.bvh": 7, "a.bvh": None}
 
 
-def test_the_next_clip_waits_at_each_worker(folder, monkeypatch):
+def test_the_next_clip_waits_at_each_worker(folder):
     """So no worker waits for a clip, and not all clips are in memory at once."""
+    waiting = []
 
-    class Busy(Inline):
-        def submit(self, _, job):
-            future = Future()
-            future.job = job
-            return future
+    class All(Workers):
+        def finished(self):
+            waiting.append(len(self.jobs))
+            while self.jobs:
+                yield from super().finished()
 
-    def finish(running, *_):
-        waiting.append(len(running))
-        for future in running:
-            future.set_result(copied(future.job))
-        return set(running), set()
-
-    waiting, workers = [], Workers(Busy())
+    workers = All()
     workers.count = 1
-    monkeypatch.setattr(batch_workers, "wait", finish)
     assert len(go(folder, workers).of("done")) == 3
     assert waiting == [2, 1]
 
 
-def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
-    class Silent(Inline):
-        lost = True
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), BatchError("the workers are gone")])
+def test_a_run_that_is_stopped_leaves_whole_tables_of_what_is_done(folder, stop):
+    class Stopped(Workers):
+        def result(self, job):
+            if results(folder):
+                raise stop
+            return copied(job)
 
-        def submit(self, function, job):
-            return Future() if self.lost and "other" in job.source.text else super().submit(function, job)
-
-    class Seeing(Workers):
-        def lost(self):
-            lost, self.executor.lost = self.executor.lost, False
-            return lost
-
-    monkeypatch.setattr(batch_workers, "CHECK_INTERVAL", 0.01)
-    assert sorted(go(folder, Seeing(Silent())).of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
+    with pytest.raises(type(stop)):
+        go(folder, Stopped(), table=folder / "table.csv")
+    for path in (folder / "table.csv", folder / "out" / "metrics.csv"):
+        assert [row.split(",")[0] for row in path.read_text().splitlines()] == ["output", "c.bvh"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == ["c.bvh", "metrics.csv", "results.sqlite"]
 
 
 # ---- pages
@@ -419,11 +367,10 @@ def test_the_worst_clips_get_reports(folder, reports, names):
         assert text.endswith(f" report on {name}.bvh")
 
 
-def test_reports_that_are_there_are_not_made_again(folder, monkeypatch):
+def test_reports_that_are_there_are_not_made_again(folder):
     go(folder, index=folder / "index.html", reports=1)
-    monkeypatch.setattr(batch_workers, "convert", None)
     before = pages(folder)
-    go(folder, index=folder / "index.html", reports=1)
+    go(folder, Dying("", always=True), index=folder / "index.html", reports=1)
     assert pages(folder) == before
 
 
@@ -439,9 +386,7 @@ def test_reports_are_made_for_clips_that_can_still_be_read(folder):
 @pytest.mark.parametrize("always", [True, False])
 def test_reports_survive_a_worker_that_dies(folder, always):
     go(folder)
-    workers = Replaced(Dying("other", always))
-    workers.executor.dead = True
-    go(folder, workers, index=folder / "index.html", reports=3)
+    go(folder, Dying("other", always), index=folder / "index.html", reports=3)
     made = {"index.html", "index_reports/a.html", "index_reports/c.html"}
     assert pages(folder).keys() == made | (set() if always else {"index_reports/deep/b.html"})
 

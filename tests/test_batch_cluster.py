@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from distretarget.batch import workers
+from distretarget.batch import cluster as cluster_module
 from distretarget.errors import BatchError
 
 ADDRESS = "tcp://machine:8786"
@@ -40,8 +40,8 @@ class Busy(Idle):
 def cluster(monkeypatch):
     """The class of the cluster, which needs Dask, with one that answers as a scheduler."""
     pytest.importorskip("distributed", reason="the extra `dask` is not installed")
-    monkeypatch.setattr(workers, "_kind", answer("Scheduler"))
-    return workers.Cluster
+    monkeypatch.setattr(cluster_module, "_kind", answer("Scheduler"))
+    return cluster_module.Cluster
 
 
 def is_refused(cluster, reason):
@@ -59,7 +59,7 @@ def answer(kind):
 
 
 def test_the_address_of_a_worker(cluster, monkeypatch):
-    monkeypatch.setattr(workers, "_kind", answer("Worker"))
+    monkeypatch.setattr(cluster_module, "_kind", answer("Worker"))
     is_refused(cluster, f"{ADDRESS!r} is the address of a Dask worker; expected that of the scheduler")
 
 
@@ -72,10 +72,11 @@ def test_workers_that_are_gone_are_reported_now_and_then(cluster, monkeypatch):
     monkeypatch.setattr("distributed.Client", Busy)
     reasons = []
     gone = cluster(ADDRESS, reasons.append)
-    assert (gone.lost(), gone.lost()) == (False, False)
+    monkeypatch.setattr(cluster_module, "CHECK_INTERVAL", 0.0)
+    assert [*gone.finished(), *gone.finished()] == []
     assert reasons == ["the Dask cluster has no workers"]
 
 
 def test_an_installation_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    is_refused(workers.Cluster, "--dask needs the package distributed")
+    is_refused(cluster_module.Cluster, "--dask needs the package distributed")

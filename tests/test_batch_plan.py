@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 import pytest
 from input_files import named_target
@@ -82,6 +82,17 @@ def test_links_are_followed_but_not_in_circles(tmp_path):
     (tmp_path / "in/other").symlink_to(tmp_path / "elsewhere")
     (tmp_path / "elsewhere/back").symlink_to(tmp_path / "in/a")
     assert places(find_clips([tmp_path / "in"])) == ["a/x.bvh", "other/back/x.bvh", "other/y.bvh"]
+
+
+@pytest.mark.parametrize("place", ["in/up", "in/a/up"])
+@pytest.mark.parametrize("to", [".", "in", "other"])
+def test_a_link_to_a_folder_above_converts_nothing_twice(tmp_path, monkeypatch, place, to):
+    made(tmp_path, "in/a/x.bvh", "y.bvh")
+    (tmp_path / "other").symlink_to(tmp_path / "in")
+    (tmp_path / place).symlink_to(tmp_path / to)
+    monkeypatch.chdir(tmp_path)
+    for source in ("in", "other"):
+        assert places(find_clips([Path(source)])) == ["a/x.bvh"]
 
 
 def test_links_that_lead_nowhere_are_reported(tmp_path):

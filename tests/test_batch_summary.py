@@ -77,7 +77,7 @@ def test_a_failure_names_its_clip():
 
 def test_many_failures_are_not_all_listed():
     lines = summary([failed(f"{number}.bvh", "no") for number in range(50)])
-    assert lines[-1] == "  and 30 more; the manifest has them all"
+    assert lines[-1] == "  and 30 more; metrics.csv has them all"
     assert len(lines) == 23
 
 

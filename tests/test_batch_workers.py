@@ -1,12 +1,11 @@
 """The conversion of one clip by a worker: its result is that of `retarget`, or says what went wrong."""
 
-import errno
 import os
 import pickle
-import threading
-import time
-from contextlib import suppress
+import signal
+from contextlib import closing
 from dataclasses import replace
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -15,9 +14,10 @@ from input_files import file_of, target_of
 
 from distretarget import retarget
 from distretarget.batch import job as batch_job
-from distretarget.batch import workers
+from distretarget.batch import processes as processes_module
 from distretarget.batch.job import Job, Recipe, convert
 from distretarget.batch.plan import Clip
+from distretarget.batch.processes import Processes
 from distretarget.batch.record import new_record
 from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
@@ -51,20 +51,6 @@ def error_of(job):
     return record["error"]
 
 
-def test_a_worker_stops_a_clip_that_takes_longer_than_its_limit(monkeypatch):
-    def last_for_ever(*_, **__):
-        while True:
-            with suppress(Exception):
-                time.sleep(0.001)
-
-    monkeypatch.setattr(batch_job, "retarget_onto", last_for_ever)
-    job = replace(job_of(format_bvh(swaying(person()))), time_limit=0.05)
-    assert error_of(job) == "in.bvh: took longer than the limit of 0.05 s; the next run tries it again"
-    monkeypatch.undo()
-    assert convert(replace(job, time_limit=1000.0)).record["status"] == "done"
-    assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer) and thread.is_alive()]
-
-
 def test_a_worker_says_what_went_wrong(monkeypatch):
     assert error_of(job_of("HIERARCHY")).startswith("in.bvh:1: ")
 
@@ -85,11 +71,11 @@ def test_a_clip_too_large_for_the_memory_fails_alone(monkeypatch):
 
 def test_a_worker_starts_with_one_thread_unless_the_user_says_otherwise(monkeypatch):
     """There is a worker for each core; with more threads they would get in each other's way."""
-    for name in workers.THREAD_VARIABLES:
+    for name in processes_module.THREAD_VARIABLES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("MKL_NUM_THREADS", "3")
-    with workers._worker_environment():
-        threads = {name: os.environ[name] for name in workers.THREAD_VARIABLES}
+    with processes_module._worker_environment():
+        threads = {name: os.environ[name] for name in processes_module.THREAD_VARIABLES}
     assert threads == {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "3"}
     assert "OMP_NUM_THREADS" not in os.environ
 
@@ -100,10 +86,53 @@ def test_a_worker_of_another_version_refuses(monkeypatch):
     assert error_of(job) == f"in.bvh: a worker runs version 0, this is {job.record['version']}"
 
 
-def test_a_machine_without_shared_memory_says_so_in_one_line(monkeypatch):
-    def refuse(*_):
-        raise OSError(errno.EROFS, "Read-only file system")
+@pytest.fixture
+def processes():
+    with closing(Processes(1)) as some:
+        yield some
 
-    monkeypatch.setattr(workers, "ProcessPoolExecutor", refuse)
-    with pytest.raises(BatchError, match="/dev/shm: Read-only file system; make it writable"):
-        _ = workers.Processes(2).executor
+
+def results_of(processes, count):
+    found = []
+    while len(found) < count:
+        found += processes.finished()
+    return found
+
+
+def test_processes_do_what_they_are_given(processes):
+    jobs = [job_of(format_bvh(swaying(person(), seed=seed))) for seed in range(3)]
+    for job in jobs:
+        processes.submit(job)
+    done = results_of(processes, 3)
+    assert [job for job, _ in done] == jobs
+    assert [result.outputs for _, result in done] == [convert(job).outputs for job in jobs]
+
+
+def test_a_clip_that_takes_longer_than_its_limit_is_ended(processes):
+    long = job_of(format_bvh(swaying(person(), frames=20_000)))
+    for job in (replace(long, time_limit=0.01), replace(long, time_limit=1000.0)):
+        processes.submit(job)
+    (_, ended), (_, done) = results_of(processes, 2)
+    assert ended.record["error"] == "in.bvh: took longer than the limit of 0.01 s; the next run tries it again"
+    assert done.record["status"] == "done"
+
+
+def test_a_process_that_dies_costs_the_clip_that_it_was_at_work_on(processes):
+    clips = [job_of(format_bvh(swaying(person(), frames=frames))) for frames in (20_000, 20)]
+    for job in clips:
+        processes.submit(job)
+    for child in active_children():
+        os.kill(child.pid, signal.SIGKILL)
+    (first, died), (second, done) = results_of(processes, 2)
+    assert (first, died, second) == (clips[0], None, clips[1])
+    assert done.record["status"] == "done"
+
+
+def test_processes_that_die_as_they_start_are_reported(monkeypatch):
+    monkeypatch.setattr(processes_module, "_work", die)
+    with closing(Processes(2)) as processes, pytest.raises(BatchError, match="the workers die as they start"):
+        processes.submit(job_of(""))
+
+
+def die(_pipe, _temporary):
+    os._exit(1)

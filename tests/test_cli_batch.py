@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person, swaying
-from program import clip_lines, command, last_records, run, run_process, start_process, wait_until
+from program import command, last_records, run, run_process, start_process, wait_until
 
 from distretarget import Options, read_bvh, retarget, write_bvh
 from distretarget.io.bvh_writer import format_bvh
@@ -30,6 +30,10 @@ def batch(*arguments, **options):
 
 def tree(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.bvh")}
+
+
+def statuses(folder):
+    return sorted(record["status"] for record in last_records(folder).values())
 
 
 @pytest.fixture
@@ -52,7 +56,7 @@ def test_a_folder_in_a_folder_out(folder):
     assert (folder / "out/a.bvh").read_text() == expected
     again = batch("in", "body.json", "-o", "out")
     assert again.stdout == "3 clips: 0 converted, 3 done before, 0 failed\n"
-    assert len(clip_lines(folder / "out")) == 3
+    assert len(last_records(folder / "out")) == 3
 
 
 def test_one_bad_file_does_not_stop_the_rest(folder):
@@ -62,7 +66,7 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert "4 clips: 3 converted, 0 done before, 1 failed" in done.stdout
     assert "failed:\n  in/bad.bvh:2: " in done.stdout
     assert len(tree(folder / "out")) == 3
-    assert sorted(line["status"] for line in clip_lines(folder / "out")) == ["done", "done", "done", "failed"]
+    assert statuses(folder / "out") == ["done", "done", "done", "failed"]
 
 
 @pytest.mark.usefixtures("folder")
@@ -83,18 +87,13 @@ def test_what_cannot_be_searched_is_reported_and_does_not_stop_the_rest(folder):
     assert "3 clips: 3 converted, 0 done before, 0 failed" in done.stdout
 
 
-def test_lines_that_are_no_records_are_named_and_not_used(folder):
-    batch("in/a.bvh", "body.json", "-o", "out", "--report", "page.html")
-    manifest = folder / "out" / "manifest.jsonl"
-    settings, line = manifest.read_text().splitlines()
-    changes = [{"output": ["a.bvh"]}, {"row": 1}, {"settings": "none"}]
-    for broken in [*(json.dumps(json.loads(line) | change) for change in changes), "[" * 100_000]:
-        manifest.write_text(f"{settings}\n{broken}\n")
-        done = batch("in", "body.json", "-o", "out", "--report", "page.html", "--overwrite")
-        assert done.returncode == 0
-        assert done.stderr == "warning: out/manifest.jsonl:2: is not a record of a clip and is ignored\n"
-        again = batch("in", "body.json", "-o", "out", "--report", "page.html")
-        assert "3 clips: 0 converted, 3 done before, 0 failed" in again.stdout
+def test_a_folder_with_the_database_of_another_program_is_left_alone(folder):
+    (folder / "out").mkdir()
+    (folder / "out/results.sqlite").write_text("my own results")
+    done = batch("in", "body.json", "-o", "out")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "out/results.sqlite: is not the database of a batch; choose another folder" in done.stderr
+    assert [path.name for path in (folder / "out").iterdir()] == ["results.sqlite"]
 
 
 def test_a_run_with_the_wrong_target_does_not_undo_what_was_done(folder):
@@ -111,7 +110,7 @@ def test_a_run_with_the_wrong_target_does_not_undo_what_was_done(folder):
         "3 clips: 0 converted, 3 done before, 0 failed",
         "3 clips: 0 converted, 3 done before, 0 failed",
     ]
-    assert [line["status"] for line in clip_lines(folder / "out")] == ["done"] * 3 + ["failed"] * 3 + ["done"] * 3
+    assert statuses(folder / "out") == ["done"] * 3
 
 
 def test_each_target_gets_a_folder(folder):
@@ -200,6 +199,7 @@ def test_a_dry_run_writes_nothing(folder):
         (["in", "body.json", "in"], 2, "in is a folder; the last argument is the target"),
         (["in", "body.json", "--jobs", "0"], 2, "--jobs"),
         (["in", "body.json", "--jobs", "2", "--dask", "x"], 2, "give either --jobs or --dask"),
+        (["in", "body.json", "--time-limit", "2", "--dask", "x"], 2, "give either --time-limit or --dask"),
         (["in", "body.json", "--objective", "paper", "--supports", "hold"], 2, "--supports hold"),
         (["in", "none.json"], 1, "none.json: there is no such file"),
         (["in", "body.json", "--format", "bvh,png"], 2, "found 'png'"),
@@ -211,7 +211,7 @@ def test_a_dry_run_writes_nothing(folder):
         (["in", "body.json", "--report", "in/a.bvh", "--overwrite"], 1, "in/a.bvh: is an input"),
         (["in", "body.json", "--report", "body.json", "--overwrite"], 1, "body.json: is an input"),
         (["in", "body.json", "--report", "out/a.bvh", "--overwrite"], 1, "the place of a result"),
-        (["in", "body.json", "--report", "out/manifest.jsonl"], 1, "the place of a result"),
+        (["in", "body.json", "--report", "out/results.sqlite"], 1, "the place of a result"),
     ],
 )
 def test_wrong_usage_is_one_line(folder, arguments, status, says):
@@ -334,8 +334,7 @@ def short(folder):
 def started(work, output, *options, finished=0):
     """A process that converts the clips of a folder, returned when it has finished this many."""
     process = start_process("batch", work / "in", work / "body.json", "-o", output, *options)
-    manifest = output / "manifest.jsonl"
-    wait_until(lambda: (manifest.read_bytes() if manifest.exists() else b"").count(b'"frames": ') >= finished, process)
+    wait_until(lambda: len([*output.glob("*.bvh")]) >= finished, process)
     return process
 
 
@@ -393,8 +392,10 @@ def test_no_link_leads_out_of_the_folder_of_reports(folder):
 def test_two_runs_may_write_into_one_folder(work, tmp_path):
     processes = [started(work, tmp_path, "--exclude", "longer.bvh") for _ in range(2)]
     assert [process.communicate(timeout=HANGS) and process.returncode for process in processes] == [0, 0]
-    assert {line["status"] for line in clip_lines(tmp_path)} == {"done"}
     assert tree(tmp_path) == short(work / "out")
+    rows = (work / "out/metrics.csv").read_text().splitlines()
+    assert (tmp_path / "metrics.csv").read_text().splitlines() == [row for row in rows if "longer" not in row]
+    assert {path.name for path in tmp_path.iterdir()} - tree(tmp_path).keys() == {"metrics.csv", "results.sqlite"}
 
 
 # ---- workers
@@ -426,7 +427,7 @@ def test_dask_gives_the_same_results_and_survives_a_dying_worker(work, tmp_path)
 
 def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
-    monkeypatch.setattr("distretarget.batch.workers.CONNECT_TIMEOUT", 0.1)
+    monkeypatch.setattr("distretarget.batch.cluster.CONNECT_TIMEOUT", 0.1)
     with socket.create_server(("127.0.0.1", 0)) as silent:  # accepts connections, and says nothing
         silent_address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         for address in ("tcp://127.0.0.1:9", silent_address, "", "nonsense", "foo://1:2", "tcp://127.0.0.1:port"):
@@ -439,7 +440,7 @@ def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
 
 def test_workers_run_the_same_program(folder):
     (folder / "distretarget" / "batch").mkdir(parents=True)
-    for module in ("__init__.py", "batch/__init__.py", "batch/workers.py"):
+    for module in ("__init__.py", "batch/__init__.py", "batch/processes.py"):
         (folder / "distretarget" / module).write_text("open('imported', 'a').close()")
     program = shutil.which("distretarget", path=Path(sys.executable).parent)
     if not program:
@@ -469,7 +470,7 @@ def test_every_clip_of_the_corpus_is_converted_or_has_a_reason(tmp_path):
     done = batch(CORPUS, SAMPLES / "rigs" / "mixamo_t.json", "-o", tmp_path)
     assert done.returncode == 1
     total = sum(path.suffix.lower() == ".bvh" for path in CORPUS.rglob("*"))
-    counts = [line["status"] for line in clip_lines(tmp_path)]
+    counts = statuses(tmp_path)
     assert len(counts) == total
     assert counts.count("done") == len(tree(tmp_path))
-    assert all(line["error"] for line in clip_lines(tmp_path) if line["status"] == "failed")
+    assert all(each["error"] for each in last_records(tmp_path).values() if each["status"] == "failed")

@@ -130,7 +130,6 @@ def test_a_folder_as_animations_of_one_file(mocap, hero, tmp_path):
     assert found == pytest.approx(motion.positions, abs=1e-4)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "all.glb",
-        "all.glb.manifest.jsonl",
         "all.glb.metrics.csv",
         "hero.glb",
         "mocap",

@@ -56,10 +56,10 @@ def test_a_scene_goes_on_after_a_full_disk(folder, monkeypatch):
     write_bvh("box.bvh", swaying(person(), frames=4))
     written(folder / "scenes" / "two", props=[{"name": "box", "file": str(folder / "box.bvh")}])
 
-    def on_a_full_disk(path, *others):
+    def on_a_full_disk(path, *others, **options):
         if path.name == "lead.bvh":
             raise FileError(path, "the disk is full")
-        write_whole(path, *others)
+        write_whole(path, *others, **options)
 
     with monkeypatch.context() as full:
         full.setattr(results, "write_whole", on_a_full_disk)

@@ -236,7 +236,7 @@ WITHOUT = """
 import importlib, sys
 class Nothing:
     def find_spec(name, path, target=None):
-        if name.partition(".")[0] in {"scipy", "click", "tqdm", "bvhio", "filelock"}:
+        if name.partition(".")[0] in {"scipy", "click", "tqdm", "bvhio"}:
             raise ImportError(name)
 sys.meta_path.insert(0, Nothing)
 for module in sys.argv[1:]:

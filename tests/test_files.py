@@ -7,7 +7,8 @@ import stat
 
 import pytest
 
-from distretarget.batch.manifest import MANIFEST, Manifest
+from distretarget.batch.database import Database
+from distretarget.batch.plan import DATABASE
 from distretarget.errors import FileError
 from distretarget.io.files import (
     check_inside,
@@ -83,9 +84,9 @@ def test_only_regular_files_are_read(tmp_path, monkeypatch):
             with pytest.raises(FileError, match="is not a regular file"):
                 read_text(path)
     assert hash_of_file(tmp_path / "pipe") is None
-    (tmp_path / MANIFEST).symlink_to(tmp_path / "pipe")
+    (tmp_path / DATABASE).symlink_to(tmp_path / "pipe")
     with pytest.raises(FileError, match="is not a regular file"):
-        Manifest(tmp_path)
+        Database(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ import pytest
 
 FINDINGS = {  # inputs that once went wrong
     "a clip without bones as a target": ("target", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\n"),
-    "a manifest of a wrong kind": ("manifest", '[1]\n{"input": 3}\n'),
-    "brackets": ("manifest", "[" * 100_000),
+    "a record of a wrong kind": ("record", '{"input": 3}'),
+    "brackets": ("record", "[" * 100_000),
     "an object of brackets": ("target", "{" + "[" * 100_000),
     "a map to a number": ("map", '{"Hips": 3}'),
     "noise beside OFFSETs as large as can be": (

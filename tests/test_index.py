@@ -19,7 +19,7 @@ def metrics(value=0.123456789):
 
 
 def record(name="a.bvh", **others):
-    """A line of a manifest, as far as the page reads it."""
+    """The record of a clip, as far as the page reads it."""
     return {
         "input": f"/clips/{name}",
         "output": name,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bodies import person, swaying
 
+from distretarget import Target, retarget
 from distretarget.errors import MotionError
 from distretarget.motion import Motion, MovingBones, is_frame_time
 from distretarget.numerics.kinematics import forward_kinematics
@@ -26,6 +27,14 @@ def test_what_is_no_time_between_frames(text):
     assert not is_frame_time(text)
     with pytest.raises(MotionError, match="expected a number of seconds from 1e-05 to 1000"):
         replace(MOTION, frame_time_text=text)
+
+
+def test_rotations_of_few_digits_are_normalised():
+    short = replace(MOTION, rotations=MOTION.rotations.astype(np.float32))
+    assert np.abs(np.linalg.norm(short.rotations, axis=-1) - 1.0).max() < 1e-15
+    assert replace(MOTION, rotations=MOTION.rotations + 0.0).rotations.tobytes() == MOTION.rotations.tobytes()
+    again = Motion(MOTION.skeleton, MOTION.root_positions, short.rotations, MOTION.frame_time_text)
+    assert retarget(again, Target(MOTION.skeleton, {}, "")).motion.rotations.shape == MOTION.rotations.shape
 
 
 @pytest.mark.parametrize("rotations", [0.0 * MOTION.rotations, 2.0 * MOTION.rotations, np.nan * MOTION.rotations])

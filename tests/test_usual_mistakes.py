@@ -1,6 +1,5 @@
 """What the command line does about usual mistakes with characters, and with several clips in one file."""
 
-import json
 import shutil
 
 import gltf_player
@@ -52,13 +51,12 @@ def test_diff_chooses_from_a_file_with_several_animations():
     assert "did you mean 'wave'?" in run("diff clips/wave.bvh all.glb --clip waves").stderr
 
 
-def test_merge_writes_all_clips_into_one_file_and_keeps_the_manifest(folder):
+def test_merge_writes_all_clips_into_one_file_and_keeps_their_metrics(folder):
     done = run("batch clips hero.glb -o all.glb --merge")
     assert done.stdout.endswith("all.glb: 2 animations\n")
     assert animations(folder / "all.glb") == ["walk", "wave"]
-    records = [json.loads(line) for line in (folder / "all.glb.manifest.jsonl").read_text().splitlines()]
-    assert {record["output"] for record in records[1:]} == {"walk.bvh", "wave.bvh"}
-    assert (folder / "all.glb.metrics.csv").exists()
+    rows = (folder / "all.glb.metrics.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["output", "walk.bvh", "wave.bvh"]
     assert not (folder / "all.glb.clips").exists()
 
 
@@ -105,3 +103,29 @@ def test_usual_mistakes_end_in_a_line_that_helps(folder, line, expected):
     assert done.returncode != 0
     assert expected in done.stderr
     assert sorted(folder.rglob("*")) == before
+
+
+def test_a_folder_as_source_leads_to_batch():
+    done = run("clips hero.glb -o out.glb")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "clips is a folder; 'distretarget batch' retargets all clips of a folder" in done.stderr
+
+
+def test_a_character_before_its_animation_is_told_to_come_last(folder):
+    (folder / "hero.vrm").write_bytes((folder / "hero.glb").read_bytes())
+    run("clips/walk.bvh hero.glb -o walk.vrma")
+    done = run("hero.vrm walk.vrma -o out.vrm")
+    assert "walk.vrma: is a VRM animation and cannot be written as .vrm; if 'hero.vrm' is the target" in done.stderr
+
+
+def test_a_target_of_another_program_is_called_by_its_name(folder):
+    (folder / "hero.blend").write_bytes(b"BLENDER")
+    assert "hero.blend: is Blender, expected BVH, glTF" in run("clips/walk.bvh hero.blend -o out.glb").stderr
+
+
+def test_frame_rates_reach_to_their_bound():
+    assert "--fps" not in run("clips/walk.bvh hero.glb -o out.glb --fps 100000").stderr
+    assert (
+        "expected frames per second, from 0.001 to 100000"
+        in run("clips/walk.bvh hero.glb -o out.glb --fps 100001").stderr
+    )

@@ -1,1 +1,1 @@
-"""Many clips onto one or several targets: folders of results, each with a manifest of what was done."""
+"""Many clips onto one or several targets: folders of results, each with a database of what was done."""

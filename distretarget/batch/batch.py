@@ -17,10 +17,11 @@ from types import NoneType
 from distretarget.batch.job import TIME_LIMITS, Job, Output, Recipe, Result
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import Clip, find_clips, plan
-from distretarget.batch.record import ManifestRecord, new_record
-from distretarget.batch.results import Condition, Results
+from distretarget.batch.processes import Processes
+from distretarget.batch.record import BatchRecord, new_record
+from distretarget.batch.results import Results
 from distretarget.batch.summary import Tally, spread_warnings
-from distretarget.batch.workers import Processes, Workers, convert_all
+from distretarget.batch.workers import Workers, convert_all
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind, check_number, check_path
@@ -42,7 +43,7 @@ from distretarget.report.diff_document import About
 SPLIT_SIZE = 1 << 20  # smallest clip that gets several threads if it would keep one worker busy at the end [bytes]
 BESIDE = Path("beside")  # stands for the contact file beside each clip
 
-Show = Callable[[ManifestRecord | None], object]
+Show = Callable[[BatchRecord | None], object]
 
 
 @dataclass(frozen=True)
@@ -62,9 +63,9 @@ class Batch:
         if self.contacts not in (None, BESIDE):
             load_contacts(self.contacts)
 
-    def record_of(self, clip: Clip, input_hash: str = "") -> ManifestRecord:
+    def record_of(self, clip: Clip, input_hash: str = "") -> BatchRecord:
         """Return the record of a clip that is not done, whose file has this hash."""
-        settings = self._recipe(clip).settings
+        settings = {**self._recipe(clip).settings}
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
         if self.joints and clip.path.suffix.lower() in ARRAY_SUFFIXES:
@@ -73,12 +74,14 @@ class Batch:
 
     def _recipe(self, clip: Clip) -> Recipe:
         """How a clip is retargeted, which may be one of several animations of its file."""
-        return replace(self.recipe, clip=clip.animation or self.recipe.clip)
+        return replace(self.recipe, clip=clip.animation) if clip.animation else self.recipe
 
     def _contacts_path(self, clip: Clip) -> Path | None:
         """The path of a clip's contact file; None if it has none."""
+        if self.contacts != BESIDE:
+            return self.contacts
         beside = clip.path.with_suffix(CONTACTS_SUFFIX)
-        return self.contacts if self.contacts != BESIDE else beside if beside.exists() else None
+        return beside if beside.exists() else None
 
     @cached_property
     def _targets(self) -> dict[str, TargetFile]:
@@ -99,15 +102,11 @@ class Batch:
         return replace(file, target=replace(target, capsules=target_capsules(target)))
 
     @property
-    def kept_clips(self) -> list[Clip]:
-        """The clips that are not left out."""
-        left_out = {record["output"] for record in self._records if record["left_out"]}
-        return [clip for clip in self.clips if clip.output not in left_out]
-
-    @property
-    def _records(self) -> list[ManifestRecord]:
-        """The last record of each clip, if any, the newest last."""
-        return [*self.results.manifest.latest(clip.output for clip in self.clips)]
+    def _records(self) -> list[BatchRecord]:
+        """The newest record of each clip, if any, in the order of the results."""
+        outputs = {clip.output for clip in self.clips}
+        records = (record for record in self.results.database.latest() if record["output"] in outputs)
+        return sorted(records, key=lambda record: record["output"])
 
     def check(self) -> None:
         """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
@@ -125,56 +124,60 @@ class Batch:
             FileError: the page over all clips cannot be written.
         """
 
-        def count(record: ManifestRecord | None) -> None:
+        def count(record: BatchRecord | None) -> None:
             tally.add(record)
             show(record)
 
         started, tally.workers = time.perf_counter(), workers.count
-        manifest = self.results.manifest
-        try:
-            for result in convert_all(workers, self._jobs(workers.count, count)):
-                self._finish(result, count)
-            manifest.sort_metrics()
-            records = self._records
-            tally.alignments = [*spread_warnings(records)]
-            for result in convert_all(workers, self._report_jobs(records)):
-                self.pages.write_report(result.record, result.report, self.results)
-            self.pages.write(records, self.results)
-        finally:
-            manifest.release()
-            tally.seconds = time.perf_counter() - started - workers.start_seconds
+        with closing(self.results.database):
+            try:
+                for result in convert_all(workers, self._jobs(workers.count, count)):
+                    self._finish(result, count)
+                records = self._records
+                tally.alignments = [*spread_warnings(records)]
+                for result in convert_all(workers, self._report_jobs(records)):
+                    self.pages.write_report(result.record, result.report, self.results)
+                self.pages.write(records, self.results)
+            except BaseException:
+                with suppress(FileError):
+                    self.pages.write(self._records, self.results)
+                raise
+            finally:
+                tally.seconds = time.perf_counter() - started - workers.start_seconds
 
     def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
-        """The clips that are not done; last those that another run is at work on, if that does not finish them."""
+        """The clips that are not done; last those that another run is at work on, or was, if it has not done them."""
         left, others = sum(clip.size for clip in self.clips), list[Clip]()
         for clip in self.clips:
-            is_long = clip.size > max(SPLIT_SIZE, left / workers)
+            threads = cores() if clip.size > max(SPLIT_SIZE, left / workers) else None
             left -= clip.size
-            if self.results.manifest.claim(clip.output):
-                yield from self._unless_done(clip, is_long, show)
-            else:
-                others.append(clip)
+            for job in self._unless_done(clip, show, others):
+                yield replace(job, threads=threads)
         for clip in others:
-            self.results.manifest.claim(clip.output)
-            yield from self._unless_done(clip, False, show)
+            yield from self._unless_done(clip, show)
 
-    def _unless_done(self, clip: Clip, is_long: bool, show: Show) -> Iterator[Job]:
-        """The job of a clip that is not done."""
+    def _unless_done(self, clip: Clip, show: Show, others: list[Clip] | None = None) -> Iterator[Job]:
+        """The job of a clip that is not done; it goes to `others`, if given, if another run is at work on it."""
         record = self.record_of(clip)
         try:
             source = InputFile(read_bytes(clip.path), clip.path)
             record["input_hash"] = source.hash
-            if known := self.results.known(record, clip.outputs):
-                show(self.results.again(known, clip.outputs))
-                self.results.manifest.release(record["output"])
+            known = self.results.known(record, clip.outputs)
+            if not known and others is not None:
+                if not self.results.database.claim(clip.output):
+                    others.append(clip)
+                    return
+                known = self.results.known(record, clip.outputs)  # another run may have done it just now
+            if known:
+                show(None)
                 return
             job = self._job(source, clip, record)
         except DistretargetError as error:
             self._finish(Result({**record, "error": str(error)}), show)
             return
-        yield replace(job, about=self.pages.about_at_once(clip), threads=cores() if is_long else None)
+        yield replace(job, about=self.pages.about_at_once(clip))
 
-    def _report_jobs(self, records: Sequence[ManifestRecord]) -> Iterator[Job]:
+    def _report_jobs(self, records: Sequence[BatchRecord]) -> Iterator[Job]:
         """The clips that need a report on their present output, from their records."""
         of_output, wanted = {record["output"]: record for record in records}, {*self.pages.without_report(records)}
         for clip in self.clips:
@@ -183,7 +186,7 @@ class Batch:
                     job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[clip.output])
                     yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)))
 
-    def _job(self, source: InputFile, clip: Clip, record: ManifestRecord) -> Job:
+    def _job(self, source: InputFile, clip: Clip, record: BatchRecord) -> Job:
         """The job of a clip; an error if a file cannot be read."""
         contacts_path = self._contacts_path(clip)
         return Job(
@@ -197,7 +200,7 @@ class Batch:
         )
 
     def _finish(self, result: Result, show: Show) -> None:
-        """Put the results of a clip in place, with its line of the manifest, and its report."""
+        """Put the results of a clip in place, record what it became, and write its report."""
         record = result.record
         try:
             if record["status"] == "done":
@@ -205,20 +208,19 @@ class Batch:
                 record = self.results.put(record, contents)
         except DistretargetError as error:
             record = {**record, "status": "failed", "error": str(error)}
-        has_failed = record["status"] == "failed" and not record["left_out"]
-        if has_failed:
-            try:
-                self.results.manifest.add(record)
-            except FileError as error:
-                record["error"] = f"{record['error']} ({error})"
-        self.results.manifest.release(record["output"])
+        try:
+            if record["status"] == "failed":
+                self.results.add(record, [record["output"], *result.outputs])
+            self.results.database.release(record["output"])
+        except FileError as error:
+            record = {**record, "error": f"{record['error']} ({error})"}
         show(record)
-        if has_failed and self.fail_fast:
+        if record["status"] == "failed" and self.fail_fast:
             raise BatchError(f"stopped at the first failure: {record['error']}")
         if record["status"] == "done":
             self.pages.write_report(record, result.report, self.results)
 
-    def _parts(self, name: str, output: Output, record: ManifestRecord) -> Parts:
+    def _parts(self, name: str, output: Output, record: BatchRecord) -> Parts:
         """The content of the file of a result, in parts."""
         if not isinstance(output, Animation):
             return [output]
@@ -249,7 +251,6 @@ def convert_folder(
     report: str | Path | None = None,
     reports: int | None = 10,
     table: str | Path | None = None,
-    keep: str | None = None,
     joints: str | Path | None = None,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
@@ -281,11 +282,10 @@ def convert_folder(
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
-        keep: a condition on metrics, as `--keep` takes it; clips that fail it are left out.
         joints: the skeleton for clips that are arrays, which folders are searched for then; see `read_motion`.
 
     Returns:
-        The numbers of clips converted, skipped, failed and left out, and `lines` to print.
+        The numbers of clips converted, skipped and failed, and `lines` to print.
 
     Raises:
         BatchError: there are no clips, results would replace clips, or `fail_fast` stopped the batch.
@@ -296,7 +296,6 @@ def convert_folder(
     check_kind("builds", builds, Builds)
     check_kind("include", include, Sequence)
     check_kind("exclude", exclude, Sequence)
-    check_kind("keep", keep, str, NoneType)
     check_kind("formats", formats, Sequence)
     for each in [formats] if isinstance(formats, str) else formats:
         check_choice("formats", each, FORMATS)
@@ -314,7 +313,7 @@ def convert_folder(
     clips = plan(found, files, Path(folder), paths, formats, clip)
     batch = Batch(
         clips,
-        Results(Path(folder), overwrite, Condition(keep) if keep else None),
+        Results(Path(folder), overwrite),
         Recipe(options, load_map(map_file, rest), clip, fps, writing, builds),
         Pages(
             lambda clip, result: About(a=clip.name, b=result.name),

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import ctypes
 import pickle
-import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import PurePath
 
-from distretarget.batch.record import VERSION, ManifestRecord
+from distretarget.batch.record import VERSION, BatchRecord
 from distretarget.batch.summary import alignment_text
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
@@ -57,7 +54,7 @@ class Recipe:
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
 
-    @property
+    @cached_property
     def settings(self) -> dict[str, object]:
         """What decides an output, as JSON values: the fields of `Options`, `map` (None for no map), hashes of builds,
         and of how clips are read and written what is not as usual.
@@ -80,11 +77,11 @@ class Job:
     source: InputFile
     target: bytes  # a `TargetFile`, pickled, so that a worker unpacks it once for all clips
     recipe: Recipe
-    record: ManifestRecord  # what the manifest says of the clip while it is not done
+    record: BatchRecord  # what is recorded of the clip while it is not done
     outputs: tuple[str, ...]  # the paths of the results in the folder of results, that of `record` first
     contacts: ContactList = NO_CONTACTS
     about: About | None = None  # what its report says; None for no report
-    time_limit: float | None = None  # [s]
+    time_limit: float | None = None  # after which its process is ended [s]
     threads: int | None = None  # of a long clip, which would keep one core busy when all others are done
 
     def failed(self, reason: str) -> Result:
@@ -99,7 +96,7 @@ class Result:
     Of an output that is a character's file it has the animation alone.
     """
 
-    record: ManifestRecord
+    record: BatchRecord
     outputs: Mapping[str, Output] = field(default_factory=dict)
     report: str = ""
 
@@ -118,12 +115,10 @@ def convert(job: Job) -> Result:
     if job.record["version"] != VERSION:
         return job.failed(f"{path}: a worker runs version {VERSION}, this is {job.record['version']}")
     try:
-        with _time_limit(job.time_limit), thread_limit(job.threads):
+        with thread_limit(job.threads):
             result = _converted(job)
     except DistretargetError as error:
         result = job.failed(str(error))
-    except OverTime:
-        result = job.failed(f"{path}: took longer than the limit of {job.time_limit:g} s; the next run tries it again")
     except MemoryError:
         result = job.failed(f"{path}: out of memory")
     except Exception as error:  # one clip must not stop the others
@@ -150,7 +145,7 @@ def _converted(job: Job) -> Result:
     result = replace(result, motion=as_written(result.motion, main, recipe.writing.precision, target))
     body = result.motion.skeleton
     refused = (*refusals(body), *python_refusals(body)) if "BVH" in kinds.values() else ()
-    record: ManifestRecord = {
+    record: BatchRecord = {
         **job.record,
         "status": "done",
         "frames": len(result.motion),
@@ -175,35 +170,3 @@ def _outputs(
         else b"".join(encoded_parts(content_of(name, clip, target, writing)))
         for name, kind in kinds.items()
     }
-
-
-class OverTime(BaseException):
-    """Raised wherever the work on a clip is when its time is over; no `except Exception` keeps it."""
-
-
-@contextmanager
-def _time_limit(seconds: float | None) -> Iterator[None]:
-    """Raise `OverTime` in this thread if the block takes longer than this; None for no limit.
-
-    A compiled function that runs then, or a wait for another process, ends first: they are short parts of a clip.
-    """
-    if seconds is None:
-        yield
-        return
-    thread, lock, is_over = threading.get_ident(), threading.Lock(), False
-
-    def stop() -> None:
-        with lock:
-            if not is_over:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(OverTime))
-
-    timer = threading.Timer(seconds, stop)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        with lock:
-            is_over = True
-        timer.cancel()
-        timer.join()

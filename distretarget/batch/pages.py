@@ -1,25 +1,23 @@
-"""What is made of a batch as a whole: the page over all clips, reports on single ones, and a table, CSV or Parquet."""
+"""What is made of a batch as a whole: the page over all clips, reports on single ones, and tables."""
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path, PurePath
-from typing import Any
 
-from distretarget.batch.plan import Clip, check_page
-from distretarget.batch.record import BETWEEN, VERSION, ManifestRecord
+from distretarget.batch.plan import METRICS, Clip, check_page
+from distretarget.batch.record import VERSION, BatchRecord
 from distretarget.batch.results import Results
 from distretarget.batch.summary import worst
-from distretarget.errors import DistretargetError, FileError, MissingPackageError
-from distretarget.io.files import check_inside, check_writable, is_folder, make_folder, write_whole
+from distretarget.batch.table import PARQUET_MARK, PARQUET_TAIL, TABLE_HEAD, TABLES, check_table, is_parquet, table
+from distretarget.errors import DistretargetError, FileError
+from distretarget.io.files import Content, check_inside, check_writable, is_folder, make_folder, write_whole
 from distretarget.io.input_file import load_file
-from distretarget.measure.metrics import COLUMNS, METRICS
-from distretarget.report.diff_document import About, csv_text
+from distretarget.measure.metrics import METRICS as OF_CLIPS
+from distretarget.report.diff_document import About
 from distretarget.report.page import index_page
 from distretarget.report.stage import small_stage
 
@@ -27,14 +25,6 @@ MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
 PLAYED = 24  # clips that the page over all clips plays
 HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
-
-TABLES = (".csv", ".parquet")
-TEXTS = ("output", "status", "input", "target", "verdict", "warnings", "error")
-HASHES = ("input_hash", "target_hash", "output_hash", "version")
-TABLE = (*TEXTS, "frames", *HASHES, *COLUMNS)  # the columns of the table
-TABLE_HEAD = ",".join(TEXTS)  # the beginning of a CSV file
-PARQUET_MARK = b"distretarget_version"  # in the metadata of a Parquet file
-PARQUET_TAIL = 1 << 18  # the end of a Parquet file that has its metadata [bytes]
 
 
 @dataclass(frozen=True)
@@ -53,6 +43,7 @@ class Pages:
             check_table(self.table)
         for path in filter(None, (self.index, self.table)):
             check_page(path, clips, results.folder, map_path)
+        for path in filter(None, (results.folder / METRICS, self.index, self.table)):
             above = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
             if above == path:
                 check_writable(path, results.overwrite or self._is_own(path))
@@ -63,13 +54,13 @@ class Pages:
         """What the report on a clip says, if all clips get one; they are made as clips are retargeted."""
         return self.about(clip.path, PurePath(clip.output)) if self.index and self.reports is None else None
 
-    def without_report(self, records: Sequence[ManifestRecord]) -> Iterator[str]:
+    def without_report(self, records: Sequence[BatchRecord]) -> Iterator[str]:
         """Yield the outputs that are to get a report, and have none on their present content."""
         for record in _worst_done(records)[: self.reports] if self.index else ():
             if not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
                 yield record["output"]
 
-    def write_report(self, record: ManifestRecord, report: str, results: Results) -> None:
+    def write_report(self, record: BatchRecord, report: str, results: Results) -> None:
         """Write the report on a clip, if any, or remember why that failed."""
         path = self._report_path(record["output"])
         try:
@@ -79,8 +70,15 @@ class Pages:
         except FileError as error:
             self.problems[path] = error
 
-    def write(self, records: Sequence[ManifestRecord], results: Results) -> None:
-        """Write the page over all clips and the table; a FileError if that fails."""
+    def write(self, records: Sequence[BatchRecord], results: Results) -> None:
+        """Write the table of all clips in the folder of results, and of the clips with these records, which are sorted,
+        a table and the page; a FileError if that fails.
+        """
+        metrics = results.folder / METRICS
+        check_inside(metrics, results.folder)
+        with results.database.untold() as has_news:  # no other run, which has seen less, writes its table later
+            if has_news or not metrics.exists():
+                self._write(metrics, table(metrics, results.database.latest()), results)
         if self.table:
             self._write(self.table, table(self.table, records), results)
         if self.index:
@@ -90,32 +88,32 @@ class Pages:
             page = index_page(records, links, title, VERSION, dict(_stages(records, results.folder)))
             self._write(self.index, page, results)
 
-    def _write(self, path: Path, content: str | bytes, results: Results) -> None:
+    def _write(self, path: Path, content: Content, results: Results) -> None:
         make_folder(path.parent)
-        with results.manifest.locked():
+        with results.database.transaction():  # the later of two runs replaces the page of the other
             write_whole(path, content, results.overwrite or self._is_own(path))
 
     def _is_own(self, path: Path) -> bool:
         """Whether this program wrote a file."""
-        if path == self.table:
-            return PARQUET_MARK in _tail(path) if _is_parquet(path) else _head(path).startswith(TABLE_HEAD)
+        if path.suffix.lower() in TABLES:
+            return PARQUET_MARK in _tail(path) if is_parquet(path) else _head(path).startswith(TABLE_HEAD)
         return MARK in _head(path)
 
     def _report_path(self, output: str) -> Path:
         index = self.index or Path()
         return index.parent / f"{index.stem}_reports" / PurePath(output).with_suffix(".html")
 
-    def _has_report(self, record: ManifestRecord) -> bool:
+    def _has_report(self, record: BatchRecord) -> bool:
         """Whether a clip has a report on its present output, not on an earlier one."""
         return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
 
 
-def _worst_done(records: Iterable[ManifestRecord]) -> list[ManifestRecord]:
+def _worst_done(records: Iterable[BatchRecord]) -> list[BatchRecord]:
     """The records of clips that are done, the worst first."""
-    return worst((record for record in records if record["status"] == "done"), METRICS[0])
+    return worst((record for record in records if record["status"] == "done"), OF_CLIPS[0])
 
 
-def _stages(records: Sequence[ManifestRecord], folder: Path) -> Iterator[tuple[str, object]]:
+def _stages(records: Sequence[BatchRecord], folder: Path) -> Iterator[tuple[str, object]]:
     """Yield what the page plays, by output: the worst clips, first those with warnings, whose files can be read."""
     for record in sorted(_worst_done(records), key=lambda record: not record["warnings"])[:PLAYED]:
         with suppress(DistretargetError):
@@ -138,58 +136,3 @@ def _tail(path: Path) -> bytes:
         file.seek(max(path.stat().st_size - PARQUET_TAIL, 0))
         return file.read()
     return b""
-
-
-def _is_parquet(path: Path) -> bool:
-    return path.suffix.lower() == ".parquet"
-
-
-def check_table(path: Path) -> None:
-    """Raise an error if no table can be written to a file of this name."""
-    if path.suffix.lower() not in TABLES:
-        raise FileError(path, f"the ending says what to write, expected one of {', '.join(TABLES)}")
-    if _is_parquet(path) and find_spec("pyarrow") is None:
-        raise MissingPackageError(
-            "Parquet needs the package pyarrow; install it with `pip install pyarrow`, or write .csv", path
-        )
-
-
-def table(path: Path, records: Iterable[ManifestRecord]) -> str | bytes:
-    """Return the content of a table of records in the order of the outputs: a row for each clip with its metrics,
-    warnings and what it was made from.
-    """
-    rows = [_row(record) for record in sorted(records, key=lambda record: record["output"])]
-    if _is_parquet(path):
-        return _parquet(rows)
-    return csv_text(rows) if rows else ",".join(TABLE) + "\n"
-
-
-def _row(record: ManifestRecord) -> dict[str, Any]:
-    """The row of a clip, by column; None for what it does not have."""
-    return {
-        **dict.fromkeys(TABLE),
-        **{name: record.get(name) or None for name in (*TEXTS, *HASHES)},
-        "frames": record["frames"],
-        "status": "left out" if record["left_out"] else record["status"],
-        "warnings": BETWEEN.join(record["warnings"]) or None,
-        **record["metrics"],
-    }
-
-
-def _parquet(rows: list[dict[str, Any]]) -> bytes:
-    """The rows as Parquet; bytes of texts that are not UTF-8, as in paths, are replaced."""
-    import pyarrow
-    from pyarrow import parquet
-
-    kinds = {"frames": pyarrow.int64(), **dict.fromkeys(COLUMNS, pyarrow.float64())}
-    schema = pyarrow.schema([(name, kinds.get(name, pyarrow.string())) for name in TABLE], {PARQUET_MARK: VERSION})
-    valid = [
-        {
-            name: each.encode("utf-8", "replace").decode() if isinstance(each, str) else each
-            for name, each in row.items()
-        }
-        for row in rows
-    ]
-    content = io.BytesIO()
-    parquet.write_table(pyarrow.Table.from_pylist(valid, schema), content)
-    return content.getvalue()

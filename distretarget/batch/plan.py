@@ -18,7 +18,7 @@ from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile, animations_in
 from distretarget.scene.scene_file import SCENE_NAME
 
-MANIFEST, METRICS = "manifest.jsonl", "metrics.csv"  # in the folder of results
+DATABASE, METRICS = "results.sqlite", "metrics.csv"  # in the folder of results
 WILDCARDS = frozenset("*?[")
 
 
@@ -148,7 +148,7 @@ def animations_of(path: Path) -> dict[str | None, str]:
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
     """Raise a BatchError if a page or table on all clips would replace an input or a file of the batch in `folder`."""
     written = {
-        folder.resolve() / name for name in (MANIFEST, METRICS, *(each for clip in clips for each in clip.outputs))
+        folder.resolve() / name for name in (DATABASE, METRICS, *(each for clip in clips for each in clip.outputs))
     }
     if page.resolve() in written or _file(page) in {*_inputs(clips), _file(map_path) or ()}:
         raise BatchError(f"{page}: is an input, or the place of a result; give it another name")
@@ -180,8 +180,11 @@ def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str
 
 
 def _leads_back(path: Path, folder: Path) -> bool:
-    """Whether a path below a folder is a link to a folder above it."""
-    return path.is_symlink() and any(path.samefile(above) for above in path.parents if above.is_relative_to(folder))
+    """Whether a path below a folder is a link to a folder above it, which may be above that folder too."""
+    if not path.is_symlink():
+        return False
+    above = (*path.parents, *folder.resolve().parents)
+    return any(path.samefile(each) for each in above)
 
 
 def _result(place: PurePath) -> PurePath:

@@ -18,7 +18,7 @@ from pathlib import PurePath
 import numpy as np
 
 from distretarget.baseline.rotation_copy import rest_alignment
-from distretarget.batch.record import ManifestRecord
+from distretarget.batch.record import BatchRecord
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
@@ -27,7 +27,7 @@ from distretarget.measure.verdict import faults
 from distretarget.numerics.vectors import Array, angles_between, lengths, normalised
 from distretarget.skeleton import Skeleton
 
-LISTED = 20  # most clips listed as failed, or as left out
+LISTED = 20  # most clips listed as failed
 LOOK_AT = 10  # most clips listed as those to look at
 REASONS = 2  # most reasons to look at a clip
 ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
@@ -44,7 +44,6 @@ class Tally:
         done: clips retargeted.
         skipped: clips that an earlier run retargeted.
         failed: clips that could not be retargeted.
-        left_out: clips that fail the condition on what is kept.
         warned: clips that are done and have warnings.
         frames: frames retargeted.
         workers: processes that did so.
@@ -56,7 +55,6 @@ class Tally:
     done: int = 0
     skipped: int = 0
     failed: int = 0
-    left_out: int = 0
     warned: int = 0
     frames: int = 0
     workers: int = 1
@@ -64,16 +62,11 @@ class Tally:
     alignments: Sequence[str] = ()
     _look_at: list[tuple[float, str]] = field(default_factory=list)  # how bad each clip is, and why
     _failures: list[str] = field(default_factory=list)
-    _left_out: list[str] = field(default_factory=list)
 
-    def add(self, record: ManifestRecord | None) -> None:
+    def add(self, record: BatchRecord | None) -> None:
         """Count a clip by its record, or None if it was done before."""
         if record is None:
             self.skipped += 1
-        elif record["left_out"]:
-            self.left_out += 1
-            if self.left_out <= LISTED:
-                self._left_out.append(f"  {record['input']}: {record['left_out']}")
         elif record["status"] == "done":
             self.done += 1
             self.frames += record["frames"]
@@ -90,9 +83,7 @@ class Tally:
     def lines(self) -> list[str]:
         """The summary of the run."""
         counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
-        if self.left_out:
-            counts.append(f"{self.left_out} left out")
-        if left := self.clips - self.done - self.skipped - self.failed - self.left_out:
+        if left := self.clips - self.done - self.skipped - self.failed:
             counts.append(f"{left} left")
         lines = [f"{counted(self.clips, 'clip')}: {', '.join(counts)}"]
         if self.frames:
@@ -103,34 +94,29 @@ class Tally:
             some = f", the worst {LOOK_AT} of which are here" if self.warned > LOOK_AT else ""
             lines.append(f"look at {self.warned} of {self.done} clips, worst first{some}; metrics.csv has the frames:")
             lines += [why for _, why in self._look_at]
-        left_out = _listing("left out:", self._left_out, self.left_out)
-        return [*lines, *self.alignments, *left_out, *self.failures]
+        return [*lines, *self.alignments, *self.failures]
 
     @property
     def failures(self) -> list[str]:
         """Which clips failed, and why."""
-        return _listing("failed:", self._failures, self.failed)
+        more = self.failed - len(self._failures)
+        last = [f"  and {more} more; metrics.csv has them all"] if more else []
+        return ["failed:", *self._failures, *last] if self.failed else []
 
 
-def _why(record: ManifestRecord) -> tuple[float, str]:
+def _why(record: BatchRecord) -> tuple[float, str]:
     """How many times its worst limit a clip is off, 0 within all limits, and why to look at it."""
     found = faults(of_columns(record["metrics"]))
     words = "; ".join(words for _, words in found[:REASONS]) or record["warnings"][0]
     return found[0][0] if found else 0.0, f"  {record['output']}: {words}"
 
 
-def _listing(title: str, lines: list[str], count: int) -> list[str]:
-    """The first lines of `count`, below a title; nothing if there are none."""
-    more = count - len(lines)
-    return [*([title] if count else []), *lines, *([f"  and {more} more; the manifest has them all"] if more else [])]
-
-
-def worst(records: Iterable[ManifestRecord], metric: Metric) -> list[ManifestRecord]:
+def worst(records: Iterable[BatchRecord], metric: Metric) -> list[BatchRecord]:
     """Return the records of clips, those with the largest metric first."""
     return sorted(records, key=lambda record: -value(record, metric))
 
 
-def value(record: ManifestRecord, metric: Metric) -> float:
+def value(record: BatchRecord, metric: Metric) -> float:
     """Return a metric of a clip, 0 where nothing was to be measured."""
     return record["metrics"].get(metric.key) or 0.0
 
@@ -162,7 +148,7 @@ def _rig(skeleton: Skeleton) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def spread_warnings(records: Iterable[ManifestRecord]) -> Iterator[str]:
+def spread_warnings(records: Iterable[BatchRecord]) -> Iterator[str]:
     """Yield a line for each rig and target whose alignments in a batch differ by more than `MOST_SPREAD`."""
     groups: dict[tuple[str, ...], list[tuple[str, Array]]] = defaultdict(list)
     for record in records:

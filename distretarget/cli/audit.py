@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path
 
 import click
@@ -16,6 +15,7 @@ from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_o
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest
 from distretarget.measure.clip_faults import KINDS
+from distretarget.report.csv_table import csv_lines
 
 
 def of_kind(text: str) -> tuple[str, float]:
@@ -93,11 +93,12 @@ def _row(clip: AuditedClip, limits: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _csv(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("clip", "frames", "frame_time", "leg", "up", "faults", *KINDS))
-    for clip in clips:
-        size = (clip.frames, clip.frame_time, clip.leg, clip.up) if clip.rig else ("",) * 4
-        cells = (f"{clip.findings[kind].value:.6g}" if kind in clip.findings else "" for kind in KINDS)
-        writer.writerow((clip.name, *size, " ".join(clip.faults(limits)), *cells))
-    return text.getvalue()
+    columns = ("clip", "frames", "frame_time", "leg", "up", "faults", *KINDS)
+    return "".join(csv_lines(columns, (_cells(clip, limits) for clip in clips)))
+
+
+def _cells(clip: AuditedClip, limits: Mapping[str, float]) -> dict[str, object]:
+    """The row of a clip in the table."""
+    size = {"frames": clip.frames, "frame_time": clip.frame_time, "leg": clip.leg, "up": clip.up} if clip.rig else {}
+    found = {kind: Decimal(f"{each.value:.6g}") for kind, each in clip.findings.items()}
+    return {"clip": clip.name, "faults": " ".join(clip.faults(limits)), **size, **found}

@@ -14,14 +14,15 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
+from distretarget.batch.cluster import Cluster
 from distretarget.batch.job import TIME_LIMITS, Recipe
-from distretarget.batch.manifest import Manifest
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.record import ManifestRecord
-from distretarget.batch.results import Condition, Results, clips_folder, write_merged
+from distretarget.batch.processes import Processes
+from distretarget.batch.record import BatchRecord
+from distretarget.batch.results import Results, clips_folder, write_merged
 from distretarget.batch.summary import Tally
-from distretarget.batch.workers import Cluster, Processes, Workers
+from distretarget.batch.workers import Workers
 from distretarget.cli.options import (
     PATH,
     Skins,
@@ -36,7 +37,7 @@ from distretarget.cli.options import (
     writing,
 )
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
-from distretarget.errors import BatchError, DistretargetError, FileError, SettingsError, counted
+from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, is_folder, read_bytes
 from distretarget.io.input_file import load_file
 from distretarget.io.map_json import load_map
@@ -48,14 +49,6 @@ from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
 LONGEST_PATH = 40_000  # more than any system takes [characters]
-
-
-def of_condition(text: str) -> Condition:
-    """The condition in the text."""
-    try:
-        return Condition(text)
-    except SettingsError as error:
-        raise click.BadParameter(error.reason.removeprefix("keep ")) from error
 
 
 @click.command("batch")
@@ -140,13 +133,6 @@ def of_condition(text: str) -> Condition:
     "--table",
     help="Write a table, .csv or .parquet, with a row for each clip: its metrics, verdict, warnings, and hashes.",
 )
-@click.option(
-    "--keep",
-    type=of_condition,
-    metavar="CONDITION",
-    help="Leave out clips that fail a condition on their metrics, such as 'contact_error < 0.01 and pop == 0'. It has "
-    "the names that --table has, numbers, < <= > >= == !=, and, or, not.",
-)
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 @quiet
 def batch_command(
@@ -176,14 +162,13 @@ def batch_command(
     index: Path | None,
     reports: int | None,
     table: Path | None,
-    keep: Condition | None,
     dry_run: bool,
 ) -> None:
     """Retarget many clips to one or several targets.
 
     SOURCES are motion files (BVH, glTF, VRM animations, FBX) and folders; results keep the tree of each folder. Clips
     that are done and unchanged are skipped, so an interrupted run continues where it stopped; clips that failed are
-    tried again. manifest.jsonl in the folder of results has a line for each clip.
+    tried again. metrics.csv in the folder of results has a row for each clip.
 
     \b
     distretarget batch mocap hero.json -o mocap_hero
@@ -204,6 +189,8 @@ def batch_command(
         raise click.UsageError("no sources; expected files, folders or --input-list.")
     if jobs and dask is not None:
         raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
+    if time_limit and dask is not None:
+        raise click.UsageError("--time-limit ends processes of this machine; give either --time-limit or --dask.")
     if STANDARD in sources:
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
@@ -225,7 +212,7 @@ def batch_command(
         raise click.UsageError(str(error)) from error
     batch = Batch(
         clips,
-        Results(results, overwrite and not merge, keep, read_only=dry_run),
+        Results(results, overwrite and not merge, read_only=dry_run),
         Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, load_builds(skins)),
         Pages(about, index, reports, table),
         contacts_path,
@@ -246,7 +233,7 @@ def batch_command(
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:
-        count = write_merged(folder, files[0], batch.kept_clips, settings, overwrite)
+        count = write_merged(folder, files[0], batch.clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
 
@@ -285,12 +272,11 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
         tqdm(unit=" frames", unit_scale=True, disable=silent, leave=False, position=1) as frames,
     ):
 
-        def show(record: ManifestRecord | None) -> None:
+        def show(record: BatchRecord | None) -> None:
             frames.update(record["frames"] if record else 0)
             clips.set_postfix(failed=tally.failed, refresh=False)
             clips.update()
 
-        _print_broken(batch.results.manifest)
         try:
             batch.convert(workers, tally, show)
         except KeyboardInterrupt:
@@ -304,24 +290,16 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
 def _print_plan(batch: Batch) -> None:
     """Print what would be done with each clip."""
     results = batch.results
-    _print_broken(results.manifest)
     for clip in batch.clips:
         try:
             record = batch.record_of(clip, hash_of(read_bytes(clip.path)))
             skip = results.known(record, clip.outputs)
             if not skip:
-                results.check_replaceable(record, clip.outputs)
+                for name in clip.outputs:
+                    results.check_replaceable(record, name)
         except DistretargetError as error:
             say(f"fail     {error}")
         else:
             beside = (PurePath(output).suffix for output in clip.outputs[1:])
             made = ", ".join([str(results.folder / clip.output), *beside])
             say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {made}")
-
-
-def _print_broken(manifest: Manifest) -> None:
-    """Warn of lines of a manifest that cannot be used."""
-    if manifest.broken:
-        first, *others = manifest.broken
-        more = f", as are {len(others)} more lines" if others else ""
-        say(f"warning: {manifest.path}:{first}: is not a record of a clip and is ignored{more}", err=True)

@@ -27,7 +27,8 @@ from distretarget.io.target_file import animations_in
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page
-from distretarget.report.diff_document import DiffDocument, MetricValues, Values, csv_text, document, json_text
+from distretarget.report.csv_table import csv_text
+from distretarget.report.diff_document import DiffDocument, MetricValues, Values, document, json_text
 from distretarget.report.scene_page import GAP_ERROR
 
 MOST = 5  # frames and contacts that are printed

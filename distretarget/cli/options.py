@@ -18,7 +18,7 @@ from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.io.gltf_writer import Mode
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, Precision
 from distretarget.io.target_file import load_build
-from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
+from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
 from distretarget.skeleton import LARGEST, SMALLEST
@@ -80,9 +80,8 @@ def limit_of(name: str, text: str) -> float:
 
 def of_rate(text: str) -> float:
     """The frame rate in the text [frames/s]."""
-    least, most = 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME
-    if (rate := _number(text, least, most)) is None:
-        raise click.BadParameter(f"expected frames per second, from {least:g} to {most:g}, found {text!r}")
+    if (rate := _number(text, SLOWEST, FASTEST)) is None:
+        raise click.BadParameter(f"expected frames per second, from {SLOWEST:g} to {FASTEST:g}, found {text!r}")
     return rate
 
 

@@ -42,7 +42,7 @@ from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
-from distretarget.io.files import Content
+from distretarget.io.files import Content, is_folder
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
@@ -124,6 +124,8 @@ def retarget_command(
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
+    if is_folder(source):
+        raise click.UsageError(f"{source} is a folder; 'distretarget batch' retargets all clips of a folder.")
     inputs = [source, target, joints_path, map_path, rest_path, contacts_path, *skins]
     check_outputs([output, metrics, report], inputs, overwrite)
     started = time.perf_counter()
@@ -177,9 +179,10 @@ def retarget_command(
 def _check_order(source: InputFile, target: InputFile, output: Path) -> None:
     """Raise a FileError if the character that is to be written comes first."""
     is_character = OUTPUTS.get(output.suffix.lower()) == "character"
-    if is_character and source.kind == "glTF" and target.kind in ("BVH", "FBX"):
+    is_animation = "VRMC_vrm_animation" in target.gltf.document.inner("extensions") if target.kind == "glTF" else False
+    if is_character and source.kind == "glTF" and (is_animation or target.kind in ("BVH", "FBX")):
         swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o {argument(output)}"
-        why = f"is {target.kind} and cannot be written as {output.suffix}"
+        why = f"is {'a VRM animation' if is_animation else target.kind} and cannot be written as {output.suffix}"
         raise FileError(target.path, f"{why}; if {str(source.path)!r} is the target, it comes last: {swapped}")
 
 

@@ -122,7 +122,7 @@ def scene_command(
     SOURCES are their motion files, with the same frames. Each performer gets a body; hands that hold each other still
     do so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and which
     props the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT;
-    scenes that are done and unchanged are skipped, as manifest.jsonl in OUTPUT says, and one that fails stops no other.
+    scenes that are done and unchanged are skipped, as results.sqlite in OUTPUT says, and one that fails stops no other.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
@@ -188,14 +188,15 @@ def _retarget_folder(path: Path, results: Results, report: Path | None) -> None:
     if not files:
         raise FileError(path, f"has no {SCENE_NAME} in it or below")
     skipped, failures = 0, 0
-    for file in files:
-        try:
-            folder = results.folder / file.parent.relative_to(path)
-            check_inside(folder, results.folder)
-            skipped += not _retarget_unless_done(file, folder, results, report)
-        except DistretargetError as error:
-            failures += 1
-            complain(f"failed: {error}")
+    with contextlib.closing(results.database):
+        for file in files:
+            try:
+                folder = results.folder / file.parent.relative_to(path)
+                check_inside(folder, results.folder)
+                skipped += not _retarget_unless_done(file, folder, results, report)
+            except DistretargetError as error:
+                failures += 1
+                complain(f"failed: {error}")
     converted = len(files) - skipped - failures
     say(f"{counted(len(files), 'scene')}: {converted} converted, {skipped} done before, {failures} failed")
     if failures:
@@ -218,7 +219,8 @@ def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Pa
     record["status"] = "done"
     if results.known(record, names):
         return False
-    results.check_replaceable(record, names)
+    for name in names:
+        results.check_replaceable(record, name)
     with _made(folder):
         check_outputs([*outputs, report], setup.inputs, overwrite=True)
         result, contents, seconds = _retargeted(setup, targets, outputs, report)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from distretarget.character.animations import choose_animation, frame_count, frame_times, own_rate
 from distretarget.errors import FileError
 from distretarget.numerics.vectors import Array
+from distretarget.skeleton import LARGEST
 
 if TYPE_CHECKING:
     import ufbx
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 Element = TypeVar("Element")
 
 TRANSFORMS = frozenset({"Lcl Translation", "Lcl Rotation", "Lcl Scaling"})
-FREE_SAMPLES = 4_000_000  # so many keys, and samples, may a file have, however small it is [frames x nodes]
+FREE_SAMPLES = 1_000_000  # so many keys, and samples, may a file have, however small it is [frames x nodes]
 SAME_KEY = 1e-4  # keys that are nearer belong to one frame [s]
 SLOWEST, FASTEST = 1.0, 1000.0  # frame rates of a file that make sense [frames/s]
 PROBES = 16  # keys of a curve that are compared with those of another
@@ -291,6 +292,8 @@ def _sampled(
     for frame, time in enumerate(times.tolist()):
         row = [_ten(ufbx.evaluate_transform(anim, node, time)) for node in parts]
         samples[frame] = np.reshape(row, (-1, 10))
+        if not (np.abs(samples[frame]) <= LARGEST).all():
+            raise FileError("", f"has a node at a place, angle or scale that is not finite, or beyond {LARGEST:g}")
     return {"moving": np.array(chosen, np.int64), "frames": samples, "step": 1.0 / rate}
 
 

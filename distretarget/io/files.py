@@ -65,11 +65,16 @@ def _open_at_once(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def text_of(content: bytes, path: str | Path) -> str:
-    """Return the text in the content of a file as `read_text` does; `path` is for errors."""
+def check_known(path: str | Path) -> None:
+    """Raise a FileError if a file of this name is of a kind that other programs convert."""
     if other := OTHER_FORMATS.get(Path(path).suffix.lower()):
         advice = "convert it first, for example with Blender: File > Import, then File > Export > glTF (.glb)"
         raise FileError(path, f"is {other}, expected BVH, glTF, VRM or FBX; {advice}")
+
+
+def text_of(content: bytes, path: str | Path) -> str:
+    """Return the text in the content of a file as `read_text` does; `path` is for errors."""
+    check_known(path)
     text = _decoded(path, content)
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")

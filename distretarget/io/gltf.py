@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import base64
 import binascii
+import json
+import math
 import struct
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,7 +23,7 @@ from numpy.typing import NDArray
 
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.files import is_inside, read_bytes
-from distretarget.io.json_node import Fields, Node, parse_json
+from distretarget.io.json_node import Fields, Node, parse_json, without_collection
 from distretarget.numerics.vectors import Array, read_only
 
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
@@ -53,6 +55,7 @@ class Gltf:
     path: str | Path  # for errors
     chunks: tuple[tuple[int, memoryview], ...]  # of a GLB, (type, content) each; of a .gltf file its JSON alone
     beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
+    has_folder: bool = True  # whether images may be in files beside it
     _lists: dict[str, list[Node]] = field(default_factory=dict, init=False)
     _entries: dict[tuple[str, int], Fields] = field(default_factory=dict, init=False)  # by list and number
     _accessors: dict[tuple[str, str], Array] = field(default_factory=dict, init=False)  # by place and kind
@@ -66,6 +69,23 @@ class Gltf:
             return bytes(self.chunks[0][1]).decode("utf-8-sig")
         except UnicodeDecodeError as error:
             raise FileError(self.path, f"its JSON is not valid UTF-8: {error.reason}") from None
+
+    @cached_property
+    def text_to_copy(self) -> str:
+        """The JSON, for another file; a FileError if it has a number that other readers refuse, anywhere."""
+        try:
+            with without_collection():
+                json.loads(self.text, parse_float=self._finite, parse_int=self._finite, parse_constant=self._finite)
+        except RecursionError:
+            raise SkeletonFileError(self.path, "", "is nested too deeply") from None
+        return self.text
+
+    def _finite(self, digits: str) -> float:
+        """The value of a number."""
+        value = float(digits)
+        if not math.isfinite(value):
+            raise FileError(self.path, f"its JSON has the number {cut(digits)}, which is not finite; export it again")
+        return value
 
     @cached_property
     def document(self) -> Fields:
@@ -192,7 +212,7 @@ class Gltf:
         if uri.startswith(DATA_URI):
             return _decoded(fields["uri"], uri)
         with suppress(DistretargetError):
-            return read_bytes(inside(fields["uri"], Path(self.path).parent, uri))
+            return b"" if not self.has_folder else read_bytes(inside(fields["uri"], Path(self.path).parent, uri))
         return b""
 
     @property
@@ -207,13 +227,17 @@ class Gltf:
         return sum(len(content) for _, content in self.chunks) + sum(map(len, beside))
 
 
-def parse_gltf(content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None) -> Gltf:
-    """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI."""
+def parse_gltf(
+    content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None, has_folder: bool = True
+) -> Gltf:
+    """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI, and its
+    images may be in others if it has a folder.
+    """
     if content.startswith(MAGIC):
-        return Gltf(path, _chunks(content, path), beside or {})
+        return Gltf(path, _chunks(content, path), beside or {}, has_folder)
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
         raise FileError(path, "is no glTF: a GLB begins with 'glTF', a .gltf file with {" if content else "is empty")
-    return Gltf(path, ((JSON_CHUNK, memoryview(content)),), beside or {})
+    return Gltf(path, ((JSON_CHUNK, memoryview(content)),), beside or {}, has_folder)
 
 
 def _chunks(content: bytes, path: str | Path) -> tuple[tuple[int, memoryview], ...]:

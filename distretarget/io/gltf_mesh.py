@@ -23,6 +23,7 @@ Triangles = NDArray[np.intp]
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
 WHOLE_NUMBERS = (5121, 5123)  # components of joints
 INDICES = (5121, 5123, 5125)
+INFLUENCES = 8  # the bones that move a vertex most; others do not count
 DRACO = "KHR_draco_mesh_compression"
 
 
@@ -84,7 +85,7 @@ def _uv(gltf: Gltf, attributes: Fields, vertices: int) -> Array:
 def _influences(
     gltf: Gltf, place: Node, attributes: Fields, vertices: int, bones: int
 ) -> tuple[NDArray[np.intp], Array]:
-    """The bones that move each vertex and their weights, (vertices, influences) each."""
+    """The bones that move each vertex most and their weights, (vertices, influences) each."""
     joints, weights = [], []
     for number in count():
         names = f"JOINTS_{number}", f"WEIGHTS_{number}"
@@ -97,6 +98,9 @@ def _influences(
     if not joints:
         place.fail("has a skin, but no joints and weights")
     every, shares = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
+    if every.shape[1] > INFLUENCES:
+        most = np.argsort(-shares, axis=1, kind="stable")[:, :INFLUENCES]
+        every, shares = np.take_along_axis(every, most, axis=1), np.take_along_axis(shares, most, axis=1)
     every[shares == 0.0] = 0
     if every.max(initial=0) >= bones:
         place.fail(f"has the joint {every.max()}; its skin has {bones}")

@@ -99,7 +99,7 @@ def animated(
         *_without_matrices(gltf, top, animations, nodes),
         *(_embedding(gltf, top, embedded) if embedded else ()),
     ]
-    document = edited(gltf.text, edits).encode()
+    document = edited(gltf.text_to_copy, edits).encode()
     return _glb(gltf, document, content if numbers.in_chunk else None) if as_binary else [document]
 
 

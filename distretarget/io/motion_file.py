@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from pathlib import Path
 from types import NoneType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.character.from_scene import character_of
-from distretarget.checks import check_kind, check_number, check_path
+from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, MotionError, quoted
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.input_file import ArraysFile, InputFile, load_file
+from distretarget.io.input_file import ArraysFile, InputFile, Source, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
 from distretarget.io.target_file import parse_full_target, read_scene
-from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, is_frame_time
+from distretarget.motion import FASTEST, SLOWEST, Motion, is_frame_time
 from distretarget.numerics.rotations import from_represented
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
@@ -28,7 +27,7 @@ RATES = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame r
 
 
 def read_motion(
-    path: str | Path, clip: str | None = None, fps: float | None = None, *, joints: str | Path | None = None
+    path: Source, clip: str | None = None, fps: float | None = None, *, joints: Source | None = None
 ) -> Motion:
     """Return the motion in a file: BVH, glTF 2.0 (.glb, .gltf), VRM 0 or 1, VRM animation (.vrma), FBX, or arrays.
 
@@ -37,7 +36,8 @@ def read_motion(
     (frames, joints, 3), for which rotations are solved.
 
     Args:
-        path: of the file; its content decides what it is.
+        path: of the file; or its content as bytes, or a file object opened as binary, which name no files beside them.
+            The content decides what it is.
         clip: the name of one of several animations in the file, or "#2" for the second.
         fps: the frame rate [frames/s]; the file's own keys if not given. Arrays that do not say theirs have this one.
         joints: the file of the skeleton that arrays are for: one that `load_target` reads, of SMPL also a model, .npz.
@@ -53,8 +53,7 @@ def read_motion(
     """
     check_kind("clip", clip, str, NoneType)
     if fps is not None:
-        check_number("fps", fps, 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME)
-    check_path("path", path)
+        check_number("fps", fps, SLOWEST, FASTEST)
     file = load_file(path) if joints is None else replace(load_file(path), joints=load_file(joints))
     motion, notes = parse_motion(file, clip, fps)
     for note in notes:
@@ -137,9 +136,10 @@ def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
 def _rotations(arrays: ArraysFile) -> Array:
     """The local rotations in a file, in any representation."""
     name = OWN[0]
-    if arrays.array(name).ndim == 4:
+    shape, _ = arrays.kind(name)
+    if len(shape) == 4:
         return arrays.numbers(name, "frames", "joints", 3, 3)
-    six = arrays.array(name).shape[-1:] == (6,)
+    six = shape[-1:] == (6,)
     return arrays.numbers(name, "frames", "joints", 6 if six else 4)
 
 
@@ -147,9 +147,9 @@ def _positions(arrays: ArraysFile) -> Array:
     """(frames, joints, 3), the positions in a file: the array of this name, or the only one of this shape."""
     if POSITIONS in arrays:
         return arrays.numbers(POSITIONS, "frames", "joints", 3)
-    likely = [name for name in arrays.arrays if arrays.array(name).ndim == 3 and arrays.array(name).shape[2] == 3]
+    likely = [name for name in arrays.parts if len(shape := arrays.kind(name)[0]) == 3 and shape[2] == 3]
     if len(likely) != 1:
-        found = quoted(likely or arrays.arrays)
+        found = quoted(likely or arrays.parts)
         wanted = f"{POSITIONS}, (frames, joints, 3), or poses and trans of SMPL"
         raise FileError(arrays.path, f"has {found}; expected {wanted}")
     return arrays.numbers(likely[0], "frames", "joints", 3)

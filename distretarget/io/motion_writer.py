@@ -5,24 +5,26 @@ arrays.
 from __future__ import annotations
 
 import io
+import reprlib
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from types import NoneType
-from typing import Any, Literal, Protocol, cast, get_args
+from typing import IO, Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.character.nodes import Animation
 from distretarget.checks import brief, check_choice, check_kind
-from distretarget.errors import FileError, MotionError
+from distretarget.errors import FileError, MotionError, SettingsError
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import read_bytes, write_whole
+from distretarget.io.files import encoded_parts, read_bytes, write_whole
 from distretarget.io.gltf import inside
 from distretarget.io.gltf_writer import Mode, Parts, animated
-from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.smpl import smpl_parameters
 from distretarget.io.target_file import CharacterTarget, TargetFile
@@ -95,10 +97,11 @@ def suffix_of(target: TargetFile, kind: str | None = None) -> str:
 
 
 def write_motion(
-    path: str | Path,
+    path: str | Path | IO[bytes],
     motion: Motion | Labelled,
-    character: str | Path | None = None,
+    character: Source | None = None,
     *,
+    kind: str | None = None,
     name: str | None = None,
     animations: Mode = "add",
     in_place: bool = False,
@@ -108,9 +111,10 @@ def write_motion(
     motion on the skeleton of a character file, that file with an animation more (.glb, .gltf, .vrm).
 
     Args:
-        path: of the file; its ending says what it is.
+        path: of the file; its ending says what it is. Or a file object opened as binary, which gets the content.
         motion: to write; of a `RetargetResult`, arrays hold the labels of its frames, too.
-        character: the path of the character's file, which `load_target` has read; for .bvh and .npz not needed.
+        character: the character's file, as `load_target` takes it; for .bvh and .npz not needed.
+        kind: what a file object gets: "bvh", "glb", "gltf", "vrm", "vrma" or "npz".
         name: of the animation; the file's name without ending if not given.
         animations: "add" it to those in the character's file, or "replace" them.
         in_place: whether to leave out the root's path along the floor, so that it stays above where it begins.
@@ -119,16 +123,30 @@ def write_motion(
     Raises:
         FileError: the file exists and `overwrite` is false, it cannot be written, or the character cannot be.
         MotionError: the motion has other joints than the character.
+        SettingsError: `path` is a file object, and `kind` does not say what to write.
     """
     moved = _motion_of(motion)
+    place = path if isinstance(path, str | PathLike) else _place_of(path, kind)
     check_kind("name", name, str, NoneType)
     check_choice("animations", animations, ("add", "replace"))
     target = TargetFile.of(load_file(character)) if character is not None else None
     settings = OutputSettings(animations, in_place)
-    clip = settings.clip(moved, name or Path(path).stem)
-    if output_kind(path, target.file if target else None) == "arrays":
+    clip = settings.clip(moved, name or Path(place).stem)
+    if output_kind(place, target.file if target else None) == "arrays":
         clip = replace(clip, labels=_labels_of(motion))
-    write_whole(path, content_of(path, clip, target, settings), overwrite)
+    content = content_of(place, clip, target, settings)
+    if isinstance(path, str | PathLike):
+        write_whole(path, content, overwrite)
+    else:
+        path.writelines(encoded_parts(content))
+
+
+def _place_of(file: IO[bytes], kind: str | None) -> Path:
+    """The name of what is written to a file object."""
+    if not hasattr(file, "writelines") or isinstance(file, io.TextIOBase):
+        raise SettingsError(f"path is {reprlib.repr(file)}; expected a path, or a file opened as binary")
+    check_choice("kind", kind, FORMATS[1:])
+    return Path(f"motion.{kind}")
 
 
 def _motion_of(given: object) -> Motion:
@@ -279,7 +297,7 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
     assert target.file is not None
     file, folder = target.file, Path(target.file.path).parent
     as_binary = Path(path).suffix.lower() != ".gltf"
-    stays = not as_binary and Path(path).parent.resolve() == folder.resolve()
+    stays = not file.has_folder or (not as_binary and Path(path).parent.resolve() == folder.resolve())
 
     def embedded(uri: Node) -> bytes:
         name = uri.text()

@@ -18,7 +18,7 @@ from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.fbx import fbx_mesh, parse_fbx
 from distretarget.io.gltf_mesh import gltf_materials, gltf_parts
 from distretarget.io.gltf_scene import animation_names, gltf_scene
-from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.json_node import parse_json
 from distretarget.io.skeleton_json import skeleton_target
 from distretarget.io.smpl import array_skeleton
@@ -107,9 +107,10 @@ class TargetFile:
         return cls(parse_target(file), file.path, file)
 
 
-def load_target(path: str | Path) -> LoadedTarget:
+def load_target(path: Source) -> LoadedTarget:
     """Return the target in a skeleton file (full or short form), a BVH file, or the file of a character: glTF 2.0
-    (.glb, .gltf), VRM 0 or 1, FBX. The content decides which it is.
+    (.glb, .gltf), VRM 0 or 1, FBX. The content decides which it is. It may be given as bytes, or as a file object
+    opened as binary, in place of its path.
 
     `retarget` takes the result as it is; its method `for_source` gives the whole skeleton for a source.
 

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -142,15 +140,6 @@ def document(diff: Diff, about: About) -> DiffDocument:
 def json_text(document: Mapping[str, object]) -> str:
     """The document as JSON."""
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
-
-
-def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
-    """Frames of documents as CSV: a row of keys, then one for each frame; None is an empty cell."""
-    text = io.StringIO()
-    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return text.getvalue()
 
 
 def rounded(value: SupportsFloat) -> float:

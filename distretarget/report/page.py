@@ -76,7 +76,7 @@ def _asset(name: str) -> str:
 
 
 class ClipRecord(TypedDict):
-    """The fields of a line of a manifest that the page shows."""
+    """What the page shows of a clip."""
 
     input: str  # path of the clip
     output: str  # path of the result, relative to the folder of results, with slashes
@@ -96,7 +96,7 @@ def index_page(
     version: str,
     stages: Mapping[str, object] = MappingProxyType({}),
 ) -> str:
-    """The HTML of the page over clips, from lines of a manifest, one for each output.
+    """The HTML of the page over clips, from a record of each.
 
     `links` are the paths of their reports by output, relative to the page and not quoted; `stages` are what the player
     shows of some clips, the first at first; `version` is the program's.

@@ -27,7 +27,8 @@ from distretarget.numerics.vectors import Array, lengths
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, upright
 from distretarget.report.clip_page import run_diff, shown_performer
-from distretarget.report.diff_document import About, DiffDocument, Table, Values, csv_text, document, judged, rounded
+from distretarget.report.csv_table import csv_text
+from distretarget.report.diff_document import About, DiffDocument, Table, Values, document, judged, rounded
 from distretarget.report.page import html_page
 from distretarget.report.stage import ShownBody, stage_of_bodies
 from distretarget.report.timeline_rows import Row, limit_of

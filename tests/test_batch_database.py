@@ -1,0 +1,328 @@
+"""The database: what counts as done, what may be replaced, what is refused, and several runs in one folder."""
+
+import os
+import sqlite3
+import subprocess
+import sys
+import threading
+import zlib
+from contextlib import closing
+from dataclasses import fields
+from pathlib import PurePath
+
+import pytest
+from input_files import named_target, text_hash
+from program import last_records
+
+from distretarget.batch import database as database_module
+from distretarget.batch.database import Database
+from distretarget.batch.job import Recipe
+from distretarget.batch.packed import packed, unpacked
+from distretarget.batch.plan import DATABASE, Clip
+from distretarget.batch.record import new_record
+from distretarget.batch.results import Results
+from distretarget.errors import FileError
+from distretarget.io.map_json import MapFile
+from distretarget.measure.metrics import COLUMNS
+from distretarget.pipeline.options import Options
+
+OPTIONS = Options()
+OUTPUT = "HIERARCHY"
+
+
+def clip(name="a.bvh", target="{}"):
+    return Clip(PurePath(name), named_target(target, "hero.json"), (name,), 1)
+
+
+def record(one=None, input_hash="in", options=OPTIONS, joint_map=()):
+    return new_record(one or clip(), Recipe(options, MapFile(dict(joint_map), "")).settings, input_hash)
+
+
+def done(one=None, **others):
+    return record(one) | {"status": "done", "output_hash": text_hash(OUTPUT), **others}
+
+
+def measured():
+    """What was measured of a clip, with texts that a table may not take as they are."""
+    metrics = {name: None if k % 3 else 0.5 * k for k, name in enumerate(COLUMNS)}
+    texts = {"verdict": 'as good, "as" it gets', "warnings": ["one, two", "three"], "alignment": "rig:AAAA"}
+    return {"metrics": metrics, "notes": ["a tail"], **texts}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "out").mkdir()
+    return tmp_path / "out"
+
+
+@pytest.fixture
+def database(folder):
+    with closing(Database(folder)) as one:
+        yield one
+
+
+@pytest.fixture
+def results(folder, database):
+    one = Results(folder)
+    one.__dict__["database"] = database
+    return one
+
+
+# ---- a record
+
+
+@pytest.mark.parametrize(
+    "one", [done(), record() | {"error": "no"}, done(**measured()), done(others={"a.npz": "x"}, frames=3, seconds=0.1)]
+)
+def test_a_record_comes_back_as_it_was(one):
+    assert unpacked(*packed(one)) == one
+
+
+def test_metrics_have_seven_digits():
+    one = done(metrics=dict.fromkeys(COLUMNS, 1 / 3))
+    assert {f"{number:.7g}" for number in unpacked(*packed(one))["metrics"].values()} == {"0.3333333"}
+
+
+def test_the_options_of_a_record_are_all_options_and_the_map():
+    options = record(joint_map={"Head": "Skull"})["options"]
+    assert options.keys() == {each.name for each in fields(Options)} | {"map"}
+    assert (options["objective"], options["map"]) == ("contact", {"Head": "Skull"})
+
+
+BROKEN = [{"output": ["x"]}, {"frames": -1}, {"frames": 10**400}, {"seconds": float("nan")}, {"others": {"a": 1}}]
+
+
+@pytest.mark.parametrize("change", [*BROKEN, {"warnings": "w"}, {"warnings": [1]}, {"options": 1}, {"notes": None}])
+def test_a_record_with_a_value_that_cannot_be_is_refused(change):
+    with pytest.raises(ValueError, match=f"{next(iter(change))} cannot be "):
+        unpacked(*packed(done() | change))
+
+
+def test_names_that_are_not_valid_text_survive(folder, database):
+    name = os.fsdecode(b"caf\xe9\n.bvh")
+    database.add(done(clip(name)))
+    assert [*last_records(folder)] == [name]
+
+
+def test_a_clip_takes_few_bytes(folder):
+    """Settings stand once."""
+    names = [f"day_12/walk_{number:03}.bvh" for number in range(200)]
+    with closing(Database(folder)) as database:
+        for name in names:
+            database.add(done(clip(name), input_hash=text_hash(name), frames=1000, seconds=0.123, **measured()))
+    assert (folder / DATABASE).stat().st_size < 500 * len(names)
+
+
+# ---- what is done, and what may be replaced
+
+
+def is_done(results, one):
+    return results.known(one, [one["output"]]) is not None
+
+
+def test_a_clip_is_done_if_its_result_is_as_recorded(results, database, folder):
+    assert not is_done(results, record())
+    database.add(done())
+    assert not is_done(results, record())
+    (folder / "a.bvh").write_text(OUTPUT)
+    assert is_done(results, record())
+    for other in (
+        record(input_hash="other"),
+        record(clip(target="{ }")),
+        record(clip("b.bvh")),
+        record(options=Options(supports="free")),
+        record(joint_map={"Head": "Head"}),
+        record() | {"version": "another"},
+    ):
+        assert not is_done(results, other)
+    (folder / "a.bvh").write_text("edited")
+    assert not is_done(results, record())
+
+
+def test_a_failure_does_not_undo_what_was_done(results, database, folder):
+    (folder / "a.bvh").write_text(OUTPUT)
+    database.add(done())
+    results.add(record() | {"error": "no"}, ["a.bvh"])
+    assert last_records(folder)["a.bvh"]["status"] == "failed"
+    known = results.known(record(), ["a.bvh"])
+    database.confirm(known)
+    assert last_records(folder)["a.bvh"] == known == done()
+
+
+def test_of_earlier_results_only_that_which_is_there_is_kept(results, database, folder):
+    for text in ("first", "second"):
+        database.add(done(output_hash=text_hash(text)))
+    (folder / "a.bvh").write_text("second")
+    results.add(done(output_hash=text_hash("third")), ["a.bvh"])
+    assert [each["output_hash"] for each in database.records("a.bvh")] == [text_hash("third"), text_hash("second")]
+
+
+def test_only_what_was_made_here_may_be_replaced(results, database, folder):
+    results.check_replaceable(record(), "a.bvh")  # nothing there
+    (folder / "a.bvh").write_text(OUTPUT)
+    with pytest.raises(FileError, match="exists already; --overwrite replaces it"):
+        results.check_replaceable(record(), "a.bvh")
+    database.add(done())
+    results.check_replaceable(record(), "a.bvh")
+    (folder / "b.bvh").write_text(OUTPUT)
+    (folder / "a.bvh").write_text(OUTPUT + " edited")
+    for name in ("a.bvh", "b.bvh"):
+        with pytest.raises(FileError, match="exists already"):
+            results.check_replaceable(record(clip(name)), name)
+
+
+@pytest.mark.parametrize("other", ["input", "target"])
+def test_the_result_of_other_files_is_left_alone(results, database, folder, tmp_path, other):
+    known = tmp_path / "other"
+    known.write_text("")
+    (folder / "a.bvh").write_text(OUTPUT)
+    database.add(done() | {other: str(known)})
+    paths = {"input": tmp_path / "a.bvh", "target": tmp_path / "hero.json"}
+    for path in paths.values():
+        path.write_text("")
+    now = record() | {key: str(path) for key, path in paths.items()}
+    with pytest.raises(FileError, match=f"is the result of .*{known}.*--overwrite replaces it"):
+        results.check_replaceable(now, "a.bvh")
+    known.unlink()  # looks as if it was moved
+    results.check_replaceable(now, "a.bvh")
+
+
+def test_results_are_there_only_if_every_one_of_their_files_is(results, database, folder):
+    (folder / "a.bvh").write_text(OUTPUT)
+    (folder / "a.npz").write_text("arrays")
+    database.add(done(others={"a.npz": text_hash("arrays")}))
+    for outputs in (["a.bvh"], ["a.bvh", "a.npz"], ["a.npz"]):
+        assert results.known(record(), outputs)
+    assert not results.known(record(), ["a.bvh", "a.glb"])
+    (folder / "a.npz").write_text("others")
+    assert not results.known(record(), ["a.bvh", "a.npz"])
+
+
+def test_a_result_that_is_killed_before_it_is_in_place_is_known_as_its_own(results, database, folder, monkeypatch):
+    (folder / "a.bvh").write_text(OUTPUT)
+    database.add(done())
+    with monkeypatch.context() as killed:
+        killed.setattr(Results, "check_replaceable", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            results.put(record(), {"a.bvh": [b"new"]})
+    for text in (OUTPUT, "new"):  # whether the file was renamed or not
+        (folder / "a.bvh").write_text(text)
+        results.check_replaceable(record(), "a.bvh")
+        assert is_done(results, record())
+
+
+# ---- the file
+
+
+def test_a_file_of_another_program_is_left_alone(folder):
+    (folder / DATABASE).write_text("name: my own")
+    with pytest.raises(FileError, match=r"results\.sqlite: is not the database of a batch; choose another folder"):
+        Database(folder)
+    assert (folder / DATABASE).read_text() == "name: my own"
+    (folder / DATABASE).unlink()
+    with closing(sqlite3.connect(folder / DATABASE)) as other:
+        other.execute("CREATE TABLE clips (name TEXT)")
+    before = (folder / DATABASE).read_bytes()
+    with pytest.raises(FileError, match="is not the database of a batch"):
+        Database(folder)
+    assert (folder / DATABASE).read_bytes() == before
+
+
+@pytest.mark.parametrize("part", [b"", b"\0\xff", zlib.compress(b"1"), "text", None, 1])
+def test_what_no_batch_has_written_is_refused(folder, database, part):
+    database.add(done())
+    with closing(sqlite3.connect(folder / DATABASE)) as other, other:
+        other.execute("UPDATE clips SET clip = ?", [part])
+    with pytest.raises(FileError, match=r"results\.sqlite: is damaged; delete it"):
+        database.records("a.bvh")
+
+
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(FileError, match="expected a folder"):
+        Database(tmp_path / "out")
+
+
+def test_a_database_that_is_only_read_makes_nothing(tmp_path):
+    with closing(Database(tmp_path / "out", read_only=True)) as database:
+        assert database.records("a.bvh") == []
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_record_that_cannot_be_written_changes_nothing(folder, database):
+    database.add(done())
+    before = last_records(folder)
+    database._do("PRAGMA max_page_count = 1")
+    with pytest.raises(FileError, match=r"results\.sqlite: the disk is full"):
+        database.add(done(clip("b.bvh"), verdict=os.urandom(400_000).hex()))
+    assert last_records(folder)["a.bvh"] == before["a.bvh"]
+
+
+def test_a_database_that_nobody_uses_is_one_file(folder):
+    with closing(Database(folder)) as one, closing(Database(folder)) as other:
+        one.add(done())
+        assert one.claim("a.bvh")
+        assert not other.claim("a.bvh")
+    assert [path.name for path in folder.iterdir()] == [DATABASE]
+    with closing(Database(folder)) as next_one:
+        assert next_one.claim("a.bvh")
+
+
+def test_files_left_by_a_killed_run_are_removed(folder):
+    left = folder / "deep" / ".distretarget-0123.tmp"
+    of_another = folder / "inside" / ".distretarget-4567.tmp"
+    for path in (left, of_another, folder / "inside" / DATABASE):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("")
+    Results(folder).database.close()
+    assert (left.exists(), of_another.exists()) == (False, True)
+
+
+# ---- several runs
+
+
+def test_two_runs_may_write_to_one_database(folder, database):
+    with closing(Database(folder)) as other:
+        for number in range(20):
+            for run, name in ((database, "a"), (other, "b")):
+                run.add(done(clip(f"{name}{number}.bvh")))
+        assert len(last_records(folder)) == 40
+
+
+HOLDS = """
+import sys
+from pathlib import Path
+from distretarget.batch.database import Database
+
+with Database(Path(sys.argv[1])).transaction():
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_run_waits_while_another_writes(folder):
+    Database(folder).close()
+
+    def add():
+        with closing(Database(folder)) as own:
+            own.add(done())
+
+    words = [sys.executable, "-c", HOLDS, folder]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout.readline() == b"held\n"
+        added = threading.Thread(target=add)
+        added.start()
+        added.join(0.2)
+        assert added.is_alive()
+        assert last_records(folder) == {}
+        other.stdin.close()
+        added.join()
+    assert len(last_records(folder)) == 1
+
+
+def test_a_run_does_not_wait_for_ever(folder, database, monkeypatch):
+    monkeypatch.setattr(database_module, "LONGEST_WAIT", 0.01)
+    other = Database(folder)
+    with database.transaction(), pytest.raises(FileError, match="another run has been writing"):
+        other.add(done())
+    other.close()
