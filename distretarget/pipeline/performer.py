@@ -85,7 +85,9 @@ def match_performer(
     pairs = {**goal.map, **(joint_map or {})}
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
-    found = Match(world, matching, skins, _bare(goal) if skins and not builds.target else None)
+    mesh = _bare(goal) if skins and not builds.target else None
+    matching = matching.on_mesh_soles(mesh)
+    found = Match(world, matching, skins, mesh)
     if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
