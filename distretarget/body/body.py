@@ -10,6 +10,7 @@ import numpy as np
 
 from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
+from distretarget.body.beside import limbs_on_body
 from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, with_hanging_arms
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
@@ -49,7 +50,8 @@ class Body:
     """The source or the target of a retargeting.
 
     Attributes:
-        skeleton: the joints, with rigid bones as its motion shows them.
+        skeleton: the joints, with rigid bones as its motion shows them; feet and hands hang from shin and forearm, as
+            they may not in the file.
         anatomy: the joint of each role; None where no human body is recognised.
         motion: any motion of the body, with at least one frame; None where there is none.
         known_up: which of `AXES` points up, if the caller decides it; None to let `up` find it.
@@ -75,6 +77,10 @@ class Body:
         check_kind("skeleton", skeleton, Skeleton)
         check_kind("motion", motion, Motion, NoneType)
         moving = motion if motion is not None and len(motion) else None
+        tree = limbs_on_body(skeleton, moving)
+        if tree and tree.in_order:
+            moving = moving and tree.motion(moving)
+            skeleton = moving.rigid_skeleton if moving else tree.skeleton
         positions = None if moving is None else moving.positions
         return cls(skeleton, find_anatomy(skeleton, positions), moving)
 

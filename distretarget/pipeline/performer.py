@@ -13,6 +13,7 @@ from distretarget.baseline.root_path import along_channels
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.bare import bare_mesh
+from distretarget.body.beside import Tree
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
 from distretarget.errors import MotionError
@@ -50,6 +51,12 @@ class Match:
     matching: Matching  # which source joint drives which target joint
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
+    skeleton: Skeleton | None = None  # of the target, where feet or hands do not hang in it as on its body
+
+    def in_file(self, motion: Motion) -> Motion:
+        """Return a motion of the target's body as its file has the joints."""
+        skeleton = self.skeleton
+        return Tree(skeleton, np.arange(len(skeleton))).motion(motion) if skeleton else motion
 
     @cached_property
     def undersides(self) -> Undersides | None:
@@ -87,7 +94,8 @@ def match_performer(
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
     mesh = _bare(goal) if skins and not builds.target else None
     matching = matching.on_mesh_soles(mesh)
-    found = Match(world, matching, skins, mesh)
+    hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()
+    found = Match(world, matching, skins, mesh, goal.skeleton if hangs_otherwise else None)
     if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
@@ -176,7 +184,8 @@ class Performer:
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
         body = self.match.matching.body_joints
-        motion, copy = (along_channels(self.engine_root.placed(each), body) for each in (posed, self.clip.copy))
+        placed = (along_channels(self.engine_root.placed(each), body) for each in (posed, self.clip.copy))
+        motion, copy = map(self.match.in_file, placed)
         check_finite(motion)
         check_places(posed, self.clip)
         for each in (motion, copy):  # what is written needs no positions

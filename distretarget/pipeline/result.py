@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.root_path import path_carriers
 from distretarget.baseline.world import World
+from distretarget.body.beside import Tree
 from distretarget.body.body import Body
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.distances import DistanceProblem, posture_stress
@@ -140,7 +141,7 @@ class RetargetResult:
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, surface)
 
         def compare(motion: Motion) -> Comparison:
-            comparison = reference.compare(motion)
+            comparison = reference.compare(self._on_body(motion))
             self.copy_stress if motion is self.rotation_copy else self.written_stress  # noqa: B018 - by these positions
             motion.forget()
             return comparison
@@ -148,6 +149,12 @@ class RetargetResult:
         side_by_side = mapper_for(len(self.motion), COMPARED * len(self.motion.skeleton))
         copy, result = side_by_side(compare, (self.rotation_copy, self.motion))
         return result, copy
+
+    def _on_body(self, motion: Motion) -> Motion:
+        """A motion of the target's file by the joints of its body, on which feet and hands may hang otherwise."""
+        own = self.matching.target.skeleton
+        same = (motion.skeleton.parents == own.parents).all()
+        return motion if same else Tree(own, np.arange(len(own))).motion(motion)
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
@@ -164,7 +171,8 @@ class RetargetResult:
         """The values per frame that only a run knows: against the rotation copy, and frames that did not converge."""
         not_converged = np.zeros(len(self.motion))
         not_converged[self.effort.not_converged] = 1.0
-        body, motions, (of_result, of_copy) = self.matching.target, (self.rotation_copy, self.motion), self._comparisons
+        body, (of_result, of_copy) = self.matching.target, self._comparisons
+        motions = self._on_body(self.rotation_copy), self._on_body(self.motion)
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
