@@ -11,6 +11,7 @@ import numpy as np
 from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.beside import limbs_on_body
+from distretarget.body.contradictions import as_body_shows
 from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, with_hanging_arms
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
@@ -70,7 +71,8 @@ class Body:
 
     @classmethod
     def of(cls, skeleton: Skeleton, motion: Motion | None = None) -> Body:
-        """Return the body of a skeleton, recognised by the names of its joints and by its shape (`find_anatomy`).
+        """Return the body of a skeleton, recognised by the names of its joints and by its shape (`find_anatomy`); where
+        the body contradicts its names, it is right.
 
         `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and bends of limbs.
         """
@@ -82,7 +84,12 @@ class Body:
             moving = moving and tree.motion(moving)
             skeleton = moving.rigid_skeleton if moving else tree.skeleton
         positions = None if moving is None else moving.positions
-        return cls(skeleton, find_anatomy(skeleton, positions), moving)
+        body = cls(skeleton, find_anatomy(skeleton, positions), moving)
+        stands = body.at_rest if body.stands_at_rest else body.moving
+        if body.anatomy is None or body.anatomy.method == "humanoid" or stands is None:
+            return body
+        shown = as_body_shows(skeleton, body.anatomy, stands.positions)
+        return body if shown is body.anatomy else replace(body, anatomy=shown)
 
     @classmethod
     def of_motion(cls, motion: Motion) -> Body:

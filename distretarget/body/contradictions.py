@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from distretarget.body.anatomy import SIDES, Anatomy
-from distretarget.body.axes import Directions, direction
-from distretarget.body.reference_pose import stands_at_rest
+from distretarget.body.axes import direction
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
 
@@ -17,39 +16,36 @@ AHEAD = np.cos(np.radians(45))  # ... and the foot points ahead of it from this 
 BENT_LESS = 75.0  # percentile of the cosines of a motion's frames that counts: with the ankle bent rather little [%]
 
 
-def as_body_shows(skeleton: Skeleton, anatomy: Anatomy, positions: Array | None) -> Anatomy:
-    """Return an anatomy without the roles that the body contradicts in its rest pose, if a person can stand in it, else
-    in a motion, `positions` (frames, joints, 3); the same anatomy where neither is known.
+def as_body_shows(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Anatomy:
+    """Return an anatomy without the roles that the body contradicts in postures in which it stands on the whole,
+    `positions` (..., joints, 3).
     """
-    places = skeleton.rest_positions[None]
-    if not stands_at_rest(Directions(anatomy, places[0])):
-        if positions is None:
-            return anatomy
-        places = positions
-    return _with_toes_ahead(skeleton, anatomy, places)
+    places = positions.reshape(-1, len(skeleton), 3)
+    toes = {f"{side}Toes": _toes_farther_down(skeleton, anatomy, side, places) for side in SIDES}
+    found = {role: joint for role, joint in toes.items() if joint is not None}
+    return replace(anatomy, roles={**anatomy.roles, **found}) if found else anatomy
 
 
-def _with_toes_ahead(skeleton: Skeleton, anatomy: Anatomy, places: Array) -> Anatomy:
-    """The anatomy with the toes farther down the foot where they lie along the shin, straight below the ankle, and the
-    foot goes on ahead from there: some rigs have a joint in the heel or the middle of the foot.
+def _toes_farther_down(skeleton: Skeleton, anatomy: Anatomy, side: str, places: Array) -> int | None:
+    """The joint with which a foot goes on ahead, if that named for the toes, or the first one, lies along the shin,
+    straight below the ankle: some rigs have a joint in the heel or the middle of the foot. Else None.
     """
-    roles = dict(anatomy.roles)
-    for side in SIDES:
-        knee, ankle = (anatomy.roles.get(side + part) for part in ("LowerLeg", "Foot"))
-        if knee is None or ankle is None:
-            continue
-        shin = direction(places, knee, ankle)
+    knee, ankle = (anatomy.roles.get(side + part) for part in ("LowerLeg", "Foot"))
+    if knee is None or ankle is None:
+        return None
+    shin, found = direction(places, knee, ankle), None
+    below = anatomy.roles.get(f"{side}Toes", _only_child(skeleton, ankle))
+    while below is not None and _along(places, shin, ankle, below) > ALONG:
+        onward = _only_child(skeleton, below)
+        if onward is None or _along(places, shin, below, onward) > AHEAD:
+            break
+        found = below = onward
+    return found
 
-        def along(bone: tuple[int, int], shin: Array = shin) -> float:
-            return float(np.percentile((direction(places, *bone) * shin).sum(axis=1), BENT_LESS))
 
-        below = roles.get(f"{side}Toes", _only_child(skeleton, ankle))
-        while below is not None and along((ankle, below)) > ALONG:
-            onward = _only_child(skeleton, below)
-            if onward is None or along((below, onward)) > AHEAD:
-                break
-            roles[f"{side}Toes"] = below = onward
-    return anatomy if roles == anatomy.roles else replace(anatomy, roles=roles)
+def _along(places: Array, shin: Array, upper: int, lower: int) -> float:
+    """The cosine of the angle between a bone and the shin, (frames, 3)."""
+    return float(np.percentile((direction(places, upper, lower) * shin).sum(axis=1), BENT_LESS))
 
 
 def _only_child(skeleton: Skeleton, joint: int) -> int | None:

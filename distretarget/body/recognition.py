@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import product
 
 from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, trunk_roles
-from distretarget.body.contradictions import as_body_shows
 from distretarget.body.conventions import NamedTree
 from distretarget.body.named_anatomy import by_tree, with_named_fingers
 from distretarget.body.shape import by_shape
@@ -24,17 +23,9 @@ THUMB = ("Metacarpal", "Proximal", "Distal")
 
 def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
     """Return the anatomy of a skeleton; None where no human body is recognised. Where names show the body but not all
-    its arms and legs, its shape shows the others, if it agrees on the rest; and where the body contradicts its names,
-    it is right. `positions`, (frames, joints, 3), of a motion help.
+    its arms and legs, its shape shows the others, if it agrees on the rest; `positions`, (frames, joints, 3), of a
+    motion help.
     """
-    anatomy = _recognised(skeleton, positions)
-    if anatomy is None or anatomy.method == "humanoid":
-        return anatomy
-    return as_body_shows(skeleton, anatomy, positions)
-
-
-def _recognised(skeleton: Skeleton, positions: Array | None) -> Anatomy | None:
-    """The anatomy by the humanoid of the file, names and shape."""
     named = by_names(skeleton)
     if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in LIMBS)):
         return named

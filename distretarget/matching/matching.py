@@ -200,10 +200,11 @@ class Matching:
         """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
         same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle.
         """
-        if not self._soles:
-            return ()
-        sides = zip(zip(*self._soles, strict=True), (self.source_normals, self.target_normals), strict=True)
-        source, target = (soles if normals is None else with_normals(soles, normals) for soles, normals in sides)
+        normals = self.source_normals, self.target_normals
+        if not self._soles or normals == (None, None):
+            return self._soles
+        sides = zip(zip(*self._soles, strict=True), normals, strict=True)
+        source, target = (soles if known is None else with_normals(soles, known) for soles, known in sides)
         return tuple(zip(source, target, strict=True))
 
     @of_rig
