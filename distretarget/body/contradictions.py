@@ -11,7 +11,7 @@ from distretarget.body.axes import direction
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
 
-ALONG = np.cos(np.radians(25))  # a joint below the ankle lies along the shin within this angle, ...
+ALONG = np.cos(np.radians(12))  # a joint below the ankle lies along the shin within this angle, as no ball does, ...
 AHEAD = np.cos(np.radians(45))  # ... and the foot points ahead of it from this angle on [cosine]
 BENT_LESS = 75.0  # percentile of the cosines of a motion's frames that counts: with the ankle bent rather little [%]
 
