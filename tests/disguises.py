@@ -174,3 +174,24 @@ def on_high_ankles(motion: Motion) -> Motion:
     skeleton, offsets = motion.skeleton, np.array(motion.skeleton.offsets)
     offsets[[skeleton.index(f"{side}Toe") for side in SIDES], 1] -= SOLE
     return replace(motion, skeleton=skeleton.with_offsets(offsets))
+
+
+ARM, LEG = LIMBS[:4], LIMBS[4:]
+
+
+def exchanged(*parts: str) -> Structure:
+    """The names of some parts say the other side; no joint is elsewhere."""
+
+    def write(motion: Motion) -> Motion:
+        names = {one + part: other + part for part in parts for one, other in (SIDES, SIDES[::-1])}
+        return with_names(motion, names)
+
+    return write
+
+
+def without_toes(motion: Motion) -> Motion:
+    """Legs end at the ankles."""
+    skeleton = motion.skeleton
+    toes = {joint for side in SIDES for joint in skeleton.subtree(skeleton.index(f"{side}Toe"))}
+    parents = {joint: parent for joint, parent in enumerate(skeleton.parents.tolist()) if joint not in toes}
+    return in_tree(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)

@@ -3,7 +3,21 @@
 import numpy as np
 import pytest
 from built_rigs import BUILDS, with_axes
-from disguises import DISGUISES, beside, farthest_apart, off, on_high_ankles, plain, sample, straight_below, targets
+from disguises import (
+    ARM,
+    DISGUISES,
+    LEG,
+    beside,
+    exchanged,
+    farthest_apart,
+    off,
+    on_high_ankles,
+    plain,
+    sample,
+    straight_below,
+    targets,
+    without_toes,
+)
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body, retarget
@@ -43,3 +57,30 @@ def test_a_joint_straight_below_the_ankle_is_no_toe(disguise, build):
         for ankle in ankles:
             one, other = (Rotation.from_quat(motion.world_rotations_of(ankle)) for motion in motions)
             assert np.degrees((one.inv() * other).magnitude()).max() < 3.0
+
+
+@pytest.mark.parametrize("clip", ["walk", "wave"])
+@pytest.mark.parametrize(("what", "parts"), [("arms", ARM), ("legs", LEG)])
+def test_limbs_are_on_the_sides_where_they_are(disguise, what, parts, clip, tmp_path):
+    for target in targets():
+        assert off(exchanged(*parts), disguise, clip, tmp_path, target) < 0.01
+    result = retarget(disguise.worn_by(exchanged(*parts)(sample(clip)), tmp_path), target)
+    line = f"the source's names exchange left and right of the {what}; they are taken as the body shows them"
+    assert line in result.warnings
+
+
+def test_arms_of_a_target_are_on_the_sides_where_they_are(disguise, tmp_path):
+    usual, other = (disguise.target(structure, tmp_path) for structure in (plain, exchanged(*ARM)))
+    one, result = (retarget(sample("wave"), target) for target in (usual, other))
+    np.testing.assert_allclose(result.motion.positions, one.motion.positions, atol=1e-6 * one.matching.target.height)
+
+
+def test_knees_show_the_front_of_a_body_without_toes(disguise, tmp_path):
+    def structure(motion):
+        return exchanged(*ARM, *LEG)(without_toes(motion))
+
+    for target in targets():
+        usual, other = (disguise.worn_by(write(sample("squat")), tmp_path) for write in (without_toes, structure))
+        results = [retarget(each, target) for each in (usual, other)]
+        assert farthest_apart(*(result.motion for result in results)) < 0.01
+        assert any("exchange left and right;" in line for line in results[1].warnings)

@@ -17,12 +17,13 @@ from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
 from distretarget.body.resting import feet_at_rest
+from distretarget.body.sides import knees_ahead
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, normalised
 from distretarget.rig import KEPT, of_rig
 from distretarget.skeleton import Skeleton
 
@@ -283,9 +284,13 @@ class Body:
 
     @cached_property
     def left_is_left(self) -> bool | None:
-        """Whether the joints named left are on the left of a body whose feet point forward; None if that is unclear."""
+        """Whether the joints named left are on the left of a body whose feet point forward, or without feet its knees;
+        None if that is unclear.
+        """
         if self.anatomy is None:
             return None
+        if any(foot_bone(self.skeleton, self.anatomy, side) is None for side in SIDES):
+            return self._left_by_knees
         return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.moving)
 
     @of_rig
@@ -299,6 +304,16 @@ class Body:
             return None
         forward = sum(direction(directions.positions, *foot) for foot in feet if foot)
         cosine = float(np.mean((directions.axes[..., 2] * forward).sum(axis=-1)) / 2)
+        return cosine > 0 if abs(cosine) > CLEAR_FEET else None
+
+    @property
+    def _left_by_knees(self) -> bool | None:
+        """The same by the way in which knees bend in the motion, else at rest."""
+        shown = self.moving or self.at_rest
+        if shown is None:
+            return None
+        ahead = normalised(knees_ahead(shown.anatomy, shown.positions.reshape(-1, len(self.skeleton), 3)))
+        cosine = float((shown.axes[..., 2] * ahead).sum(axis=-1).mean())
         return cosine > 0 if abs(cosine) > CLEAR_FEET else None
 
     @cached_property
@@ -315,7 +330,8 @@ class Body:
     @property
     def mirrored(self) -> Body:
         """The same body with left and right exchanged in its anatomy."""
-        return replace(self, anatomy=self.anatomy.mirrored if self.anatomy else None)
+        anatomy = self.anatomy and replace(self.anatomy.mirrored, exchanged="" if self.anatomy.exchanged else "sides")
+        return replace(self, anatomy=anatomy)
 
     def standing_as(self, rest: Motion) -> Body:
         """Return the same body, which stands in the first frame of another motion of its joints.

@@ -1,4 +1,6 @@
-"""Where the names of joints contradict the body, the body is right: toes lie ahead of the ankle."""
+"""Where the names of joints contradict the body, the body is right: arms and legs are on the sides where they are, and
+toes lie ahead of the ankle.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ import numpy as np
 
 from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.body.axes import direction
+from distretarget.body.sides import on_own_sides
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
 
@@ -21,6 +24,7 @@ def as_body_shows(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Ana
     `positions` (..., joints, 3).
     """
     places = positions.reshape(-1, len(skeleton), 3)
+    anatomy = on_own_sides(skeleton, anatomy, places)
     toes = {f"{side}Toes": _toes_farther_down(skeleton, anatomy, side, places) for side in SIDES}
     found = {role: joint for role, joint in toes.items() if joint is not None}
     return replace(anatomy, roles={**anatomy.roles, **found}) if found else anatomy

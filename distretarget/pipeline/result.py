@@ -221,6 +221,7 @@ class RetargetResult:
             *limit_warnings(self.metrics, self.tracks, causes.of),
             *self._missed_places(causes),
             *self._lost_path(),
+            *self._exchanged_sides(),
             *self.unmet,
         )
 
@@ -229,6 +230,12 @@ class RetargetResult:
         if travels and path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
             root = self.motion.skeleton.names[0]
             yield f"the body stays in place: the target's root {root!r} and the joints below lack position channels"
+
+    def _exchanged_sides(self) -> Iterator[str]:
+        for name, body in (("source", self.matching.source), ("target", self.matching.target)):
+            if body.anatomy and (what := body.anatomy.exchanged):
+                named = "left and right" if what == "sides" else f"left and right of the {what}"
+                yield f"the {name}'s names exchange {named}; they are taken as the body shows them"
 
     def _missed_places(self, causes: Causes) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys
