@@ -195,3 +195,16 @@ def without_toes(motion: Motion) -> Motion:
     toes = {joint for side in SIDES for joint in skeleton.subtree(skeleton.index(f"{side}Toe"))}
     parents = {joint: parent for joint, parent in enumerate(skeleton.parents.tolist()) if joint not in toes}
     return in_tree(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
+
+
+def hips_on_floor(motion: Motion) -> Motion:
+    """The hips' joint is on the floor below the pelvis, and turns with it."""
+    way = np.array([0.0, -100.0, 0.0])
+    skeleton, translations = motion.skeleton, motion.translations
+    offsets, below = np.array(skeleton.offsets), list(skeleton.children[0])
+    offsets[below] -= way
+    translations[:, below] -= way
+    translations[:, 0] += Rotation.from_quat(motion.rotations[:, 0]).apply(way)
+    return Motion.of_translations(
+        skeleton.with_offsets(offsets), translations, motion.rotations, motion.frame_time_text
+    )

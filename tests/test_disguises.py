@@ -10,6 +10,7 @@ from disguises import (
     beside,
     exchanged,
     farthest_apart,
+    hips_on_floor,
     off,
     on_high_ankles,
     plain,
@@ -84,3 +85,21 @@ def test_knees_show_the_front_of_a_body_without_toes(disguise, tmp_path):
         results = [retarget(each, target) for each in (usual, other)]
         assert farthest_apart(*(result.motion for result in results)) < 0.01
         assert any("exchange left and right;" in line for line in results[1].warnings)
+
+
+@pytest.mark.parametrize("clip", ["walk", "squat"])
+def test_the_pelvis_is_where_the_thighs_begin(disguise, clip, tmp_path):
+    for target in targets():
+        assert off(hips_on_floor, disguise, clip, tmp_path, target) < 0.01
+
+
+@pytest.mark.parametrize("clip", ["walk", "squat"])
+def test_hips_of_a_target_stay_on_the_floor_below_its_pelvis(disguise, clip, tmp_path):
+    if disguise.gltf:
+        pytest.skip("a mesh is where it is from its root")
+    usual, other = (disguise.target(structure, tmp_path) for structure in (plain, hips_on_floor))
+    one, result = (retarget(sample(clip), target) for target in (usual, other))
+    apart = np.linalg.norm(result.motion.positions - one.motion.positions, axis=-1)[:, 1:]
+    assert apart.max() < 0.001 * one.matching.target.height
+    assert result.motion.skeleton == other.skeleton
+    assert result.warnings == one.warnings

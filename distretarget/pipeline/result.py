@@ -15,6 +15,7 @@ from distretarget.baseline.root_path import path_carriers
 from distretarget.baseline.world import World
 from distretarget.body.beside import Tree
 from distretarget.body.body import Body
+from distretarget.body.pelvis import way_to_thighs
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
@@ -153,8 +154,10 @@ class RetargetResult:
     def _on_body(self, motion: Motion) -> Motion:
         """A motion of the target's file by the joints of its body, on which feet and hands may hang otherwise."""
         own = self.matching.target.skeleton
-        same = (motion.skeleton.parents == own.parents).all()
-        return motion if same else Tree(own, np.arange(len(own))).motion(motion)
+        hung = (motion.skeleton.parents != own.parents).any()
+        motion = Tree(own, np.arange(len(own))).motion(motion) if hung else motion
+        way = way_to_thighs(Body.of(motion.skeleton)) if (motion.skeleton.offsets != own.offsets).any() else None
+        return way.motion(motion) if way else motion
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
