@@ -208,3 +208,14 @@ def hips_on_floor(motion: Motion) -> Motion:
     return Motion.of_translations(
         skeleton.with_offsets(offsets), translations, motion.rotations, motion.frame_time_text
     )
+
+
+def toes_end(*way: float) -> Structure:
+    """The End Sites of the toes are elsewhere: this way from the toes, in the rest pose [cm]."""
+
+    def write(motion: Motion) -> Motion:
+        skeleton, offsets = motion.skeleton, np.array(motion.skeleton.offsets)
+        offsets[[skeleton.children[skeleton.index(f"{side}Toe")][0] for side in SIDES]] = way
+        return replace(motion, skeleton=skeleton.with_offsets(offsets))
+
+    return write

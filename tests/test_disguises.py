@@ -17,6 +17,7 @@ from disguises import (
     sample,
     straight_below,
     targets,
+    toes_end,
     without_toes,
 )
 from scipy.spatial.transform import Rotation
@@ -103,3 +104,32 @@ def test_hips_of_a_target_stay_on_the_floor_below_its_pelvis(disguise, clip, tmp
     assert apart.max() < 0.001 * one.matching.target.height
     assert result.motion.skeleton == other.skeleton
     assert result.warnings == one.warnings
+
+
+TAILS = [(0.0, 8.0, 0.0), (0.0, 0.0, -8.0), (0.0, 8.0, -8.0), (0.0, 0.0, -20.0)]
+
+
+@pytest.mark.parametrize("clip", ["walk", "squat"])
+@pytest.mark.parametrize("way", TAILS)
+def test_end_sites_that_lead_up_or_back_are_no_soles_and_turn_no_toes(disguise, way, clip):
+    for target in targets():
+        motions = [disguise.worn(toes_end(*each)(sample(clip))) for each in ((0.0, 0.0, 6.0), way)]
+        assert farthest_apart(*(retarget(motion, target).motion for motion in motions)) < 1.0
+
+
+@pytest.mark.parametrize("way", TAILS)
+def test_end_sites_of_a_target_that_lead_up_or_back_are_no_soles(disguise, way, tmp_path):
+    usual, other = (disguise.target(toes_end(*each), tmp_path) for each in ((0.0, 0.0, 6.0), way))
+    one, result = (retarget(sample("squat"), target) for target in (usual, other))
+    joints = [*one.motion.skeleton.joints]
+    apart = np.linalg.norm(result.motion.positions - one.motion.positions, axis=-1)[:, joints]
+    assert apart.max() < 0.01 * one.matching.target.height
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_toes_of_a_rig_built_along_its_bones_do_not_turn_to_their_tails(disguise, build):
+    flat = toes_end(0.0, 0.0, 6.0)(sample("squat"))
+    axes = build(Body.of_motion(flat))
+    for target in targets():
+        motions = [disguise.worn(with_axes(toes_end(*way)(flat), axes)) for way in ((0.0, 0.0, 6.0), (0.0, 8.0, -8.0))]
+        assert farthest_apart(*(retarget(motion, target).motion for motion in motions)) < 1.0
