@@ -219,3 +219,33 @@ def toes_end(*way: float) -> Structure:
         return replace(motion, skeleton=skeleton.with_offsets(offsets))
 
     return write
+
+
+def twins(mark: str, *, below: bool) -> Structure:
+    """Every joint but the root has a twin without length, named with a mark, and one of them has all rotations."""
+
+    def write(motion: Motion) -> Motion:
+        skeleton = motion.skeleton
+        names, parents, offsets, channels, ends, shown = [], [], [], [], [], []
+        own: dict[int, int] = {}  # the joint from which the children of each hang
+        for joint in range(len(skeleton)):
+            above = own[skeleton.parents.item(joint)] if joint else -1
+            for name, offset, turns in (
+                (skeleton.names[joint], skeleton.offsets[joint], not below),
+                (skeleton.names[joint] + mark, np.zeros(3), below),
+            ):
+                is_twin = name != skeleton.names[joint]
+                if is_twin and (not joint or skeleton.end_sites[joint]):
+                    continue
+                names.append(name)
+                parents.append(own[joint] if is_twin else above)
+                offsets.append(offset)
+                channels.append(skeleton.channels[joint])
+                ends.append(skeleton.end_sites[joint])
+                shown.append(joint if turns or not joint else -1)
+                own[joint] = len(names) - 1
+        made = Skeleton(names=names, parents=parents, offsets=offsets, channels=channels, end_sites=ends)
+        still = np.concatenate([motion.rotations, np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), 1, 1))], axis=1)
+        return Motion(made, motion.root_positions, still[:, shown], motion.frame_time_text)
+
+    return write

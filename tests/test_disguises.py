@@ -18,6 +18,7 @@ from disguises import (
     straight_below,
     targets,
     toes_end,
+    twins,
     without_toes,
 )
 from scipy.spatial.transform import Rotation
@@ -133,3 +134,17 @@ def test_toes_of_a_rig_built_along_its_bones_do_not_turn_to_their_tails(disguise
     for target in targets():
         motions = [disguise.worn(with_axes(toes_end(*way)(flat), axes)) for way in ((0.0, 0.0, 6.0), (0.0, 8.0, -8.0))]
         assert farthest_apart(*(retarget(motion, target).motion for motion in motions)) < 1.0
+
+
+@pytest.mark.parametrize("below", [True, False])
+@pytest.mark.parametrize("mark", [".001", "_rot", "Rot"])
+def test_a_joint_and_its_twin_are_one(disguise, mark, below, tmp_path):
+    for target in targets():
+        assert off(twins(mark, below=below), disguise, "walk", tmp_path, target) < 0.01
+
+
+def test_a_map_may_name_a_twin(disguise, tmp_path):
+    source, target = disguise.worn_by(twins("_rot", below=True)(sample("wave")), tmp_path), targets()[0]
+    hand = f"{disguise.by_sample['LeftWrist']}_rot"
+    result = retarget(source, target, joint_map={"LeftWrist": hand})
+    assert result.source.skeleton.keys[result.drivers[target.index("LeftWrist")]] == hand

@@ -17,6 +17,7 @@ from distretarget.body.beside import Tree
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
 from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
+from distretarget.body.twins import without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -88,8 +89,10 @@ def match_performer(
     """Match a source to its target, with the parameters and errors of `retarget`."""
     goal = target_for(source, target)
     _check(source, goal.skeleton)
-    of_source = at_thighs(Body.of_motion(source))
-    of_source = of_source if rest is None else of_source.standing_as(rest)
+    pairs = {**goal.map, **(joint_map or {})}
+    named = {*filter(None, pairs.values())}
+    of_source = at_thighs(Body.of_motion(without_twins(source, named)))
+    of_source = of_source if rest is None else of_source.standing_as(without_twins(rest, named))
     of_target = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
     hips = way_to_thighs(of_target)
     if hips and not hips.joint and goal.mesh():  # a mesh is where it is from its root
@@ -97,7 +100,6 @@ def match_performer(
     of_target = at_thighs(of_target) if hips else of_target
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
-    pairs = {**goal.map, **(joint_map or {})}
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
     mesh = _bare(goal) if skins and not builds.target else None
