@@ -249,3 +249,10 @@ def twins(mark: str, *, below: bool) -> Structure:
         return Motion(made, motion.root_positions, still[:, shown], motion.frame_time_text)
 
     return write
+
+
+def all_under_root(motion: Motion) -> Motion:
+    """All joints hang from the root."""
+    skeleton = motion.skeleton
+    parents = {joint: 0 if joint else -1 for joint in skeleton.joints}
+    return in_tree(skeleton, parents, dict.fromkeys(parents, USUAL_ROOT)).motion(motion)

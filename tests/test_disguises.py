@@ -1,12 +1,18 @@
 """Files as people have them: a motion in another structure gives the same result as in the plain one, or is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from animals import dog
+from bodies import swaying
 from built_rigs import BUILDS, with_axes
 from disguises import (
     ARM,
     DISGUISES,
     LEG,
+    MIXAMO,
+    all_under_root,
     beside,
     exchanged,
     farthest_apart,
@@ -23,7 +29,8 @@ from disguises import (
 )
 from scipy.spatial.transform import Rotation
 
-from distretarget import Body, retarget
+from distretarget import Body, MatchingError, retarget
+from distretarget.skeleton import POSITION_CHANNELS
 
 pytestmark = pytest.mark.parametrize("disguise", DISGUISES, ids=repr)
 
@@ -148,3 +155,35 @@ def test_a_map_may_name_a_twin(disguise, tmp_path):
     hand = f"{disguise.by_sample['LeftWrist']}_rot"
     result = retarget(source, target, joint_map={"LeftWrist": hand})
     assert result.source.skeleton.keys[result.drivers[target.index("LeftWrist")]] == hand
+
+
+def test_a_flat_tree_is_refused(disguise, tmp_path):
+    source, target = disguise.worn_by(all_under_root(sample("walk")), tmp_path), targets()[0]
+    for pair in ((source, target), (sample("walk"), source.skeleton)):
+        with pytest.raises(MatchingError, match="is flat: its joints hang from the root, not from each other"):
+            retarget(*pair)
+
+
+def test_a_target_whose_root_cannot_turn_says_so(disguise, tmp_path):
+    skeleton = disguise.target(plain, tmp_path).skeleton
+    fixed = replace(skeleton, channels=(POSITION_CHANNELS, *skeleton.channels[1:]))
+    for body, times in ((fixed, 1), (skeleton, 0)):
+        lines = [line for line in retarget(sample("turn"), body).warnings if "does not turn" in line]
+        assert len(lines) == times
+        assert all(line.endswith(f"the target's root {body.names[0]!r} lacks rotation channels") for line in lines)
+
+
+@pytest.mark.parametrize("parts", [("UpLeg", "Leg"), ("UpLeg", "Leg", "Foot")])
+def test_four_legs_of_which_two_have_the_names_of_arms_are_refused(disguise, parts, tmp_path):
+    """Hind legs without names that are known are legs by the tree."""
+    if disguise.names is MIXAMO:
+        pytest.skip("equal names need no guess by parts")
+    named = dog(own_names=False)
+    animal = replace(named, names=tuple(_unknown(name, parts) for name in named.names))
+    for pair in ((swaying(animal), targets()[0]), (disguise.worn_by(sample("walk"), tmp_path), animal)):
+        with pytest.raises(MatchingError, match=r"seems to go on all fours|no human body is recognised"):
+            retarget(*pair)
+
+
+def _unknown(name, parts):
+    return next((name.replace(part, f"Hind{part[::-1]}") for part in parts if part in name and "Arm" not in name), name)

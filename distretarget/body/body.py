@@ -12,7 +12,7 @@ from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.beside import limbs_on_body
 from distretarget.body.contradictions import as_body_shows
-from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, with_hanging_arms
+from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, tree_legs, with_hanging_arms
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
@@ -32,6 +32,7 @@ UP_FROM_MOTION = 0.3  # ... or than this where the rest pose does not show which
 LIES = 0.05  # a body whose lowest joint is nearer to height 0 than this may lie there [leg lengths]
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
+BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
 CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is larger than this [cosine]
 
 
@@ -319,11 +320,31 @@ class Body:
     @cached_property
     def on_all_fours(self) -> bool:
         """Whether the body seems to go on all fours: trunk and legs never stretch out, at rest or in motion."""
-        if self.at_rest is None or not self.at_rest.is_whole or self.at_rest.stretch > STRETCHED:
+        if self.at_rest is None:
+            return False
+        if not self.at_rest.is_whole:
+            return self._stands_on_arms
+        if self.at_rest.stretch > STRETCHED:
             return False
         if self.moving is None:
             return bool(self.at_rest.stretch > FOLDED)
         return bool(np.percentile(self.moving.stretch, 99) < STRETCHED)
+
+    @property
+    def _stands_on_arms(self) -> bool:
+        """Whether the arms of a body whose legs have no names stand beside its legs at rest, across the trunk."""
+        anatomy, legs = self.anatomy, tree_legs(self.skeleton)
+        arms = [anatomy.joints(f"{side}UpperArm", f"{side}LowerArm") for side in SIDES] if anatomy else []
+        if (
+            legs is None
+            or not all(len(arm) == 2 for arm in arms)
+            or {leg.hip for leg in legs} & {arm[0] for arm in arms}
+        ):
+            return False
+        x = self.skeleton.rest_positions
+        limbs = np.array([direction(x, *arm) for arm in arms] + [direction(x, leg.hip, leg.ankle) for leg in legs])
+        trunk = normalised(x[[arm[0] for arm in arms]].mean(axis=0) - x[[leg.hip for leg in legs]].mean(axis=0))
+        return bool((limbs @ limbs.T).min() > BESIDE and np.abs(limbs @ trunk).max() < BESIDE)
 
     # ---- other versions of the body
 

@@ -349,7 +349,13 @@ def refusal(matching: Matching) -> str:
     limbs = [t.roles[role] for role in LIMB_ROLES if role in t.roles] if t else []
     lost = bool(limbs) and not shared and not (matching.drivers[limbs] >= 0).any()
     enough = named >= NAMED_SHARE * len(joints)
-    if "map" in matching.method or (enough and not lost):
+    if "map" in matching.method:
+        return ""
+    flat = [body.skeleton.is_flat for body in (matching.source, matching.target)]
+    if flat[0] != flat[1]:
+        which = "source" if flat[0] else "target"
+        return f"the tree of the {which} is flat: its joints hang from the root, not from each other"
+    if enough and not lost:
         return ""
     if not (s and t):
         body = "the source" if t else "the target" if s else "either of them"

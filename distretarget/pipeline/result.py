@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.root_path import path_carriers
 from distretarget.baseline.world import World
@@ -43,6 +44,7 @@ from distretarget.skin.mesh import SkinnedMesh
 Labels = dict[str, NDArray[Any]]
 
 COMPARED = 10  # to compare a joint takes as long as to place this many
+TURNS = 15.0  # a body that should turn by more than this, and cannot, is worth a warning [degrees]
 REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
@@ -224,6 +226,7 @@ class RetargetResult:
             *limit_warnings(self.metrics, self.tracks, causes.of),
             *self._missed_places(causes),
             *self._lost_path(),
+            *self._lost_turn(),
             *self._exchanged_sides(),
             *self.unmet,
         )
@@ -233,6 +236,17 @@ class RetargetResult:
         if travels and path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
             root = self.motion.skeleton.names[0]
             yield f"the body stays in place: the target's root {root!r} and the joints below lack position channels"
+
+    def _lost_turn(self) -> Iterator[str]:
+        skeleton, pelvis = self.motion.skeleton, self.matching.pelvis
+        if any(skeleton.rotation_axes(joint) for joint in skeleton.line(pelvis)):
+            return
+        turn = np.degrees(Rotation.from_quat(self.rotation_copy.world_rotations_of(pelvis)).magnitude()).max(
+            initial=0.0
+        )
+        if turn > TURNS:
+            lack = f"the target's root {skeleton.names[0]!r} lacks rotation channels"
+            yield f"the body keeps its heading and does not turn, by up to {turn:.0f} degrees: {lack}"
 
     def _exchanged_sides(self) -> Iterator[str]:
         for name, body in (("source", self.matching.source), ("target", self.matching.target)):
