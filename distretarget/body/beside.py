@@ -49,7 +49,8 @@ def limbs_beside(skeleton: Skeleton, motion: Motion | None = None) -> Iterator[H
         meanings = name_meanings(tree)
         for joint in skeleton.joints:
             is_named = meanings.names[joint].side == side and part in meanings.parts(joint)
-            if is_named and upper not in skeleton.line(joint) and _goes_on(skeleton, motion, upper, lower, joint):
+            apart = upper not in skeleton.line(joint) and joint not in skeleton.line(lower)
+            if is_named and apart and _goes_on(skeleton, motion, upper, lower, joint):
                 yield Hanging(joint, lower)
                 break
 
