@@ -27,6 +27,7 @@ METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.30
 UNITS = tuple(METRES)  # length units a file may state
 # Bounds within which all computations stay finite and exact to a few digits [file units].
 MOST_LETTERS = 1_000_000  # that keys may have in addition to 20 times those of the names
+MANY, FLAT = 8, 0.8  # so many joints are a flat tree if more than this share of them hangs from the root [0 to 1]
 LARGEST = 1e12  # largest coordinate of an offset or position; also the largest scale
 SMALLEST = 1e-12  # least length of the longest bone; also the least scale
 
@@ -290,6 +291,12 @@ class Skeleton:
         branches = np.zeros(len(self))
         np.maximum.at(branches, self.farthest, self.lengths + self.reach)
         return np.sort(joints[np.argsort(-branches[self.farthest[joints]], kind="stable")[:most]])
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether nearly all of many joints hang from the root, so that the tree says nothing of what they are."""
+        joints = self.joints[1:]
+        return len(joints) >= MANY and float(np.mean(self.parents[[*joints]] == 0)) > FLAT
 
     def meet(self, joints: Iterable[int]) -> int:
         """Return the lowest common ancestor of some joints."""

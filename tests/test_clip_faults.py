@@ -1,5 +1,6 @@
 """Faults planted into clean clips are found, each by its name, and clean clips have none."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -43,3 +44,9 @@ def test_a_frame_of_a_fault_is_one_of_the_clip_as_it_is():
     found = faults_of(late)
     assert found["first_pose"].value == 5
     assert found["jumps"].frame in range(248, 252)
+
+
+@pytest.mark.parametrize("milliseconds", ["33.333", "8.3333", "16.667"])
+def test_a_frame_time_in_milliseconds_is_a_fault(milliseconds):
+    found = faults_of(replace(clean("walk"), frame_time_text=milliseconds))["frame_time"]
+    assert found.where == f"{float(milliseconds):.3g} s a frame"

@@ -1,11 +1,13 @@
 """Feet with a mesh: its lowest vertices stand on the floor, whatever soles and heels no joint shows."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 from bodies import SAMPLES, person
-from capsule_bodies import mesh_of
+from capsule_bodies import capsule_surface, mesh_of
+from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Options, load_target, read_bvh, retarget
 from distretarget.body.build import average_build
@@ -41,8 +43,24 @@ def shod(heel=0.0, platform=0.0):
         floor, behind = y - BALL - platform, skeleton.rest_positions[ankle][2]
         surfaces.append((ankle, block((x - 0.02, floor, behind - 0.08), (x + 0.02, floor + 0.03, behind - 0.04))))
         surfaces.append((toe, block((x - 0.04, floor, z - 0.02), (x + 0.04, floor + 0.02, z + 0.06))))
-    mesh = mesh_of(surfaces)
+    return with_mesh(skeleton, mesh_of(surfaces))
+
+
+def with_mesh(skeleton, mesh):
     return Target(skeleton, {}, "shod", mesh=lambda: mesh, capsules=average_build("adult").on(Body.of(skeleton)))
+
+
+def bound_on_tiptoe(target, pitch):
+    """The same target in a bind pose in which each foot points farther down by a pitch [degrees]."""
+    turn, skeleton, mesh = Rotation.from_euler("X", pitch, degrees=True), target.skeleton, target.mesh()
+    offsets, vertices = np.array(skeleton.offsets), np.array(mesh.vertices)
+    for side in ("Left", "Right"):
+        ankle = skeleton.index(f"{side}Ankle")
+        feet, place = skeleton.subtree(ankle), skeleton.rest_positions[ankle]
+        offsets[feet[1:]] = turn.apply(offsets[feet[1:]])
+        on = np.isin(mesh.joints[:, 0], feet)
+        vertices[on] = turn.apply(vertices[on] - place) + place
+    return with_mesh(skeleton.with_offsets(offsets), replace(mesh, vertices=vertices))
 
 
 def lowest(target, result):
@@ -72,6 +90,28 @@ def test_heel_and_ball_of_any_shoe_stand_on_the_floor(clip, heel, platform):
     assert np.percentile(np.abs(heights[flat].min(axis=1)), 95) < 0.003 * HEIGHT
     assert heights[flat].min() > -0.005 * HEIGHT
     assert result.metrics["result"]["foot_height"] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("heel", "platform", "pitch"), [(0.4, 0.0, 0.0), (0.35, 0.1, 0.0), (0.0, 0.0, 20.0), (0.09, 0.03, 30.0)]
+)
+def test_shoes_stand_on_their_soles_however_feet_point_in_the_bind_pose(heel, platform, pitch):
+    """A shoe's foot bone may point nearly straight down, and a bind pose may stand on tiptoe."""
+    target = bound_on_tiptoe(shod(heel, platform), pitch)
+    result = retarget(sample("squat"), target)
+    heights, flat = lowest(target, result)
+    assert flat.any()
+    assert np.abs(np.median(heights[flat], axis=0)).max() < 0.002 * HEIGHT
+    assert result.metrics["result"]["sole_tilt"] < 1.0
+
+
+def test_a_foot_without_a_flat_sole_stands_as_its_joints_show():
+    surfaces = []
+    for side in ("Left", "Right"):
+        ankle, toe = (PERSON.rest_positions[PERSON.index(f"{side}{part}")] for part in PARTS)
+        surfaces.append((PERSON.index(f"{side}Ankle"), capsule_surface((ankle, toe), (0.04, 0.03))))
+    result = retarget(sample("squat"), with_mesh(PERSON, mesh_of(surfaces)))
+    assert result.matching.target_normals is None
 
 
 def test_a_platform_lifts_the_whole_body_by_its_height():

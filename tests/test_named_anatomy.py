@@ -368,3 +368,32 @@ def test_the_anatomy_of_a_rig_is_found_once_for_all_its_clips():
     body = tree(BODY)
     assert by_names(body) is by_names(body.with_offsets(2.0 * body.offsets))
     assert by_names(body) is not by_names(tree(BODY.replace("Hips", "Pelvis")))
+
+
+NUMBERED = (
+    "cf_j_hips(cf_j_spine01>cf_j_spine02>cf_j_spine03(cf_j_neck>cf_j_head|"
+    "cf_j_shoulder_L>cf_j_arm00_L>cf_j_forearm01_L>cf_j_hand_L|"
+    "cf_j_shoulder_R>cf_j_arm00_R>cf_j_forearm01_R>cf_j_hand_R)|"
+    "cf_j_waist01(cf_j_thigh00_L>cf_j_leg01_L>cf_j_leg03_L>cf_j_foot_L>cf_j_toes_L|"
+    "cf_j_thigh00_R>cf_j_leg01_R>cf_j_leg03_R>cf_j_foot_R>cf_j_toes_R))"
+)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [("", ""), ("cf_j_", ""), ("cf_j_", "Char_"), ("arm00", "arm1"), ("thigh00", "Thigh_01"), ("leg0", "Shin-0")],
+)
+def test_a_number_that_no_convention_knows_hides_no_part(before, after):
+    text = NUMBERED.replace(before, after) if before else NUMBERED
+    found = roles(tree(text))
+    named = {
+        "UpperArm": "cf_j_arm00_L",
+        "LowerArm": "cf_j_forearm01_L",
+        "UpperLeg": "cf_j_thigh00_L",
+        "LowerLeg": "cf_j_leg01_L",
+        "Foot": "cf_j_foot_L",
+    }
+    for part, name in named.items():
+        expected = name.replace(before, after) if before else name
+        assert found[f"left{part}"] == expected
+        assert found[f"right{part}"] == expected.replace("_L", "_R")

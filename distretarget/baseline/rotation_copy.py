@@ -119,7 +119,7 @@ def _joint_alignments(
                 turn = least_matrix(a[:1] @ turn.T, outwards[role][None]) @ turn
             onto = least_matrix(a @ turn.T, b)
             far = (np.trace(onto) - 1.0) / 2.0 < np.cos(BUILD_ANGLE)
-            another_pose = len(a) == 1 and far and joint not in normals
+            another_pose = len(a) == 1 and far and joint not in normals and not role.endswith("Toes")
             if joint not in trunk and (another_pose or not role or role.endswith(BY_BONE)):
                 turn = onto @ turn
         alignments.append(turn)

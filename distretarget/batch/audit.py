@@ -137,7 +137,7 @@ def _compare(clips: Sequence[AuditedClip]) -> None:
         clip.findings["unit"] = Finding(max(ratio, 1.0 / ratio), None, unlike)
         if clip.up != up and 2 * most_up > len(clips):
             clip.findings["up_axis"] = Finding(1.0, None, f"{clip.up} is up, {up} in most")
-        if 2 * most_rate > len(clips):
+        if 2 * most_rate > len(clips) and "frame_time" not in clip.findings:
             off = 100.0 * abs(clip.frame_time * rate - 1.0)
             own = f"{1.0 / clip.frame_time:.4g} frames/s, {rate:.4g} in most" if off > KINDS["frame_time"].limit else ""
             clip.findings["frame_time"] = Finding(off, None, own)

@@ -49,6 +49,7 @@ class Anatomy:
         convention: the naming convention of the joints, such as "Mixamo"; empty where none is recognised.
         method: whether the roles were recognised by the joints' names or by the shape of the skeleton, or are stated by
             the humanoid in the file.
+        exchanged: what has names that say the other side, "arms", "legs" or both as "sides"; empty for nothing.
     """
 
     roles: Mapping[str, int]
@@ -56,6 +57,7 @@ class Anatomy:
     neck: tuple[int, ...]
     convention: str
     method: Literal["names", "shape", "humanoid"]
+    exchanged: str = ""
 
     def __hash__(self) -> int:
         return hash((frozenset(self.roles.items()), self.spine, self.neck))

@@ -10,17 +10,20 @@ import numpy as np
 
 from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
-from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, with_hanging_arms
+from distretarget.body.beside import limbs_on_body
+from distretarget.body.contradictions import as_body_shows
+from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, tree_legs, with_hanging_arms
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
 from distretarget.body.resting import feet_at_rest
+from distretarget.body.sides import knees_ahead
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, normalised
 from distretarget.rig import KEPT, of_rig
 from distretarget.skeleton import Skeleton
 
@@ -29,6 +32,7 @@ UP_FROM_MOTION = 0.3  # ... or than this where the rest pose does not show which
 LIES = 0.05  # a body whose lowest joint is nearer to height 0 than this may lie there [leg lengths]
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
+BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
 CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is larger than this [cosine]
 
 
@@ -49,7 +53,8 @@ class Body:
     """The source or the target of a retargeting.
 
     Attributes:
-        skeleton: the joints, with rigid bones as its motion shows them.
+        skeleton: the joints, with rigid bones as its motion shows them; feet and hands hang from shin and forearm, as
+            they may not in the file.
         anatomy: the joint of each role; None where no human body is recognised.
         motion: any motion of the body, with at least one frame; None where there is none.
         known_up: which of `AXES` points up, if the caller decides it; None to let `up` find it.
@@ -68,15 +73,25 @@ class Body:
 
     @classmethod
     def of(cls, skeleton: Skeleton, motion: Motion | None = None) -> Body:
-        """Return the body of a skeleton, recognised by the names of its joints and by its shape (`find_anatomy`).
+        """Return the body of a skeleton, recognised by the names of its joints and by its shape (`find_anatomy`); where
+        the body contradicts its names, it is right.
 
         `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and bends of limbs.
         """
         check_kind("skeleton", skeleton, Skeleton)
         check_kind("motion", motion, Motion, NoneType)
         moving = motion if motion is not None and len(motion) else None
+        tree = limbs_on_body(skeleton, moving)
+        if tree and tree.in_order:
+            moving = moving and tree.motion(moving)
+            skeleton = moving.rigid_skeleton if moving else tree.skeleton
         positions = None if moving is None else moving.positions
-        return cls(skeleton, find_anatomy(skeleton, positions), moving)
+        body = cls(skeleton, find_anatomy(skeleton, positions), moving)
+        stands = body.at_rest if body.stands_at_rest else body.moving
+        if body.anatomy is None or body.anatomy.method == "humanoid" or stands is None:
+            return body
+        shown = as_body_shows(skeleton, body.anatomy, stands.positions)
+        return body if shown is body.anatomy else replace(body, anatomy=shown)
 
     @classmethod
     def of_motion(cls, motion: Motion) -> Body:
@@ -270,9 +285,13 @@ class Body:
 
     @cached_property
     def left_is_left(self) -> bool | None:
-        """Whether the joints named left are on the left of a body whose feet point forward; None if that is unclear."""
+        """Whether the joints named left are on the left of a body whose feet point forward, or without feet its knees;
+        None if that is unclear.
+        """
         if self.anatomy is None:
             return None
+        if any(foot_bone(self.skeleton, self.anatomy, side) is None for side in SIDES):
+            return self._left_by_knees
         return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.moving)
 
     @of_rig
@@ -288,21 +307,52 @@ class Body:
         cosine = float(np.mean((directions.axes[..., 2] * forward).sum(axis=-1)) / 2)
         return cosine > 0 if abs(cosine) > CLEAR_FEET else None
 
+    @property
+    def _left_by_knees(self) -> bool | None:
+        """The same by the way in which knees bend in the motion, else at rest."""
+        shown = self.moving or self.at_rest
+        if shown is None:
+            return None
+        ahead = normalised(knees_ahead(shown.anatomy, shown.positions.reshape(-1, len(self.skeleton), 3)))
+        cosine = float((shown.axes[..., 2] * ahead).sum(axis=-1).mean())
+        return cosine > 0 if abs(cosine) > CLEAR_FEET else None
+
     @cached_property
     def on_all_fours(self) -> bool:
         """Whether the body seems to go on all fours: trunk and legs never stretch out, at rest or in motion."""
-        if self.at_rest is None or not self.at_rest.is_whole or self.at_rest.stretch > STRETCHED:
+        if self.at_rest is None:
+            return False
+        if not self.at_rest.is_whole:
+            return self._stands_on_arms
+        if self.at_rest.stretch > STRETCHED:
             return False
         if self.moving is None:
             return bool(self.at_rest.stretch > FOLDED)
         return bool(np.percentile(self.moving.stretch, 99) < STRETCHED)
+
+    @property
+    def _stands_on_arms(self) -> bool:
+        """Whether the arms of a body whose legs have no names stand beside its legs at rest, across the trunk."""
+        anatomy, legs = self.anatomy, tree_legs(self.skeleton)
+        arms = [anatomy.joints(f"{side}UpperArm", f"{side}LowerArm") for side in SIDES] if anatomy else []
+        if (
+            legs is None
+            or not all(len(arm) == 2 for arm in arms)
+            or {leg.hip for leg in legs} & {arm[0] for arm in arms}
+        ):
+            return False
+        x = self.skeleton.rest_positions
+        limbs = np.array([direction(x, *arm) for arm in arms] + [direction(x, leg.hip, leg.ankle) for leg in legs])
+        trunk = normalised(x[[arm[0] for arm in arms]].mean(axis=0) - x[[leg.hip for leg in legs]].mean(axis=0))
+        return bool((limbs @ limbs.T).min() > BESIDE and np.abs(limbs @ trunk).max() < BESIDE)
 
     # ---- other versions of the body
 
     @property
     def mirrored(self) -> Body:
         """The same body with left and right exchanged in its anatomy."""
-        return replace(self, anatomy=self.anatomy.mirrored if self.anatomy else None)
+        anatomy = self.anatomy and replace(self.anatomy.mirrored, exchanged="" if self.anatomy.exchanged else "sides")
+        return replace(self, anatomy=anatomy)
 
     def standing_as(self, rest: Motion) -> Body:
         """Return the same body, which stands in the first frame of another motion of its joints.

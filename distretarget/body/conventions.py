@@ -11,7 +11,7 @@ import json
 import re
 import unicodedata
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.resources import files
@@ -244,14 +244,15 @@ def convention_of(skeleton: Skeleton) -> str:
 def name_meanings(tree: NamedTree) -> NameMeanings:
     """Return what the names of a tree of joints mean. The fit of a convention is the number of terms that it shares
     with the names, over the number that either has, without terms that no convention knows and the convention's `also`;
-    its prefix adds `PREFIX_FIT`. Of equal fits the one with more of the `also` wins.
+    its prefix adds `PREFIX_FIT`. Of equal fits the one with more of the `also` wins. Numbers that no convention knows
+    count for no fit.
     """
     conventions = vocabulary().conventions
     names = _joint_names(tree, {convention.prefix for convention in conventions} - {()} | {NEW_BONE})
     prefixes = Counter(name.prefix for name in names if name.stem)
     prefix = max(prefixes, key=prefixes.__getitem__, default=())
     terms = {name.term for name in names}
-    known = terms & vocabulary().terms
+    known, numbered = terms & vocabulary().terms, _numbered(terms)
     readings: dict[Term, dict[str, float]] = defaultdict(dict)
     fits: list[tuple[float, int]] = []
     for convention in conventions:
@@ -259,8 +260,21 @@ def name_meanings(tree: NamedTree) -> NameMeanings:
         fit = len(own & known) / len(own | (known - convention.also))
         fit += PREFIX_FIT * (prefix != () and prefix == convention.prefix)
         fits.append((fit, len(convention.also & terms)))
-        for term in known & own:
-            part = convention.parts[term]
+        means = {term: term for term in known & own} | {term: plain for term, plain in numbered.items() if plain in own}
+        for term, plain in means.items():
+            part = convention.parts[plain]
             readings[term][part] = max(readings[term].get(part, 0.0), min(fit, 1.0))
     best = max(range(len(fits)), key=fits.__getitem__)
     return NameMeanings(names, readings, conventions[best].title if fits[best][0] >= RECOGNISED else "")
+
+
+def _numbered(terms: Collection[Term]) -> dict[Term, Term]:
+    """The terms of limbs with a number that no convention knows, such as that of "arm00", with the term without it; of
+    several the first one, and none where a convention knows that term or another number.
+    """
+    known = vocabulary().terms
+    groups: dict[Term, list[Term]] = defaultdict(list)
+    for stem, sided in sorted(terms):
+        if sided:
+            groups[without_digits(stem), True].append((stem, True))
+    return {each[0]: plain for plain, each in groups.items() if plain in known and known.isdisjoint(each)}

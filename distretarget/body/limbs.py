@@ -16,7 +16,7 @@ LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than
 SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of like limbs; for arms, of a leg]
 MOST_LIMBS = 32  # of all limbs below a joint, only so many, the longest, may be arms and legs
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
-SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [length from the ankle to the end of the toes]
+SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [distance from the ankle to the end of the toes]
 LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
 HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]
 # An arm hangs while the angles of shoulder and elbow add up to less than the first angle; it is raised or bent from
@@ -64,7 +64,8 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
     from_foot = skeleton.paths_from(foot)
     chains = [_longest_chain(skeleton, end) for end in (skeleton.children[foot] if toes is None else [toes])]
     chain = max(chains, key=lambda joints: from_foot[joints[-1]], default=[])
-    reach = from_foot[chain]
+    places = skeleton.rest_positions
+    reach = lengths(places[chain] - places[foot])  # not along the bones: some End Sites lead back
     if not reach.any():
         return None
     return foot, chain[int(np.argmax(reach >= SHORTEST_FOOT * reach[-1]))]

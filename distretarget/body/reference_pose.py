@@ -41,6 +41,7 @@ ROUNDS = 10  # of the search for a median rotation
 ALIKE = np.radians(1.0)  # rotations nearer to the median than this count the same [rad]
 STILL = np.radians(0.05)  # a joint that turns by less than this is not animated [rad] ...
 ANIMATED = np.radians(5.0)  # ... if elbows or knees turn by more than this [rad]
+ALONG_FOOT = np.cos(np.radians(60))  # toes point as the foot within this angle [cosine]
 LOWER_BONES = ("LowerArm", "LowerLeg")
 HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose that is not neutral
 UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
@@ -77,6 +78,8 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     """
     anatomy, shown = rest.anatomy, motion and motion[:: -(-len(motion) // MOST_FRAMES)]
     goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
+    for toes in _toes_with_tails(skeleton, rest, shown):
+        del goals[toes]
     bones = {joint: _bone(rest, shown, joint, goal.tip) for joint, goal in goals.items()}
     built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
     built = built if 2 * len(built) > len(bones) else set()  # in another rig it is chance
@@ -188,6 +191,22 @@ def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iter
         toes = anatomy.roles.get(f"{side}Toes")
         if toes is not None:
             yield toes, _Goal(skeleton.farthest.item(toes), forward, left, True, True)
+
+
+def _toes_with_tails(skeleton: Skeleton, rest: Directions, shown: Motion | None) -> Iterator[int]:
+    """The toes whose End Sites lead up or back, as the tails of bones in some programs, not along the foot."""
+    for side in SIDES:
+        ends = rest.anatomy.joints(f"{side}Foot", f"{side}Toes")
+        tip = skeleton.farthest.item(ends[-1]) if len(ends) == 2 else 0
+        if skeleton.end_sites[tip]:
+            ankle, toes = ends
+            places = (
+                _places_from(shown, ankle, [toes, tip])
+                if shown
+                else rest.positions[[toes, tip]] - rest.positions[ankle]
+            )
+            if normalised(places[0]) @ normalised(places[1] - places[0]) < ALONG_FOOT:
+                yield toes
 
 
 def _trunk_goals(anatomy: Anatomy) -> Iterator[tuple[int, _Goal]]:

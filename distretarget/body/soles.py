@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -87,8 +88,14 @@ def find_soles(
         pitch = max((sole.pitch for sole in soles if sole.known), default=None)
         soles = soles if pitch is None else [sole.pitched(pitch) for sole in soles]
     if normals is not None:
-        soles = [replace(sole, normal=normal, known=True) for sole, normal in zip(soles, normals, strict=True)]
+        return with_normals(soles, normals)
     left, right = soles
+    return left, right
+
+
+def with_normals(soles: Sequence[Sole], normals: Sequence[Array]) -> tuple[Sole, Sole]:
+    """Return the soles of both feet with these normals, (3,) each, which are known."""
+    left, right = (replace(sole, normal=normal, known=True) for sole, normal in zip(soles, normals, strict=True))
     return left, right
 
 

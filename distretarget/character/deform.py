@@ -4,19 +4,21 @@ A rig that Rigify has generated in Blender has three copies of each bone: DEF- d
 and MCH- belongs to the mechanism. In Blender constraints hold the DEF- bones together, and a file has no constraints.
 Their own tree is that of the originals: "DEF-thigh.L" hangs from "ORG-spine", so from "DEF-spine". A file without the
 originals does not show it; then the bones hang as they do in Rigify's rigs of people.
+
+Other rigs have feet that hang from the root beside the body, since IK moved them there; they hang from the shins.
 """
 
 from __future__ import annotations
 
 import re
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.body.beside import Tree, in_tree, limbs_on_body
 from distretarget.character.character import IDENTITY, Character
 from distretarget.character.nodes import Animation
 from distretarget.motion import Motion
@@ -59,14 +61,7 @@ class DeformCharacter(Character):
 
     def motion(self, animation: Animation, size: int) -> Motion:
         """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
-        whole = self.whole.motion(animation, size)
-        world, places = whole.world_rotations[:, self.bones], whole.positions[:, self.bones]
-        parents = self.skeleton.parents
-        is_below = (parents >= 0)[:, None]
-        above = Rotation.from_quat(np.where(is_below, world[:, parents], IDENTITY)).inv()
-        translations = above.apply(places - np.where(is_below, places[:, parents], 0.0))
-        rotations = (above * Rotation.from_quat(world)).as_quat()
-        return Motion.of_translations(self.skeleton, self._settled(translations), rotations, animation.frame_time_text)
+        return Tree(self.skeleton, self.bones).motion(self.whole.motion(animation, size))
 
     def animation(self, motion: Motion, name: str) -> Animation:
         """Return a motion of the skeleton as an animation of the nodes that turn or move."""
@@ -106,32 +101,23 @@ def with_deform_bones(character: Character) -> Character:
         return character
     if sum(parent < 0 for parent in tree.values()) > 1:
         tree = {bone: max(parent, 0) for bone, parent in tree.items()} | {0: -1}
-    bones = _top_down(tree)
-    rest, joints = whole.rest_positions, {bone: joint for joint, bone in enumerate(bones)}
-    parents = np.array([joints.get(tree[bone], -1) for bone in bones])
-    offsets = rest[bones] - np.where((parents >= 0)[:, None], rest[bones][parents], -whole.offsets[0])
-    turns = [tuple(channel for channel in whole.channels[bone] if channel in ROTATION_CHANNELS) for bone in bones]
-    skeleton = replace(
-        whole,
-        names=tuple(whole.names[bone] for bone in bones),
-        parents=parents,
-        offsets=offsets,
-        channels=tuple(turn if joint else (*POSITION_CHANNELS, *turn) for joint, turn in enumerate(turns)),
-        end_sites=whole.end_sites[bones],
-    )
+    turns = {bone: tuple(each for each in whole.channels[bone] if each in ROTATION_CHANNELS) for bone in tree}
+    root = next(bone for bone, parent in tree.items() if parent < 0)
+    return _by(character, in_tree(whole, tree, turns | {root: (*POSITION_CHANNELS, *turns[root])}))
+
+
+def with_limbs_on_body(character: Character) -> Character:
+    """Return the character in whose skeleton feet and hands hang from shin and forearm, where in the file they hang
+    beside the body; else the same.
+    """
+    tree = limbs_on_body(character.skeleton)
+    return _by(character, tree) if tree else character
+
+
+def _by(character: Character, tree: Tree) -> DeformCharacter:
+    """The character by the joints of a tree."""
     same = {entry.name: getattr(character, entry.name) for entry in fields(character)}
-    return DeformCharacter(**same | {"skeleton": skeleton}, whole=character, bones=np.array(bones))
-
-
-def _top_down(tree: Mapping[int, int]) -> list[int]:
-    """The bones of a tree, each after its parent."""
-    below: dict[int, list[int]] = defaultdict(list)
-    for bone in sorted(tree):
-        below[tree[bone]].append(bone)
-    bones = below[-1]
-    for upper in bones:
-        bones.extend(below[upper])
-    return bones
+    return DeformCharacter(**same | {"skeleton": tree.skeleton}, whole=character, bones=tree.joints)
 
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.recognition import by_names
 from distretarget.character.character import Character
-from distretarget.character.deform import with_deform_bones
+from distretarget.character.deform import with_deform_bones, with_limbs_on_body
 from distretarget.character.joints import are_regular, bind_poses, joint_nodes
 from distretarget.character.nodes import Nodes, Scene
 from distretarget.errors import FileError, SkeletonError, cut, quoted
@@ -43,7 +43,8 @@ def character_of(scene: Scene) -> Character:
     hidden = [scene.nodes.names[node] for node in line if flat[node]]
     warnings = (*scene.notes, *left_out, *_scale_warnings(scene, line, hidden))
     try:
-        return with_deform_bones(_character(scene, line, shown, _settled(shown, poses, size), len(above), warnings))
+        character = _character(scene, line, shown, _settled(shown, poses, size), len(above), warnings)
+        return with_limbs_on_body(with_deform_bones(character))
     except SkeletonError as error:
         raise error.in_file(scene.path) from None
 

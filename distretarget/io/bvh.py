@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import warnings
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -23,6 +24,7 @@ from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import ALL_CHANNELS, LARGEST, POSITION_CHANNELS, Skeleton
 
 NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
+MILLISECONDS = 4.0, 100.0  # a frame time from 10 to 250 frames/s, if it is in milliseconds [s]
 MAX_DEPTH = 400  # joints above a joint; bodies have about 40
 CHANNELS = {name.upper(): name for name in ALL_CHANNELS}
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
@@ -37,8 +39,15 @@ def read_bvh(path: str | Path) -> Motion:
     Raises:
         FileError: the file cannot be read as text.
         BvhError: it is not a whole BVH file.
+
+    Warns:
+        UserWarning: it has a frame more or less than it declares, or a frame time as if in milliseconds.
     """
-    return parse_bvh(read_text(path), path)
+    text = read_text(path)
+    motion = parse_bvh(text, path)
+    for note in doubts(text, motion):
+        warnings.warn(note, stacklevel=2)
+    return motion
 
 
 def parse_bvh(text: str, path: str | Path) -> Motion:
@@ -48,6 +57,16 @@ def parse_bvh(text: str, path: str | Path) -> Motion:
     if not _take_motion_keyword(words):
         words.refuse("", "MOTION")
     return _take_motion(words, skeleton)
+
+
+def doubts(text: str, motion: Motion) -> Iterator[str]:
+    """Yield what is doubtful in the text of a BVH file with a motion, a line each."""
+    declared = declared_frames(text)
+    if declared != len(motion):
+        yield f"the file declares {declared} frames and has {len(motion)}; these are read"
+    if MILLISECONDS[0] <= motion.frame_time <= MILLISECONDS[1]:
+        rate = f"{1000.0 / motion.frame_time:.4g} frames/s"
+        yield f"the frame time is {motion.frame_time_text} s; in milliseconds it would be {rate}: write it in seconds"
 
 
 def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
@@ -269,7 +288,8 @@ def _take_frame_count(words: Words) -> int:
 
 def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]:
     """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file; a BvhError
-    if a word is not a number up to `LARGEST`, or if there are not as many numbers as declared.
+    if a word is not a number up to `LARGEST`, or if there are not as many numbers as declared; whole frames may be one
+    more or less, as some programs count.
     """
     declared, at = _take_frame_count(words), words.at
     words.label("Frame Time")
@@ -281,11 +301,12 @@ def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]
     values = _take_numbers_singly(words) if numbers is None or extent(numbers) > LARGEST else numbers
     if declared and not channels:
         raise words.error(f"found {declared} frames declared, expected 0 where no joint has channels", at)
-    if values.size != declared * channels:
-        whole, over = divmod(values.size, channels) if channels else (0, values.size)
+    whole, over = divmod(values.size, channels) if channels else (0, values.size)
+    off_by_one = not over and whole > 0 and declared > 0 and abs(whole - declared) == 1
+    if values.size != declared * channels and not off_by_one:
         found = f"{whole} whole frames of {channels} numbers" + (f" and {over} numbers over" if over else "")
         raise words.error(f"found {found}, expected {declared} frames as declared", at)
-    return time, values.reshape(declared, channels)
+    return time, values.reshape(whole if off_by_one else declared, channels)
 
 
 def _take_numbers_singly(words: Words) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, MotionError, quoted
-from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh import doubts, parse_bvh
 from distretarget.io.input_file import ArraysFile, InputFile, Source, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
 from distretarget.io.target_file import parse_full_target, read_scene
@@ -49,7 +49,7 @@ def read_motion(
         SettingsError: an argument has the wrong type, or is out of bounds.
 
     Warns:
-        UserWarning: of what is left out, such as scales that change.
+        UserWarning: of what is left out, such as scales that change, or doubtful, such as a frame time in milliseconds.
     """
     check_kind("clip", clip, str, NoneType)
     if fps is not None:
@@ -62,7 +62,7 @@ def read_motion(
 
 
 def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = None) -> tuple[Motion, tuple[str, ...]]:
-    """Return the motion in a file as `read_motion` does, and what is left out, a line each."""
+    """Return the motion in a file as `read_motion` does, and what is left out or doubtful, a line each."""
     match file.kind:
         case "skeleton":
             raise FileError(file.path, "is a skeleton file, which has no motion; expected a BVH, glTF, VRM or FBX file")
@@ -71,7 +71,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
             if clip is not None:
                 raise FileError(file.path, "is BVH, which holds one motion without a name; leave out clip")
             try:
-                return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), ()
+                return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), tuple(doubts(file.text, motion))
             except MotionError as error:
                 raise error.in_file(file.path) from None
         case "arrays":

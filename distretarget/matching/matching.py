@@ -14,7 +14,8 @@ import numpy as np
 from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
-from distretarget.body.soles import Sole, find_soles, resting_normals
+from distretarget.body.mesh_soles import flat_normals
+from distretarget.body.soles import Sole, find_soles, resting_normals, with_normals
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
@@ -22,6 +23,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, normalised, read_only
 from distretarget.rig import KEPT, found_once, of_rig
 from distretarget.skeleton import JointMap
+from distretarget.skin.mesh import SkinnedMesh
 
 Found = TypeVar("Found")
 
@@ -46,8 +48,8 @@ class Matching:
         method: how each target joint was matched: "map", "name" (equal names), "names" (body parts by name or as the
             file's humanoid states), "shape" (body parts by shape), "tip" (child of a matched joint), or "" without a
             driver.
-        source_normals: the normals of the source's soles, left and right, if they are known otherwise than from its
-            poses; (3,) each, in the axes of its ankles.
+        source_normals, target_normals: the normals of the soles of either, left and right, if they are known otherwise
+            than from its poses; (3,) each, in the axes of its ankles.
     """
 
     source: Body
@@ -57,6 +59,7 @@ class Matching:
     blend: Array
     method: tuple[str, ...]
     source_normals: tuple[Array, Array] | None = None
+    target_normals: tuple[Array, Array] | None = None
 
     def __repr__(self) -> str:
         joints = self.target.skeleton.joints
@@ -66,7 +69,7 @@ class Matching:
     @cached_property
     def rig(self) -> Matching | None:
         """The same matching of bodies without motions, one object for all clips of the same rigs, without
-        `source_normals`; None where rest poses do not show how both bodies and their feet stand.
+        the normals of soles; None where rest poses do not show how both bodies and their feet stand.
         """
         source, target = self.source.rig, self.target.rig
         if source is None or target is None:
@@ -197,14 +200,16 @@ class Matching:
         """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
         same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle.
         """
-        if self.source_normals is None or not self._soles:
+        normals = self.source_normals, self.target_normals
+        if not self._soles or normals == (None, None):
             return self._soles
-        known = zip(self._soles, self.source_normals, strict=True)
-        return tuple((replace(sole, normal=normal, known=True), own) for (sole, own), normal in known)
+        sides = zip(zip(*self._soles, strict=True), normals, strict=True)
+        source, target = (soles if known is None else with_normals(soles, known) for soles, known in sides)
+        return tuple(zip(source, target, strict=True))
 
     @of_rig
     def _soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The same without `source_normals`."""
+        """The same as poses show them."""
         if self.legs is None:
             return ()
         feet = [*zip((self.source, self.target), self.legs, self.poses, strict=True)]
@@ -231,6 +236,13 @@ class Matching:
         normals = resting_normals(self.source_motion, self.legs[0], soles, self.source.up_vector)
         return replace(self, source_normals=normals)
 
+    def on_mesh_soles(self, mesh: SkinnedMesh | None) -> Matching:
+        """Return the same matching, with the target's soles as its mesh shows them, if it does."""
+        if self.legs is None or mesh is None:
+            return self
+        left, right = (own for _, own in self._soles)
+        return replace(self, target_normals=flat_normals(self.target, self.legs[1], (left, right), mesh))
+
     @of_rig
     def pelvis(self) -> int:
         """The target joint where the legs branch off, if it has a driver; else the first joint with a driver."""
@@ -247,7 +259,8 @@ def by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Foun
 
     @wraps(function)
     def find(matching: Matching) -> Found:
-        owner = matching.rig if matching.rig and matching.source_normals is None else matching
+        by_poses = matching.source_normals is None and matching.target_normals is None
+        owner = matching.rig if matching.rig and by_poses else matching
         if owner not in found:
             found[owner] = function(owner)
         return found[owner]
@@ -295,10 +308,10 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     not IK handles, which copy the joints they are named after. A MapError if `joint_map` names joints that do not
     exist.
     """
-    crossed = False  # whether left and right are swapped in the names of one body
     if source.left_is_left is not None and target.left_is_left is not None:
-        crossed = source.left_is_left != target.left_is_left
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
+    exchanged = [body.anatomy.exchanged if body.anatomy else "" for body in (source, target)]
+    crossed = exchanged[0] != exchanged[1]  # whether left and right are swapped in names of one body
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
     drivers, rotation_sources, blend, method = _paired(source, target, crossed, tuple(map_pairs.items()))
     return Matching(
@@ -336,7 +349,13 @@ def refusal(matching: Matching) -> str:
     limbs = [t.roles[role] for role in LIMB_ROLES if role in t.roles] if t else []
     lost = bool(limbs) and not shared and not (matching.drivers[limbs] >= 0).any()
     enough = named >= NAMED_SHARE * len(joints)
-    if "map" in matching.method or (enough and not lost):
+    if "map" in matching.method:
+        return ""
+    flat = [body.skeleton.is_flat for body in (matching.source, matching.target)]
+    if flat[0] != flat[1]:
+        which = "source" if flat[0] else "target"
+        return f"the tree of the {which} is flat: its joints hang from the root, not from each other"
+    if enough and not lost:
         return ""
     if not (s and t):
         body = "the source" if t else "the target" if s else "either of them"

@@ -37,6 +37,7 @@ SKATE = 0.2  # for at least this time [s]
 TERRAIN = 0.15  # feet that rest at heights that differ by more than this are not on one floor [leg lengths]
 SPAN = 0.05  # speeds of feet are means over this time before and after a frame [s]
 STILL = 0.1  # a foot joint slower than this stands on something [leg lengths / s]
+SLOWEST = 1.0  # no motion has fewer frames; a longer frame time is in milliseconds [s]
 LIKELY = 10  # no fewer resting frames show where the floor is
 
 
@@ -65,7 +66,7 @@ KINDS: Mapping[str, Kind] = {
     "up_axis": Kind("the axis up is another than that of the skeleton, or of most clips of its rig", plain=True),
     "sides": Kind("joints named left are on the right", plain=True),
     "unit": Kind("how many times larger or smaller the body is than in most clips of its rig", "times", 1.5),
-    "frame_time": Kind("how much the frame time differs from that of most clips of its rig", "%", 1.0),
+    "frame_time": Kind("how much the frame time differs from that of most clips of its rig, or is over 1 s", "%", 1.0),
     "duplicate": Kind("another clip has the same motion", plain=True),
 }
 
@@ -106,6 +107,10 @@ def find_faults(motion: Motion) -> Findings:
     contradicts = body.up_at_rest is not None and body.found_up not in (None, body.up_at_rest)
     findings["up_axis"] = Finding(float(contradicts), None, f"{body.found_up} is up" if contradicts else "")
     findings["sides"] = Finding(float(body.left_is_left is False))
+    if motion.frame_time > SLOWEST:
+        findings["frame_time"] = Finding(
+            100.0 * (motion.frame_time / SLOWEST - 1.0), None, f"{motion.frame_time:.3g} s a frame"
+        )
     return findings
 
 

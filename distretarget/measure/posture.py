@@ -96,6 +96,8 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
             axes = [(up, _along_foot(body, leg, up)) for body, leg, (up, _) in zip(bodies, legs, axes, strict=True)]
         if matching.source_normals is not None and axes[0][0].any():
             axes[0] = matching.source_normals[k], axes[0][1]
+        if matching.target_normals is not None and legs[1].toe != legs[1].ankle:
+            axes[1] = matching.target_normals[k], axes[1][1]
         add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
     return held
 

@@ -13,8 +13,11 @@ from distretarget.baseline.root_path import along_channels
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.bare import bare_mesh
+from distretarget.body.beside import Tree
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
+from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
+from distretarget.body.twins import without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -50,6 +53,14 @@ class Match:
     matching: Matching  # which source joint drives which target joint
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
+    skeleton: Skeleton | None = None  # of the target's file, where feet or hands do not hang in it as on its body
+    hips: Way | None = None  # from the target's hips in its file to those of its body, where these are elsewhere
+
+    def in_file(self, motion: Motion) -> Motion:
+        """Return a motion of the target's body as its file has the joints."""
+        skeleton = self.skeleton
+        motion = self.hips.back.motion(motion) if self.hips else motion
+        return Tree(skeleton, np.arange(len(skeleton))).motion(motion) if skeleton else motion
 
     @cached_property
     def undersides(self) -> Undersides | None:
@@ -78,14 +89,23 @@ def match_performer(
     """Match a source to its target, with the parameters and errors of `retarget`."""
     goal = target_for(source, target)
     _check(source, goal.skeleton)
-    of_source = Body.of_motion(source) if rest is None else Body.of_motion(source).standing_as(rest)
+    pairs = {**goal.map, **(joint_map or {})}
+    named = {*filter(None, pairs.values())}
+    of_source = at_thighs(Body.of_motion(without_twins(source, named)))
+    of_source = of_source if rest is None else of_source.standing_as(without_twins(rest, named))
     of_target = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
+    hips = way_to_thighs(of_target)
+    if hips and not hips.joint and goal.mesh():  # a mesh is where it is from its root
+        hips = None
+    of_target = at_thighs(of_target) if hips else of_target
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
-    pairs = {**goal.map, **(joint_map or {})}
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
-    found = Match(world, matching, skins, _bare(goal) if skins and not builds.target else None)
+    mesh = _bare(goal) if skins and not builds.target else None
+    matching = matching.on_mesh_soles(mesh)
+    hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()
+    found = Match(world, matching, skins, mesh, goal.skeleton if hangs_otherwise else None, hips)
     if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
@@ -174,7 +194,8 @@ class Performer:
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
         body = self.match.matching.body_joints
-        motion, copy = (along_channels(self.engine_root.placed(each), body) for each in (posed, self.clip.copy))
+        placed = (along_channels(self.engine_root.placed(each), body) for each in (posed, self.clip.copy))
+        motion, copy = map(self.match.in_file, placed)
         check_finite(motion)
         check_places(posed, self.clip)
         for each in (motion, copy):  # what is written needs no positions

@@ -10,10 +10,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.root_path import path_carriers
 from distretarget.baseline.world import World
+from distretarget.body.beside import Tree
 from distretarget.body.body import Body
+from distretarget.body.pelvis import way_to_thighs
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
@@ -41,6 +44,7 @@ from distretarget.skin.mesh import SkinnedMesh
 Labels = dict[str, NDArray[Any]]
 
 COMPARED = 10  # to compare a joint takes as long as to place this many
+TURNS = 15.0  # a body that should turn by more than this, and cannot, is worth a warning [degrees]
 REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
@@ -140,7 +144,7 @@ class RetargetResult:
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, surface)
 
         def compare(motion: Motion) -> Comparison:
-            comparison = reference.compare(motion)
+            comparison = reference.compare(self._on_body(motion))
             self.copy_stress if motion is self.rotation_copy else self.written_stress  # noqa: B018 - by these positions
             motion.forget()
             return comparison
@@ -148,6 +152,14 @@ class RetargetResult:
         side_by_side = mapper_for(len(self.motion), COMPARED * len(self.motion.skeleton))
         copy, result = side_by_side(compare, (self.rotation_copy, self.motion))
         return result, copy
+
+    def _on_body(self, motion: Motion) -> Motion:
+        """A motion of the target's file by the joints of its body, on which feet and hands may hang otherwise."""
+        own = self.matching.target.skeleton
+        hung = (motion.skeleton.parents != own.parents).any()
+        motion = Tree(own, np.arange(len(own))).motion(motion) if hung else motion
+        way = way_to_thighs(Body.of(motion.skeleton)) if (motion.skeleton.offsets != own.offsets).any() else None
+        return way.motion(motion) if way else motion
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
@@ -164,7 +176,8 @@ class RetargetResult:
         """The values per frame that only a run knows: against the rotation copy, and frames that did not converge."""
         not_converged = np.zeros(len(self.motion))
         not_converged[self.effort.not_converged] = 1.0
-        body, motions, (of_result, of_copy) = self.matching.target, (self.rotation_copy, self.motion), self._comparisons
+        body, (of_result, of_copy) = self.matching.target, self._comparisons
+        motions = self._on_body(self.rotation_copy), self._on_body(self.motion)
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
@@ -213,6 +226,8 @@ class RetargetResult:
             *limit_warnings(self.metrics, self.tracks, causes.of),
             *self._missed_places(causes),
             *self._lost_path(),
+            *self._lost_turn(),
+            *self._exchanged_sides(),
             *self.unmet,
         )
 
@@ -221,6 +236,23 @@ class RetargetResult:
         if travels and path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
             root = self.motion.skeleton.names[0]
             yield f"the body stays in place: the target's root {root!r} and the joints below lack position channels"
+
+    def _lost_turn(self) -> Iterator[str]:
+        skeleton, pelvis = self.motion.skeleton, self.matching.pelvis
+        if any(skeleton.rotation_axes(joint) for joint in skeleton.line(pelvis)):
+            return
+        turn = np.degrees(Rotation.from_quat(self.rotation_copy.world_rotations_of(pelvis)).magnitude()).max(
+            initial=0.0
+        )
+        if turn > TURNS:
+            lack = f"the target's root {skeleton.names[0]!r} lacks rotation channels"
+            yield f"the body keeps its heading and does not turn, by up to {turn:.0f} degrees: {lack}"
+
+    def _exchanged_sides(self) -> Iterator[str]:
+        for name, body in (("source", self.matching.source), ("target", self.matching.target)):
+            if body.anatomy and (what := body.anatomy.exchanged):
+                named = "left and right" if what == "sides" else f"left and right of the {what}"
+                yield f"the {name}'s names exchange {named}; they are taken as the body shows them"
 
     def _missed_places(self, causes: Causes) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys

@@ -1,0 +1,64 @@
+"""The soles that a mesh shows: the flat underside of each foot or shoe, on which it stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from distretarget.body.body import Body
+from distretarget.body.limbs import Legs
+from distretarget.body.soles import Sole
+from distretarget.numerics.vectors import Array, cross, lengths, normalised
+from distretarget.rig import found_once
+from distretarget.skin.mesh import SkinnedMesh
+
+SAME_FACE = np.cos(np.radians(10))  # faces of a hull within this angle are one side of the foot, rounded [cosine]
+# Least share of the hull's surface that is a flat sole: soles of real characters are 0.15 to 0.26 of it, the largest
+# face of a round foot is 0.05, and that of a pointed toe less.
+FLAT = 0.1
+NEAR = np.cos(np.radians(45))  # a sole is within this angle of where rest pose or joints show it: no side of the foot
+
+
+@found_once
+def flat_normals(body: Body, legs: Legs, soles: tuple[Sole, Sole], mesh: SkinnedMesh) -> tuple[Array, Array] | None:
+    """Return the normals of the soles of both feet as the body's mesh shows them, (3,) each, in the axes of the ankles;
+    None where one of the feet has no flat sole. `soles` are those that rest pose and joints show.
+
+    A foot rests on a face of its convex hull. Of the faces near to where the sole may be, the sole is that with the
+    most surface facing the same way; up in a rest pose that stands, if half as much faces there.
+    """
+    normals = [_flat_normal(body, leg.ankle, sole, mesh) for leg, sole in zip(legs, soles, strict=True)]
+    left, right = normals
+    return None if left is None or right is None else (left, right)
+
+
+def _flat_normal(body: Body, ankle: int, sole: Sole, mesh: SkinnedMesh) -> Array | None:
+    """The normal of the flat sole of one foot, (3,); None without one."""
+    ups, shares = _faces(mesh, body.skeleton.subtree(ankle))
+    known = [sole.normal, *([body.rest.axes[:, 1]] if body.stands_at_rest else [])]
+    near = np.flatnonzero((ups @ np.stack(known, axis=1) > NEAR).any(axis=1))
+    if not len(near):
+        return None
+    same = ups @ np.vstack([ups[near], known]).T > SAME_FACE
+    flat = shares @ same
+    best, at_known = flat[: len(near)].max(), flat[len(near) :]
+    if best < FLAT:
+        return None
+    if 2.0 * at_known[-1] > best:
+        return np.asarray(known[-1])
+    return normalised((shares * same[:, flat[: len(near)].argmax()]) @ ups)
+
+
+def _faces(mesh: SkinnedMesh, joints: list[int]) -> tuple[Array, Array]:
+    """The triangles of the convex hull of what some joints move most: the inward normal of each, (triangles, 3), and
+    its share of the hull's surface, (triangles,).
+    """
+    carriers = np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    points = mesh.vertices[np.isin(carriers, joints)]
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        return np.zeros((0, 3)), np.zeros(0)
+    a, b, c = points[hull.simplices].swapaxes(0, 1)
+    areas = lengths(cross(b - a, c - a))
+    return -hull.equations[:, :3], areas / areas.sum()
