@@ -16,7 +16,7 @@ from distretarget.objectives.contact_terms import Given, NearPairs, solve_frames
 def no_pairs(frames):
     """Return the pairs of a clip without contacts."""
     none, points, values = np.zeros(0, np.intp), np.zeros((frames, 0, 3)), np.zeros((frames, 0))
-    return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values)
+    return NearPairs(none, none, none, none, points, points, values, values)
 
 
 def stiffer_along(e, w, k):

@@ -59,17 +59,6 @@ def test_a_pair_that_comes_near_at_once_sets_in_smoothly_and_ahead(lead):
     np.testing.assert_allclose(f, f[::-1][np.arange(-1, 199)], atol=1e-12)
 
 
-@pytest.mark.parametrize("spike", [0.0, 0.4])
-def test_a_single_frame_unlike_its_neighbours_counts_for_nothing(spike):
-    D = np.full((60, 1), 0.4 - spike)
-    expected = activation(D, one_shot(D), 5, REACH)
-    D[30] = spike
-    np.testing.assert_array_equal(activation(D, one_shot(D), 5, REACH), expected)
-    D[31] = spike
-    if spike == 0.0:
-        assert activation(D, one_shot(D), 5, REACH)[30] == pytest.approx(1.0)
-
-
 def test_a_contact_right_after_a_cut_does_not_set_in_before_it():
     D = np.where(np.arange(80) < 40, 0.4, 0.05)[:, None]
     shots = (np.arange(80) >= 40).astype(np.intp)

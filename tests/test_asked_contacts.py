@@ -369,7 +369,7 @@ def test_the_program_lists_writes_and_takes_contacts(tmp_path):
     clip, body, listed = SAMPLES / "clap.bvh", SAMPLES / "child.json", tmp_path / "clap.contacts.json"
     printed = run("contacts", clip, body, "-o", listed)
     assert printed.returncode == 0
-    assert "left hand - right hand  frames 58-74    touching" in printed.stdout.splitlines()
+    assert "left hand - right hand  frames 58-75    touching" in printed.stdout.splitlines()
     plain, same, dropped = (tmp_path / f"{name}.bvh" for name in ("plain", "same", "dropped"))
     run(clip, body, "-o", plain, "-q")
     run(clip, body, "-o", same, "-q", "--contacts", listed)

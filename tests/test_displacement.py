@@ -6,7 +6,7 @@ from bodies import person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.objectives.skin import BodySkin
+from distretarget.objectives.skin import ELBOW, BodySkin
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements
@@ -23,6 +23,30 @@ def skin_of(belly=BELLY):
     joints = np.array([PERSON.index(joint) for joint in parts.values()])
     radii = np.array([[radius] * 2 for radius in (HAND, HAND, belly)])
     return BodySkin.of(BODY, Capsules(joints, np.zeros((3, 2, 3)), radii, np.array([*map(SEGMENTS.index, parts)])))
+
+
+def gap_along(share, part, depth=0.01, radius=0.04):
+    """The gap of the left forearm and a ball of a part of the body that is so deep in it at a share of its length."""
+    wrist = PERSON.offsets[PERSON.index("LeftWrist")]
+    joints = np.array([PERSON.index("LeftElbow"), PERSON.index("Chest")])
+    ends, segments = np.array([[0.0 * wrist, wrist], 2 * [0.0 * wrist]]), ["left forearm", part]
+    capsules = Capsules(joints, ends, np.full((2, 2), radius), np.array([*map(SEGMENTS.index, segments)]))
+    skin, across = BodySkin.of(BODY, capsules), np.array([0.0, 1.0, 0.0])
+    place = share * wrist + (2 * radius - depth) * across
+    gaps = segment_gaps(skin.balls, np.array([[[0.0 * wrist, wrist], [place, place]]]) / skin.unit, 1.0)
+    return gaps[0].min() * skin.unit
+
+
+@pytest.mark.parametrize("part", ["chest", "belly", "pelvis"])
+def test_a_forearm_gives_way_to_the_trunk_at_the_elbow_and_not_at_the_wrist(part):
+    assert gap_along(0.0, part) == pytest.approx(0.04 * ELBOW - 0.01)
+    assert gap_along(1.0, part) == pytest.approx(-0.01)
+    assert np.all(np.diff([gap_along(share, part, 0.0) for share in (0.0, 1 / 3, 2 / 3, 1.0)]) < 0)
+
+
+@pytest.mark.parametrize("part", ["head", "left thigh"])
+def test_a_forearm_does_not_give_way_to_other_parts(part):
+    assert gap_along(0.0, part) == gap_along(1.0, part) == pytest.approx(-0.01)
 
 
 def standing(turns, frames=1):

@@ -63,16 +63,18 @@ def activation(D: Array, shots: Shots, lead: float, reach: float) -> Array:
     """f: (frames, pairs), the activation of pairs of two bodies, 0 to 1, from their normalised distances D.
 
     It is 1 up to `reach`, 0 from `reach + FADE` on, and smooth in between; it rises before a contact and falls after it
-    over 2 `lead` frames. A median of three frames ignores a single faulty frame. Nothing spreads across a cut between
-    `shots`, (frames,).
+    over 2 `lead` frames. Nothing spreads across a cut between `shots`, (frames,). With the least D about each frame
+    (`numerics.joint_pairs.least_distances`) it is a function of time, whatever the frame rate.
     """
     hanging, raised, kept = np.full(D.shape[1], np.inf), np.zeros_like(D), np.ones_like(D)
     return SelfContact(lead, 0, reach).activation(D, hanging, raised, shots, kept)
 
 
 def activation_window(lead: float) -> int:
-    """The number of frames on each side that `activation` depends on: twice the lead, and one for the median."""
-    return 2 * round(lead) + 1
+    """The number of frames on each side that `activation` depends on: twice the lead, one for the least D about a
+    frame, and one for faults.
+    """
+    return 2 * round(lead) + 2
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,6 @@ class SelfContact:
         D, kept = np.ascontiguousarray(D), np.ascontiguousarray(kept)
         pairs = Pairs(D, kept, near, apart, hangs, np.take(D, hangs, axis=1), np.take(raised, hangs, axis=1))
         weights, f = raised_cosine(round(self.lead)), np.empty_like(D)
-        of_all, of_some = np.empty((3, *D.shape)), np.empty((6, frames, len(hangs)))
+        of_all, of_some = np.empty((3, *D.shape)), np.empty((5, frames, len(hangs)))
         write_activation(pairs, reach, farthest, STEADY, UNSTEADY, self.held, weights, of_all, of_some, f)
         return f

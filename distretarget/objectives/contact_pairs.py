@@ -9,7 +9,7 @@ import numpy as np
 from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs, hanging_distances, passing_regions
 from distretarget.distances import DistanceProblem
-from distretarget.numerics.joint_pairs import come_near, normalised_distances
+from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings, SelfContact
@@ -102,17 +102,20 @@ class Contacts:
         apart = contact.apart(pairs.hanging, ever_raised[pairs.u] | ever_raised[pairs.v])
         on = np.flatnonzero(come_near(source, source, pairs.u, pairs.v, apart * pairs.tau1))
         u, v, a, b = pairs.u[on], pairs.v[on], pairs.a[on], pairs.b[on]
-        D = normalised_distances(source, source, u, v, pairs.tau1[on])
+        D, least = least_distances(source, source, u, v, pairs.tau1[on], self.shots[around])
         kept = np.ones_like(D)
         for drop in self.drops:
             kept[np.ix_(drop.frames[around], drop.of(a, b))] = 0.0
         arms = np.maximum(raised[:, u], raised[:, v])
-        f = contact.activation(D, pairs.hanging[on], arms, self.shots[around], kept)[inside]
+        f = contact.activation(least, pairs.hanging[on], arms, self.shots[around], kept)[inside]
         f[:, pairs.passing[on]] *= (1.0 - standing)[:, None]
         D = D[inside]
         w = pair_stiffness(f, D, (u, v), source.shape[1], self.settings)
         w /= 1.0 + np.square(np.square(D / self.settings.reach))  # sooner than the fourth power
-        return NearPairs(a, b, u, v, pairs.ratio[on], source[inside], self.copy[block], f, w)
+        d_source, d_copy = (
+            np.take(points, u, axis=1) - np.take(points, v, axis=1) for points in (source[inside], self.copy[block])
+        )
+        return NearPairs(a, b, u, v, pairs.ratio[on, None] * d_source, d_copy, f, w)
 
 
 def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: int, settings: ContactSettings) -> Array:

@@ -1,9 +1,9 @@
 """The terms of the contact objective in a frame: springs of contact pairs and of supports, and the floor. Compiled.
 
-    1/2 w r^T (k I + (1 - k) e e^T) r,   r = x_u - x_v - delta,   delta = d_copy + f (tau2 / tau1 d_source - d_copy)
+    1/2 w r^T (k I + (1 - k) e e^T) r,   r = x_u - x_v - delta,   delta = d_copy + f (d_kept - d_copy)
 
-is the energy of a contact pair; f is the activation, 0 to 1; w the stiffness; e the direction of d_source; k w the
-stiffness perpendicular to e.
+is the energy of a contact pair; d_kept the difference that keeps it, tau2 / tau1 d_source between bodies without skin;
+f is the activation, 0 to 1; w the stiffness; e the direction of d_kept; k w the stiffness perpendicular to e.
 """
 
 from __future__ import annotations
@@ -31,9 +31,8 @@ class NearPairs(NamedTuple):
     b: I1  # (pairs,), the target's joint at v
     u: I1  # (pairs,), the first point
     v: I1  # (pairs,), the second point
-    ratio: F1  # (pairs,), tau2 / tau1 [body units / file unit]
-    source: F3  # (frames, points, 3), the points of the source [file units]
-    copy: F3  # (frames, points, 3), the points of the rotation copy [body units]
+    kept: F3  # (frames, pairs, 3), the difference x_u - x_v that keeps the contact [body units]
+    copied: F3  # (frames, pairs, 3), that of the rotation copy [body units]
     f: F2  # (frames, pairs), activation
     w: F2  # (frames, pairs), stiffness
 
@@ -64,31 +63,26 @@ def share_across(square):  # type: ignore[no-untyped-def]
 
 @inlined(fastmath=True)
 def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
-    """Write the spring of a pair in a frame: its rest vector d_copy + f (ratio d_source - d_copy) to `rest`, (3,), and
-    its stiffness, w along d_source and k w perpendicular to it (`share_across`), to `A`, (3, 3).
+    """Write the spring of a pair in a frame: its rest vector d_copy + f (d_kept - d_copy) to `rest`, (3,), and its
+    stiffness, w along d_kept and k w perpendicular to it (`share_across`), to `A`, (3, 3).
 
-    The stiffness is bounded by the length c of the change that the pair asks for, f |ratio d_source - d_copy|: it is
-    divided by (1 + (c / WITHIN)^4)^(1/4). So contacts in reach are firm, and others hardly bend the body.
+    The stiffness is bounded by the length c of the change that the pair asks for, f |d_kept - d_copy|: it is divided by
+    (1 + (c / WITHIN)^4)^(1/4). So contacts in reach are firm, and others hardly bend the body.
     """
-    u, v, f, w, ratio = near.u[pair], near.v[pair], near.f[frame, pair], near.w[frame, pair], near.ratio[pair]
-    dx = near.source[frame, u, 0] - near.source[frame, v, 0]
-    dy = near.source[frame, u, 1] - near.source[frame, v, 1]
-    dz = near.source[frame, u, 2] - near.source[frame, v, 2]
-    rest[0], rest[1], rest[2] = dx, dy, dz
-    change = 0.0
+    d, f, w, change = near.kept[frame, pair], near.f[frame, pair], near.w[frame, pair], 0.0
     for i in range(3):
-        copied = near.copy[frame, u, i] - near.copy[frame, v, i]
-        asked = f * (ratio * rest[i] - copied)
-        rest[i] = copied + asked
+        asked = f * (d[i] - near.copied[frame, pair, i])
+        rest[i] = near.copied[frame, pair, i] + asked
         change += asked * asked
     change /= WITHIN * WITHIN
     w /= np.sqrt(np.sqrt(1.0 + change * change))
-    square = dx * dx + dy * dy + dz * dz
-    across = w * share_across(ratio * ratio * square)
+    square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    across = w * share_across(square)
     along = (w - across) / square if square > 0.0 else 0.0
-    A[0, 0], A[0, 1], A[0, 2] = along * dx * dx + across, along * dx * dy, along * dx * dz
-    A[1, 0], A[1, 1], A[1, 2] = along * dx * dy, along * dy * dy + across, along * dy * dz
-    A[2, 0], A[2, 1], A[2, 2] = along * dx * dz, along * dy * dz, along * dz * dz + across
+    for i in range(3):
+        for j in range(3):
+            A[i, j] = along * d[i] * d[j]
+        A[i, i] += across
 
 
 class Given(NamedTuple):

@@ -12,7 +12,7 @@ from distretarget.numerics.vectors import F1, F2, F3, I1
 class Pairs(NamedTuple):
     """Pairs of joints in the frames of a shot."""
 
-    D: F2  # (frames, pairs), their normalised distances
+    D: F2  # (frames, pairs), the least normalised distance about each frame
     kept: F2  # (frames, pairs), 0 where a contact is dropped, else 1
     near: F1  # (pairs,), the D up to which each is in contact
     apart: F1  # (pairs,), the D from which it is not
@@ -36,40 +36,37 @@ def write_activation(
 ) -> None:
     """Write f, see `SelfContact.activation`. A hand that keeps its D up to `steady` within `held` frames before and
     after is in contact up to `reach`, and from `unsteady` on it is not; `weights` are those of the average, for as many
-    frames as contacts lead. `of_all`, (3, frames, pairs), and `of_some`, (6, frames, some), are scratch.
+    frames as contacts lead. `of_all`, (3, frames, pairs), and `of_some`, (5, frames, some), are scratch.
     """
-    D, before, after = of_all[0], of_all[1], of_all[2]
-    write_median(pairs.D, D)
+    largest, before, after = of_all[0], of_all[1], of_all[2]
     for frame in range(len(f)):
         for n in range(f.shape[1]):
-            f[frame, n] = _sets_in(D[frame, n], pairs.near[n], pairs.apart[n])
+            f[frame, n] = _sets_in(pairs.D[frame, n], pairs.near[n], pairs.apart[n])
     if len(pairs.hangs) > 0:
         _add_held(pairs, reach, farthest, steady, unsteady, held, of_some, f)
     for frame in range(len(f)):
         for n in range(f.shape[1]):
             f[frame, n] *= pairs.kept[frame, n]
     if len(weights) > 1:
-        write_largest(f, len(weights) - 1, before, after, D)
-        write_averaged(D, weights, f)
+        write_largest(f, len(weights) - 1, before, after, largest)
+        write_averaged(largest, weights, f)
 
 
 @inlined()
 def _add_held(pairs, reach, farthest, steady, unsteady, held, scratch, f):  # type: ignore[no-untyped-def]
     """Raise f where a hand keeps its distance."""
-    D, raised, most, least, before, after = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5]
-    write_median(pairs.D_of_hangs, D)
+    D, raised, most, least, before, after = pairs.D_of_hangs, scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
     write_largest(D, held, before, after, most)
     for frame in range(len(f)):
         for n in range(D.shape[1]):
             raised[frame, n] = -D[frame, n]
     write_largest(raised, held, before, after, least)
-    write_median(D, before)
     write_median(pairs.raised, raised)
     for frame in range(len(f)):
         for n in range(D.shape[1]):
             varies = most[frame, n] + least[frame, n]
             t = _within((unsteady - varies) / (unsteady - steady))
-            value = t * t * (3.0 - 2.0 * t) * raised[frame, n] * _sets_in(before[frame, n], reach, farthest)
+            value = t * t * (3.0 - 2.0 * t) * raised[frame, n] * _sets_in(D[frame, n], reach, farthest)
             f[frame, pairs.hangs[n]] = max(f[frame, pairs.hangs[n]], value)
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.springs import Springs
-from distretarget.numerics.joint_pairs import come_near, normalised_distances
+from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.time_series import Shots
+from distretarget.numerics.time_series import Shots, by_shot, median_of_three
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
 from distretarget.objectives.clip import Clip
@@ -126,8 +126,9 @@ def find_performer_contacts(
         a, b = (points.source[first : block.stop + margin] for points in (one, other))
         on = come_near(a, b, near_u, near_v, (settings.reach + FADE) * path[near_u, near_v])
         u, v = near_u[on], near_v[on]
-        D = normalised_distances(a, b, u, v, path[u, v])
-        f = activation(D, shots[first : block.stop + margin], lead, settings.reach)[inside] if len(u) else D[inside]
+        around = shots[first : block.stop + margin]
+        D, least = least_distances(a, b, u, v, path[u, v], around)
+        f = activation(least, around, lead, settings.reach)[inside] if len(u) else D[inside]
         D = D[inside] / 2.0  # over both paths, for the stiffness
         w = pair_stiffness(f, D, (u, v + len(one.joints)), len(one.joints) + len(other.joints), settings)
         w *= firmness(D, settings)
@@ -191,7 +192,8 @@ def find_prop_contacts(
     """
     distances = _nearest_distances(points.source, prop)
     D = distances / leg
-    f = activation(D, points.shots, settings.blend / frame_time, settings.reach) * free
+    faultless = by_shot(median_of_three, points.shots, D)
+    f = activation(faultless, points.shots, settings.blend / frame_time, settings.reach) * free
     on = np.flatnonzero(f.any(axis=0))
     ends = np.arange(len(on)), len(on) + points.regions[on]
     f, D, distances = f[:, on], D[:, on], distances[:, on]
