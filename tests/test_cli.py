@@ -72,7 +72,7 @@ BLOCKS = """{"format": "distretarget-skeleton", "version": 1, "joints": [
 BAD = {
     "missing source": (["none.bvh", "body.json", "-o", "out.bvh"], 1, "none.bvh"),
     "missing target": (["in.bvh", "none.json", "-o", "out.bvh"], 1, "none.json"),
-    "folder as source": (["sub", "body.json", "-o", "out.bvh"], 1, "sub"),
+    "folder as source": (["sub", "body.json", "-o", "out.bvh"], 2, "batch"),
     "empty file": (["empty.bvh", "body.json", "-o", "out.bvh"], 1, "empty.bvh"),
     "binary file": (["binary.bvh", "body.json", "-o", "out.bvh"], 1, "binary.bvh"),
     "typo in a key": (["in.bvh", "typo.json", "-o", "out.bvh"], 1, "ofset"),

@@ -17,7 +17,10 @@ from make_docs import ROOT
 
 PACKAGE = ROOT / "distretarget"
 REGISTRY = PACKAGE / "measure" / "metrics.py"
-SOURCES = [path for kind in ("py", "js", "html") for path in PACKAGE.rglob(f"*.{kind}") if path != REGISTRY]
+EXAMPLE = PACKAGE / "batch" / "packed.py"  # with a verdict as an example of what is compressed
+SOURCES = [
+    path for kind in ("py", "js", "html") for path in PACKAGE.rglob(f"*.{kind}") if path not in (REGISTRY, EXAMPLE)
+]
 FRAMES = 5
 
 

@@ -59,6 +59,8 @@ def _can_touch(part: str) -> list[bool]:
 # (parts, segments), the segments that each part can touch; (limbs, segments), those beside an arm that hangs.
 TOUCHABLE = np.array([_can_touch(part) for part in PARTS])
 BESIDE = np.array([_are(limb.split()[0], BESIDE_ARM) for limb in LIMBS])
+# (limbs, places), the places of the latter
+BESIDE_PLACES = np.array([np.isin(np.arange(PLACE_OF.max() + 1), PLACE_OF[beside]) for beside in BESIDE])
 # (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
 # at the wrist, which is not at the same place of every mesh.
 HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
@@ -147,7 +149,7 @@ class SkinMeasured:
         }
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class SourceSkin:
     """What touches in a source, which the skin of results is measured against."""
 
@@ -156,15 +158,15 @@ class SourceSkin:
     touches: Numbers  # (3, contacts), which of these, limb and segment, by frames
     gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
     spots: Array  # (contacts, 3), where on the segment, as `PartFrames.coordinates`
+    hanging: Flags  # (frames, limbs), whether the arm of each hangs
     frame_time: float  # [s]
 
     @classmethod
     def without_touches(cls, target: Skin, seen: Numbers, frame_time: float) -> SourceSkin:
         """A source in which nothing touches."""
         none = np.zeros((3, 0), np.intp)
-        return cls(
-            target=target, seen=seen, touches=none, gaps=np.zeros(0), spots=np.zeros((0, 3)), frame_time=frame_time
-        )
+        hanging = np.zeros((seen.max(initial=-1) + 1, len(LIMBS)), bool)
+        return cls(target, seen, none, np.zeros(0), np.zeros((0, 3)), hanging, frame_time)
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""
@@ -173,6 +175,7 @@ class SourceSkin:
         deepest, vertices = np.zeros((frames, len(PARTS))), np.zeros(frames)
         gaps, spots = np.zeros(len(self.gaps)), np.full((len(self.gaps), 3), np.nan)
         near = around(self.times[:frames], self._touching(frames))
+        near &= ~(self.hanging[self.seen[:frames], :, None] & BESIDE_PLACES)
         touching, touch = np.zeros(near.shape, bool), TOUCHING / 100.0 * skin.height
 
         def measure(block: slice) -> None:
@@ -186,11 +189,8 @@ class SourceSkin:
                 reach[frame[there[:, part]], either[there[:, part]], part] = np.inf
             depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach))
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            of_arm = np.maximum(depths[:, : len(LIMBS)], depths[:, HAND])
-            gaps[rows] = -np.where(there, of_arm[frame, limb], -np.inf).max(axis=1, initial=-np.inf)
-            same = PART_OF[segment][:, None] == PART_OF
-            nearest = np.where(same, of_arm[frame, limb], -np.inf).argmax(axis=1)
-            spots[rows] = _spots(skin, depths, places, frame, limb, nearest)
+            of_arm = _of_arms(depths)
+            gaps[rows], spots[rows] = _touch(skin, depths, places, frame, limb, segment)
             for place in range(near.shape[2]):
                 nearest_skin = of_arm[:, :, place == PLACE_OF].max(axis=2)
                 touching[block, :, place] = near[block, :, place] & (nearest_skin > -touch)
@@ -241,13 +241,16 @@ class SourceSkin:
         return (sums / np.maximum(counts, 1)).reshape(shape), counts.reshape(shape)
 
     def _times(self, touching: Flags, frames: int) -> tuple[Array, Numbers]:
-        """(frames, limbs), how far begins and ends of touches are off on average [ms], and how many there are."""
+        """(frames, limbs), how far begins and ends of touches of arms are off on average [ms], and how many there are,
+        in the columns of their hands.
+        """
         off, counts = np.zeros((frames, len(LIMBS))), np.zeros((frames, len(LIMBS)), np.intp)
         of_source = self._touching(len(touching))
-        for limb, place in np.argwhere(of_source.any(axis=0)):
-            values, some = off_times(self.times, of_source[:, limb, place], touching[:, limb, place])
-            off[self.seen, limb] += values
-            counts[self.seen, limb] += some
+        for hand, place in product(np.unique(HAND), range(touching.shape[2] if len(off) else 0)):
+            source, result = (each[:, hand == HAND, place].any(axis=1) for each in (of_source, touching))
+            values, some = off_times(self.times, source, result)
+            off[self.seen, hand] += values
+            counts[self.seen, hand] += some
         return off / np.maximum(counts, 1), counts
 
 
@@ -272,9 +275,8 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
             some = np.where(touching[:, :, on], of_limbs[:, :, on], -np.inf)
             touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
         frame, limb, segment = np.nonzero(touching)
-        of_arm = np.maximum(of_limbs[frame, limb, segment], of_limbs[frame, HAND[limb], segment])
-        spots = _spots(skin, depths, places, frame, limb, segment)
-        return np.stack([frames[frame], limb, segment]), -100.0 / skin.height * of_arm, spots
+        gaps, spots = _touch(skin, depths, places, frame, limb, segment)
+        return np.stack([frames[frame], limb, segment]), 100.0 / skin.height * gaps, spots
 
     def touches_in(frames: Numbers) -> tuple[Numbers, Array, Array]:
         in_blocks = [frames[block] for block in blocks_of(len(frames))]
@@ -289,13 +291,25 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
         order = np.argsort(touches[0], kind="stable")
         touches, gaps, spots = touches[:, order], gaps[order], np.concatenate([spots, spots_of_others])[order]
     touches[0] = np.searchsorted(seen, touches[0])
-    return SourceSkin(target=target, seen=seen, touches=touches, gaps=gaps, spots=spots, frame_time=source.frame_time)
+    return SourceSkin(target, seen, touches, gaps, spots, hanging, source.frame_time)
 
 
-def _spots(skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers) -> Array:
-    """(n, 3), where limbs, or the hands of their arms if these are nearer, touch segments, (n,) each."""
+def _of_arms(depths: Array) -> Array:
+    """(frames, limbs, segments), the depths of limbs, those of forearms being the larger of forearm and hand."""
+    return np.maximum(depths[:, : len(LIMBS)], depths[:, HAND])
+
+
+def _touch(
+    skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers
+) -> tuple[Array, Array]:
+    """Return how far limbs, or the hands of their arms, are off the places of the segments that they touch, (n,) each
+    [file units], and where they are nearest to the same part, (n, 3), as `PartFrames.coordinates`.
+    """
+    of_arm = _of_arms(depths)[frame, limb]
+    of_place = np.where(PLACE_OF[segment][:, None] == PLACE_OF, of_arm, -np.inf)
+    segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
     limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)
-    return skin.frames.coordinates(segment, places[frame, limb, segment])
+    return -of_place.max(axis=1, initial=-np.inf), skin.frames.coordinates(segment, places[frame, limb, segment])
 
 
 def _spread(frames: Numbers, step: float) -> Numbers:
