@@ -32,10 +32,11 @@ TAU = 0.12  # [s]
 UPPER = 6.0  # upper arms and thighs are this much stiffer: elbows bend before shoulders turn
 FADES = 10.0  # what is farther away in time than so many tau has no effect
 NEAR = 2.0  # where a limb moved in a step, so many tau around it take the next
-STEPS = 10  # at most
+STEPS = 20  # at most
 SETTLED = 2e-3  # a limb whose parts turn by less in a step does not move [rad]
 FARTHEST = 0.5  # no part turns by more in a step [rad]
-HALVINGS = 4  # of a step that leads up
+TRIES = 6  # of a step that leads up ...
+DAMPING = 8.0  # ... each stiffer by this factor in the frames that do
 STENCILS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 1.0))  # of w, w' and w''
 
 
@@ -140,6 +141,7 @@ class _Path:
             for i, a in enumerate(stencil):
                 for j, b in enumerate(stencil[: i + 1]):
                     self.M[j : max(count - len(stencil) + 1, 0) + j, i - j] += c * a * b
+        self.damping = np.zeros(count)
         self.terms = np.zeros(count), np.zeros((count, n)), np.zeros((count, n, 2 * n + 1))
 
     def settle(self) -> None:
@@ -153,25 +155,29 @@ class _Path:
                 moves[span] = np.abs(self._step(span)).max(axis=1) > SETTLED
 
     def _step(self, span: slice) -> Array:
-        """Take a Gauss-Newton step in some frames, or a share of it that leads down; return it, (frames, n)."""
+        """Take a step in some frames that leads down, damped where it led up before; return it, (frames, n)."""
         around = slice(max(span.start - 2, 0), span.stop + 2)
         inner = slice(span.start - around.start, span.stop - around.start)
         smooth = self.h * _product(self.M[around], self.x[around])[inner]
         energy, slope, bands = (each[span].copy() for each in self.terms)
-        count, n = slope.shape
+        now, damping, (count, n) = self.x[span].copy(), self.damping[span], slope.shape
         for k in range(3):
             bands[:, :, k * n] += self.M[span, k, None] * self.h
-        columns = bands.reshape(-1, 2 * n + 1).T
-        step = solveh_banded(columns, -(slope + smooth).ravel(), overwrite_ab=True, lower=True, check_finite=False)
-        step = step.reshape(count, n) * min(1.0, FARTHEST / max(extent(step), FARTHEST))
-        now = self.x[span].copy()
-        linear, square = (step * smooth).sum(), 0.5 * (self.h * step * _product(self.M[span], step)).sum()
-        for share in 0.5 ** np.arange(HALVINGS):
-            change = self._evaluate(span, now + share * step) - energy.sum() + share * linear + share**2 * square
+        for _ in range(TRIES):
+            damped = bands.copy()
+            damped[:, :, 0] += damping[:, None] * self.h
+            columns = damped.reshape(-1, 2 * n + 1).T
+            step = solveh_banded(columns, -(slope + smooth).ravel(), overwrite_ab=True, lower=True, check_finite=False)
+            step = step.reshape(count, n) * min(1.0, FARTHEST / max(extent(step), FARTHEST))
+            change = self._evaluate(span, now + step) - energy.sum()
+            change += (step * (smooth + 0.5 * self.h * _product(self.M[span], step))).sum()
             if change <= 0.0:
-                return np.asarray(share * step)
+                damping /= DAMPING
+                return np.asarray(step)
+            damping[self.terms[0][span] > energy] += 1.0
+            damping[self.terms[0][span] > energy] *= DAMPING
         self._evaluate(span, now)
-        return np.zeros_like(step)
+        return np.zeros_like(now)
 
     def _evaluate(self, span: slice, x: Array) -> float:
         """Take some frames of the path, and return the energy of their terms."""
