@@ -55,7 +55,7 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
     """
     parts = len(scratch.rotations)
     for part in range(parts):
-        _exp(v[part, 0], v[part, 1], v[part, 2], scratch.rotations[part], scratch.series[part])
+        write_rotation(v[part, 0], v[part, 1], v[part, 2], scratch.rotations[part], scratch.series[part])
     for i in range(3):
         scratch.x[0, i] = root[i] + v[parts, i]
         scratch.gradient[0, i] = 0.0
@@ -70,7 +70,7 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
 
 
 @inlined(fastmath=True)
-def _exp(x: float, y: float, z: float, E: Array, series: Array) -> None:
+def write_rotation(x: float, y: float, z: float, E: Array, series: Array) -> None:
     """Write the rotation matrix of a rotation vector, row by row (Rodrigues), and its factors of `Scratch.series`."""
     square = x * x + y * y + z * z
     if square < SMALL:

@@ -1,29 +1,29 @@
 """Skin: limbs bend so that skin touches where it touches in the source, and sinks in nowhere.
 
-It begins with the motion that keeps the contacts of joints. In each frame `skin.displacement` finds the displacements
-of elbows, wrists and knees that bring limbs out of the body, and skins that touch to the gap of the source. These lead
-in time: a limb that is about to sink in begins to leave its way before it arrives, and comes back afterwards.
+It begins with the motion that keeps the contacts of joints. In each frame `skin.displacement` finds how elbows, wrists
+and knees bring limbs out of the body. From there `ik.limb_bends` solves for all frames at once: limbs stay outside,
+skins that touch come to the gap of the source, and limbs move as smoothly as that lets them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
+from distretarget.ik.limb_bends import FADES, TAU, bends
+from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of, in_threads
-from distretarget.numerics.time_series import KeyFrames, Shots, by_shot, median_of_three, smoothstep, widened
-from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
+from distretarget.numerics.time_series import Shots, by_shot, smoothstep
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts
@@ -31,15 +31,12 @@ from distretarget.objectives.supports import Supports
 from distretarget.rig import found_once
 from distretarget.skin.balls import NEVER, Balls, balls_of, mean_radii, segment_gaps
 from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS, Capsules
-from distretarget.skin.displacement import REACH, displacements
+from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb, bent, shares_of
 from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
-MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
-LEAD = 0.08  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE, MEET, LAST = 0.14, 0.06, 0.06  # what is left is brought out, and averaged over these times on each side [s]
-RATE = 20.0  # displacements are found about as often, and interpolated [1/s]
+REACH = 0.06  # what is farther apart than this in the result is not brought to touch [body units]
 
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
 
@@ -148,78 +145,81 @@ def _skin_of(body: Body, capsules: Capsules) -> BodySkin:
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
-    keys = KeyFrames.of(clip.shots, clip.frame_time, RATE)
-    margin = round((4.0 * LEAD + SETTLE + MEET + 2.0 * LAST + 2.0 * keys.time) / clip.frame_time) + 2
-    chunks = chunks_of(len(clip), margin)
+    chunks = chunks_of(len(clip), round(FADES * TAU / clip.frame_time))
     posed.positions  # noqa: B018 - once for all chunks
 
     def displaced(chunk: Chunk) -> Array:
         around = chunk.context
-        d = _displaced(clip[around], skins, posed[around], supports[around], settings, keys[around])
+        d = _displaced(clip[around], skins, posed[around], supports[around], settings)
         return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
 
     d = np.concatenate([*in_threads(displaced, chunks)])
     return bent(posed, skins.target.limbs, skins.target.unit * d)
 
 
-def _displaced(
-    clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings, keys: KeyFrames
-) -> Array:
+def _displaced(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Array:
     """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units]."""
-    body, source, at = skins.target, skins.source, keys.numbers
-    balls = body.balls
-    ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
-    in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source))[at], APART)
+    body, source, balls = skins.target, skins.source, skins.target.balls
+    in_source = segment_gaps(source.balls, source.posed(clip.source), APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
-    soft = softness(balls, balls.pairs, in_source)
-    touching = how_touching(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]], in_source)
-    firmness = touching * _meant(clip, body, touching, supports, settings, at)
-    given = ends, limb_places(body, posed), how_free(clip, body, supports, settings)
-    return led(balls, body.displaced, given, (soft, np.maximum(in_source, 0.0), firmness), keys)
+    spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
+    gaps = spots.least(in_source)
+    touching = how_touching(spots, gaps)
+    frames = Frames(
+        posed=body.posed(posed),
+        limbs=limb_places(body, posed),
+        free=how_free(clip, body, supports, settings),
+        soft=softness(balls, balls.pairs, in_source),
+        aims=np.maximum(gaps, 0.0),
+        firmness=touching * _meant(clip, body, spots),
+    )
+    return brought_out(balls, body.displaced, spots, frames, body.limbs, clip.shots, clip.frame_time, REACH)
+
+
+def brought_out(
+    balls: Balls,
+    displaced: Displaced,
+    spots: Spots,
+    frames: Frames,
+    limbs: Sequence[Limb],
+    shots: Shots,
+    frame_time: float,
+    reach: float,
+) -> Array:
+    """Return how far to displace limbs, (frames, limbs, 2, 3), from where they are; see `ik.limb_bends.bends`."""
+    start = by_shot(partial(displacements, balls, displaced), shots, *frames[:4])
+    arms = np.array([limb.is_arm for limb in limbs], bool)
+    return bends(balls, displaced, spots.of_pair, frames, arms, start, shots, frame_time, reach)
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Where limbs can touch: segments of limbs, and the places that they touch. What is meant for a pair of segments is
+    meant for all pairs of its spot, of which the nearest touches.
+    """
+
+    limbs: Numbers  # (spots,), the segment of the limb
+    places: Numbers  # (spots,), the place
+    of_pair: Numbers  # (pairs,), the spot of each pair of segments
+
+    @classmethod
+    def of(cls, limbs: Numbers, places: Numbers) -> Spots:
+        """Return the spots of pairs, (pairs,), of segments of limbs and places."""
+        both, of_pair = np.unique(np.stack([limbs, places]), axis=1, return_inverse=True)
+        return cls(both[0], both[1], of_pair.ravel())
+
+    def least(self, gaps: Array) -> Array:
+        """(frames, spots), the least of the gaps of each spot's pairs, (frames, pairs)."""
+        least = np.full((len(gaps), len(self.limbs)), np.inf)
+        for pair, spot in enumerate(self.of_pair):
+            np.minimum(least[:, spot], gaps[:, pair], out=least[:, spot])
+        return least
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
     """(frames, limbs, 3, 3), the top, the middle and the end of each limb [body units]."""
     joints = np.array([limb.joints for limb in body.limbs], np.intp).reshape(-1, 3)
-    return median_of_three(posed.positions[:, joints]) / body.unit
-
-
-def led(
-    balls: Balls,
-    displaced: Displaced,
-    geometry: tuple[Array, Array, Array],
-    asked: tuple[Any, ...],
-    keys: KeyFrames,
-    reach: float = REACH,
-) -> Array:
-    """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after; only parts that
-    both give way, such as hands that clap, meet without a lead. Of the arguments of `displacements`, `geometry` are
-    `posed` to `free` in all frames, `asked` are `soft` to `firmness` at key frames.
-    """
-    find: Callable[..., Array] = partial(displacements, balls, displaced, reach=reach)
-    at_keys, shots = tuple(each[keys.numbers] for each in geometry), keys.shots[keys.numbers]
-    soft, aims, firmness = asked
-    apart, none = np.where(displaced.mutual, NEVER, soft), np.zeros_like(soft)
-    meets, others = np.where(displaced.mutual, firmness, 0.0), np.where(displaced.mutual, 0.0, firmness)
-    sides = by_shot(find, shots, *at_keys, soft, aims, others) if meets.any() else None
-    d = _led_by(by_shot(find, shots, *at_keys, apart, aims, others), shots, LEAD / keys.time)
-    d = _averaged(find(*at_keys, apart, aims, none, d), shots, SETTLE / keys.time)
-    d = keys.between(_averaged(find(*at_keys, soft, aims, meets, d, sides), shots, MEET / keys.time))
-    soft, last = keys.between(soft), LAST / keys.frame_time
-    left = find(*geometry, soft, soft, np.zeros_like(soft), d) - d
-    return _averaged(d + _led_by(left, keys.shots, last / 2.0), keys.shots, last)
-
-
-def _led_by(d: Array, shots: Shots, frames: float) -> Array:
-    """Displacements held for so many frames before and after, and eased in and out over as many."""
-    size = by_shot(partial(widened, frames=frames), shots, lengths(d))
-    direction = by_shot(partial(averaged, reach=2 * round(frames) + 1), shots, d)
-    return np.asarray(size[..., None] * normalised(direction))
-
-
-def _averaged(d: Array, shots: Shots, frames: float) -> Array:
-    """Displacements averaged over so many frames on each side, one at the least."""
-    return by_shot(partial(averaged, reach=max(round(frames), 1)), shots, d)
+    return np.asarray(posed.positions[:, joints] / body.unit)
 
 
 def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
@@ -244,20 +244,9 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
     return free
 
 
-def how_touching(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
-    """(frames, pairs), how near pairs of a limb's segment and one at a place are by their gaps, 0 to 1: only arms, and
-    only the nearest at each place.
-    """
-    return np.asarray(smoothstep((APART - gaps) / (APART - TOUCH)) * _nearest(limbs, places, gaps) * IS_ARM[limbs])
-
-
-def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
-    """(frames, pairs), 1 for the least gap of a limb and a place, 0 for gaps that are larger by `MARGIN` and more."""
-    nearest = np.empty_like(gaps)
-    for limb, where in {*zip(limbs.tolist(), places.tolist(), strict=True)}:
-        on = (limbs == limb) & (places == where)
-        nearest[:, on] = gaps[:, on].min(axis=1)[:, None]
-    return 1.0 - smoothstep((gaps - nearest) / MARGIN)
+def how_touching(spots: Spots, gaps: Array) -> Array:
+    """(frames, spots), how near limbs are to what they touch, 0 to 1, by gaps, (frames, spots); only arms touch."""
+    return np.asarray(smoothstep((APART - gaps) / (APART - TOUCH)) * IS_ARM[spots.limbs % len(SEGMENTS)])
 
 
 def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
@@ -275,33 +264,22 @@ def of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
     return np.take(np.pad(gaps, ((0, 0), (0, 1)), constant_values=APART), found, axis=1)
 
 
-def _meant(
-    clip: Clip, body: BodySkin, touching: Array, supports: Supports, settings: ContactSettings, at: Numbers
-) -> Array:
-    """(keys, pairs), how much each pair of segments is meant to touch, 0 to 1: the largest activation of a contact
-    pair of the first segment and of the place that the second belongs to. Only blocks of frames in which any pair is
-    `touching`, (keys, pairs), count, and of the hands' joints only wrists and what is farthest from them.
+def _meant(clip: Clip, body: BodySkin, spots: Spots) -> Array:
+    """(frames, spots), how much each is meant to be touched, 0 to 1: by an arm as far as it is raised or bent, as one
+    that hangs is near the body anyway; and none that is dropped.
     """
-    if not touching.any():
-        return touching
-    pairs, targets = body.balls.pairs, clip.distances.targets
-    of_point = body.of_joint[targets]
-    chosen = np.ones(len(targets), bool)
-    for segment in (number for number, name in enumerate(SEGMENTS) if "hand" in name):
-        points = np.flatnonzero(of_point == segment)
-        if len(points):
-            reach = clip.skeleton.paths_from(targets.item(points[0]))[targets[points]]
-            chosen[points] = (points == points[0]) | (points == points[reach.argmax()])
-    contacts, meant = Contacts.of(clip, settings, chosen), np.zeros(touching.shape)
-    for block in blocks_of(len(clip)):
-        keys = slice(*np.searchsorted(at, (block.start, block.stop)))
-        if not touching[keys].any():
-            continue
-        near = contacts.near(block, supports[block].standing)
-        of_u, of_v, f = of_point[near.u], of_point[near.v], near.f[at[keys] - block.start]
-        for column in np.flatnonzero(touching[keys].any(axis=0)):
-            limb, other = pairs[column]
-            on = ((of_u == limb) & (PLACE[of_v] == PLACE[other])) | ((of_v == limb) & (PLACE[of_u] == PLACE[other]))
-            if on.any():
-                meant[keys, column] = f[:, on].max(axis=1)
+    of_joint, sources = body.of_joint, clip.distances.sources
+    of_point, arms = of_joint[clip.distances.targets], PLACE[:-1][IS_ARM]
+    meant = np.ones((len(clip), len(spots.limbs)))
+    for spot, (limb, place) in enumerate(zip(spots.limbs, spots.places, strict=True)):
+        if place not in arms:
+            meant[:, spot] = clip.raised_arms[:, sources[of_point == limb]].max(axis=1, initial=0.0)
+        ends = np.flatnonzero(of_joint == limb), np.flatnonzero(PLACE[of_joint] == place)
+        for drop in clip.drops:
+            if any(
+                np.isin(a, one).any() and np.isin(b, other).any()
+                for a, b in (ends, ends[::-1])
+                for one, other in [drop.parts]
+            ):
+                meant[drop.frames, spot] = 0.0
     return meant

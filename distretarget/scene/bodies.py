@@ -13,7 +13,6 @@ from itertools import permutations, product
 import numpy as np
 
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import median_of_three
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.skin import BodySkin, limb_places
 from distretarget.scene.prop_surface import Surface, nearest_places
@@ -142,7 +141,7 @@ class Bodies:
             centres = (1.0 - t) * of_limbs[:, :, 0] + t * of_limbs[:, :, 1]
             props = zip(self.shapes, self.moved(motions), strict=True)
             posed = np.concatenate([posed, *(self._within(*prop, centres) for prop in props)], axis=1)
-        return median_of_three(posed)
+        return posed
 
     def _within(self, shape: PropShape, motion: Motion, centres: Array) -> Array:
         """(frames, balls, 2, 3), where the balls of a prop are that touch its surface next to those of limbs about

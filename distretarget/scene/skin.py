@@ -1,8 +1,8 @@
 """Skin of performers who share a world: limbs leave other bodies and props, and hands that touch them lie on them.
 
 Here all performers are one body with many limbs, in one unit, so that limbs that meet give way alike; their own parts
-stay apart as well. First, hands that touch another performer or a prop in the source are drawn to its surface, then
-limbs leave what they are in, leading in time as those of a single performer (`objectives.skin`).
+stay apart as well. Hands that touch another performer or a prop in the source are drawn to its surface, and limbs leave
+what they are in, as those of a single performer (`objectives.skin`).
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from functools import partial
 import numpy as np
 
 from distretarget.body.build import average_for
+from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.moving import averaged
-from distretarget.numerics.time_series import KeyFrames, by_shot, smoothstep, widened
-from distretarget.numerics.vectors import Array, Numbers, normalised
+from distretarget.numerics.time_series import by_shot, smoothstep, widened
+from distretarget.numerics.vectors import Array, normalised
 from distretarget.objectives.skin import (
     APART,
-    RATE,
     Skins,
+    Spots,
+    brought_out,
     how_free,
     how_touching,
-    led,
     of_pairs,
     softness,
 )
@@ -38,12 +38,11 @@ from distretarget.scene.contacts import PropContacts
 from distretarget.scene.scene_contacts import SceneContacts, common_shots
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import PLACE, SEGMENTS
-from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb
 
 WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
 TRIES = 4  # to find the frames in which it stays
-BLEND = 0.16  # hands are drawn by the average over this time on each side, weighted by a raised cosine [s]
+BLEND = 0.16  # around frames in which a limb stays, it comes back over this time [s]
 
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
@@ -136,26 +135,23 @@ def _apart(
     in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
     least = np.where(bodies.encloses, np.minimum(in_source, 0.0), 0.0)
-    soft, own = np.maximum(softness(balls, bodies.parts, in_source), -least), np.equal(*(balls.pairs // COUNT).T)
-    of_each = zip(performers, bodies.skins, strict=True)
-    free = np.concatenate([how_free(one.clip, body, one.supports, one.settings) for one, body in of_each], axis=1)
-    shots, time = common_shots(performers), clips[0].frame_time
-
-    ends, gaps = bodies.posed(posed), bodies.gaps(posed)
-    firmness = _touching(balls.pairs, bodies.parts, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
-    drawn, aims = np.asarray(firmness.any(axis=1)), np.maximum(in_source, least)
-    if drawn.any():
-        find = partial(displacements, balls, bodies.displaced, reach=FARTHEST)
-        only_drawn = np.where(drawn[:, None], soft, FARTHEST)
-        moves = by_shot(find, shots, ends, bodies.limbs(posed), free, only_drawn, aims, firmness)
-        moves = by_shot(partial(averaged, reach=round(BLEND / time)), shots, moves)
-        posed, drawn = bodies.bent(posed, moves), np.asarray(moves.any(axis=(1, 2, 3)))
-
-    ends, gaps = bodies.posed(posed), bodies.gaps(posed)
-    soft = np.where(own & ~drawn[:, None], np.maximum(soft, -gaps), soft)  # own parts are apart already
-    keys, given = KeyFrames.of(shots, time, RATE), (ends, bodies.limbs(posed), free)
-    asked = tuple(each[keys.numbers] for each in (soft, aims, np.zeros_like(gaps)))
-    return bodies.bent(posed, led(balls, bodies.displaced, given, asked, keys, FARTHEST))
+    soft, gaps = np.maximum(softness(balls, bodies.parts, in_source), -least), bodies.gaps(posed)
+    (one, other), parts = (balls.pairs // COUNT).T, bodies.parts
+    spots = Spots.of(balls.pairs[:, 0], PLACE[parts[:, 1]] + COUNT * other)  # on each performer and prop
+    of_hands = np.where((one != other) & IS_HAND[parts].any(axis=1), in_source, APART)
+    touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / FARTHEST))
+    each = zip(performers, bodies.skins, strict=True)
+    frames = Frames(
+        posed=bodies.posed(posed),
+        limbs=bodies.limbs(posed),
+        free=np.concatenate([how_free(p.clip, body, p.supports, p.settings) for p, body in each], axis=1),
+        soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
+        aims=spots.least(np.maximum(in_source, least)),
+        firmness=touching,
+    )
+    limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
+    moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, FARTHEST)
+    return bodies.bent(posed, moves)
 
 
 def _where_it_helps(
@@ -195,13 +191,3 @@ def _blended(limbs: Sequence[Limb], before: Motion, after: Motion, shares: Array
         a = np.where((a * b).sum(axis=-1, keepdims=True) < 0.0, -a, a)
         rotations[cells] = normalised(a + share[share < 1.0, None, None] * (b - a))
     return replace(after, rotations=rotations)
-
-
-def _touching(pairs: Numbers, segments: Numbers, in_source: Array) -> Array:
-    """(frames, pairs), how much a hand touches another performer or a prop in the source, 0 to 1; 0 for other pairs.
-    `segments`, (pairs, 2), are the parts of the body that the pairs are of.
-    """
-    (one, other), (limbs, parts) = (pairs // COUNT).T, segments.T
-    hands = (one != other) & (IS_HAND[limbs] | IS_HAND[parts])
-    places = PLACE[parts] + COUNT * (other + pairs.max(initial=0) * one)  # of each two performers
-    return np.asarray(hands * how_touching(limbs, places, in_source))

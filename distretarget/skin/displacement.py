@@ -5,10 +5,9 @@ the wrist's, and the hand by the wrist's; legs are alike. The displacements of a
 and the bones of limbs their lengths, as their tangents say; these are found at the displacements of the frame before,
 so that a limb leaves a body on the side on which it entered, and again at those that they lead to. So a limb whose way
 leads through a body slides round it; where it has slid away from a much shorter way out on the same side, it takes
-that. A limb that was only drawn to what it touches has not entered it: its own way says on which side it is. The least
-displacements are found by projected Gauss-Seidel: each tangent in turn pushes by as much as it lacks (K. Erleben,
-"Velocity-based shock propagation for multibody dynamics animation", ACM Transactions on Graphics 26 (2007),
-doi:10.1145/1243980.1243986).
+that. The least displacements are found by projected Gauss-Seidel: each tangent in turn pushes by as much as it lacks
+(K. Erleben, "Velocity-based shock propagation for multibody dynamics animation", ACM Transactions on Graphics 26
+(2007), doi:10.1145/1243980.1243986).
 """
 
 from __future__ import annotations
@@ -18,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.vectors import B1, F2, F3, F4, Array, clear, copy_to
+from distretarget.numerics.vectors import F2, F3, F4, Array, clear, copy_to
 from distretarget.skin.balls import Balls, Placed, room_for
 from distretarget.skin.tangents import (
     Displaced,
@@ -36,18 +34,7 @@ AFRESH = 4  # the same without those of the frame before
 MUCH_SHORTER = 0.8  # the share of a way out from which a shorter one is taken
 SWEEPS = 12  # over all tangents
 SETTLED = 1e-3  # it ends where limbs move by less than this in sum [body units]
-REACH = 0.06  # balls and capsules that are farther apart than this do not touch [body units]
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
-
-
-class Constraints(NamedTuple):
-    """What is asked of limbs in some frames, see `displacements`."""
-
-    limbs: F4
-    free: F3
-    soft: F2
-    aims: F2
-    firmness: F2
 
 
 class Room(NamedTuple):
@@ -57,25 +44,11 @@ class Room(NamedTuple):
     rows: Tangents
     ends: F3  # (capsules, 2, 3)
     nowhere: F3  # (limbs, 2, 3), no displacements
-    least: F3  # (limbs, 2, 3), those that are to change by the least
     before: F3  # (limbs, 2, 3), those of the turn before
     afresh: F3  # (limbs, 2, 3), those found from none
-    pushed: B1  # (limbs,), which the next frame starts from
 
 
-def displacements(
-    balls: Balls,
-    displaced: Displaced,
-    posed: Array,
-    limbs: Array,
-    free: Array,
-    soft: Array,
-    aims: Array,
-    firmness: Array,
-    start: Array | None = None,
-    outside: Array | None = None,
-    reach: float = REACH,
-) -> Array:
+def displacements(balls: Balls, displaced: Displaced, posed: Array, limbs: Array, free: Array, soft: Array) -> Array:
     """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3).
 
     Args:
@@ -85,103 +58,49 @@ def displacements(
         limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
         free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
         soft: (frames, pairs), how far segments may overlap, because flesh gives way.
-        aims: (frames, pairs), the gap that segments that touch are brought to.
-        firmness: (frames, pairs), how far they are brought there, 0 to 1.
-        start: (frames, limbs, 2, 3), displacements that change by the least, and not where there are none and nothing
-            touches. None for the least displacements of all, found about those of the frame before.
-        outside: (frames, limbs, 2, 3), displacements with which each limb is on its own side of what it touches;
-            `start` may be on the other. None for `start` itself.
-        reach: balls and capsules that are farther apart than this do not meet [body units].
     """
-    count, given = limbs.shape[1], start is not None
+    count = limbs.shape[1]
     moved = displaced._replace(limbs=displaced.limbs % (count + 1))
     result = np.zeros((len(posed), count + 1, 2, 3))  # the last limb is that of what no limb carries
     free = np.concatenate([free, np.zeros((len(posed), 1, 2))], axis=1)
-    if start is not None:
-        result[:, :count] = start
-    sides = result if outside is None else np.pad(outside, ((0, 0), (0, 1), (0, 0), (0, 0)))
-    constraints = Constraints(*map(np.ascontiguousarray, (limbs, free, soft, aims, firmness)))
-
-    def write(frames: slice) -> None:
-        some = Constraints(*(each[frames] for each in constraints))
-        of_limbs = *np.zeros((4, count + 1, 2, 3)), np.zeros(count + 1, np.bool_)
-        room = Room(room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *of_limbs)
-        _write_displacements(balls, moved, posed[frames], some, given, reach, room, sides[frames], result[frames])
-
-    if given:
-        over_blocks(write, len(posed), len(balls.carriers))
-    else:
-        write(slice(None))
+    room = Room(room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *np.zeros((3, count + 1, 2, 3)))
+    posed, limbs, free, soft = map(np.ascontiguousarray, (posed, limbs, free, soft))
+    _write_displacements(balls, moved, posed, limbs, free, soft, room, result)
     return result[:, :count]
 
 
 @compiled(fastmath=True)
 def _write_displacements(
-    balls: Balls,
-    displaced: Displaced,
-    posed: F4,
-    constraints: Constraints,
-    given: bool,
-    reach: float,
-    room: Room,
-    outside: F4,
-    result: Out[F4],
+    balls: Balls, displaced: Displaced, posed: F4, limbs: F4, free: F3, soft: F2, room: Room, result: Out[F4]
 ) -> None:
-    limbs, free, soft, aims, firmness = constraints
-    placed, rows, ends, nowhere, least, before, afresh, pushed = room
+    placed, rows, ends, nowhere, before, afresh = room
     for frame in range(len(posed)):
         d = result[frame]
-        asked = soft[frame], aims[frame], firmness[frame]
-        if given:
-            touches = firmness[frame].any()
-            if _way_between(d, nowhere) < NOTHING and not touches:
-                clear(d)
-                continue
-            copy_to(least, d)
-            if touches:
-                copy_to(d, outside[frame])
-        elif frame > 0:
-            for limb in range(len(d)):
-                if pushed[limb]:
-                    copy_to(d[limb], result[frame - 1, limb])
-        from_none = not given and _way_between(d, nowhere) < NOTHING
-        if from_none:
-            clear(d)
+        if frame > 0:
+            copy_to(d, result[frame - 1])
+        from_none = _way_between(d, nowhere) < NOTHING
         # From those of the frame before; then from none; then from the shorter of the two for each limb.
-        for attempt in range(1 if given or from_none else 3):
+        for attempt in range(1 if from_none else 3):
             if attempt == 1:
                 copy_to(afresh, d)
+            if from_none or attempt == 1:
                 clear(d)
             elif attempt == 2 and not _take_shorter(d, afresh):
                 break
-            without = from_none or attempt == 1
-            for turn in range(AFRESH if without else TURNS):
+            for turn in range(AFRESH if from_none or attempt == 1 else TURNS):
                 copy_to(before, d)
                 place_displaced(balls, displaced, posed[frame], d, ends, placed)
-                count = find_gaps(balls, displaced, placed, free[frame], d, asked, reach, rows)
-                if without and turn == 0:
-                    _note_pushed(rows, count, pushed)
+                count = find_gaps(balls, displaced, placed, free[frame], d, soft[frame], rows)
                 if count > 0:
                     count = find_lengths(limbs[frame], free[frame], d, rows, count)
                 if turn % TURNS == 0:
-                    copy_to(d, least)
+                    clear(d)
                 _push_all(rows, count, d)
                 if _way_between(before, d) < SETTLED or (attempt == 1 and not _any_shorter(d, afresh)):
                     break
-
-
-@inlined(fastmath=True)
-def _note_pushed(rows, count, pushed):  # type: ignore[no-untyped-def]
-    """Note the limbs whose displacements the next frame starts from. A limb that is inside another part without any
-    displacement is added; one that is drawn to a contact and not inside is taken out. `count` tangents of gaps without
-    displacements say which.
-    """
-    for row in range(count):
-        if rows.least[row] < 0.0:
-            pushed[rows.limbs[row, 0]] = pushed[rows.limbs[row, 1]] = False
-    for row in range(count):
-        if rows.least[row] == 0.0 and rows.values[row] < 0.0:
-            pushed[rows.limbs[row, 0]] = pushed[rows.limbs[row, 1]] = True
+        for limb in range(len(d)):
+            if _way_between(d[limb], nowhere[limb]) < NOTHING:
+                clear(d[limb])
 
 
 @inlined(fastmath=True)

@@ -44,7 +44,7 @@ class Tangents(NamedTuple):
 
 def tangents_for(balls: Balls, limbs: int) -> Tangents:
     """Return room for the tangents of a frame of a body with so many limbs."""
-    most = int((balls.spare < NEVER).sum()) + len(balls.pairs) + 2 * limbs
+    most = int((balls.spare < NEVER).sum()) + 2 * limbs
     of_four = (np.zeros((most, width)) for width in (4, 4, 3))
     return Tangents(np.zeros((most, 2), np.intp), *of_four, *np.zeros((5, most)))
 
@@ -64,27 +64,16 @@ def place_displaced(balls: Balls, displaced: Displaced, posed: Array, d: Array, 
 
 
 @inlined(fastmath=True)
-def find_gaps(balls, displaced, placed, free, d, asked, reach, rows):  # type: ignore[no-untyped-def]
+def find_gaps(balls, displaced, placed, free, d, soft, rows):  # type: ignore[no-untyped-def]
     """Write the tangents of the gaps of a frame at displacements d, (limbs, 2, 3); return how many there are."""
-    soft, aims, firm = asked
     count = 0
     for pair in range(len(balls.pairs)):
-        far = MARGIN - soft[pair]
-        lowest = reach if firm[pair] > 0.0 else -NEVER
-        both, nearest = displaced.mutual[pair], -1
-        for meeting in range(find_meetings(balls, pair, max(far, lowest), placed)):
+        far, both = MARGIN - soft[pair], displaced.mutual[pair]
+        for meeting in range(find_meetings(balls, pair, far, placed)):
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
             gap, t, x, y, z = gap_of(balls, ball, capsule, placed)
             if gap < far and _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
                 _write(rows, count, x, y, z, gap + soft[pair], GIVES, 0.0, d)
-                count += 1
-            if gap < lowest:
-                lowest, nearest = gap, meeting
-        if nearest >= 0:
-            ball, capsule = placed.meetings[nearest, 0], placed.meetings[nearest, 1]
-            gap, t, x, y, z = gap_of(balls, ball, capsule, placed)
-            if _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
-                _write(rows, count, x, y, z, gap - aims[pair], (1.0 + GIVES) / firm[pair] ** 2 - 1.0, -NEVER, d)
                 count += 1
     return count
 

@@ -1,0 +1,196 @@
+"""How limbs bend over a whole clip so that skins stay apart, and closed where they touch: one solve over time.
+
+The unknowns are the rotation vectors w of the upper and the lower part of each limb in each frame [rad], which displace
+its middle and end, such as elbow and wrist. They minimise the terms of each frame (`limb_terms`) and
+
+    1/2 sum over frames and parts of h (|w|^2 + 2 tau^2 |w'|^2 + tau^4 |w''|^2)
+
+with the derivatives w' and w'' by time, and h, the square of the part's length [body units], times `UPPER` for upper
+parts. A limb that has to leave its way for a moment begins to do so, and is back, in about three times tau. Where limbs
+still move, Gauss-Newton steps with a banded Cholesky factor go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+from scipy.linalg import solveh_banded
+from scipy.spatial.transform import Rotation
+
+from distretarget.ik.limb_terms import Frames, Room, write_displacements, write_terms
+from distretarget.numerics.moving import largest
+from distretarget.numerics.quaternions import least_rotation
+from distretarget.numerics.time_series import Shots, slices_of, spans_of
+from distretarget.numerics.vectors import Array, Flags, Numbers, extent, lengths
+from distretarget.skin.balls import Balls
+from distretarget.skin.tangents import Displaced
+
+TAU = 0.12  # [s]
+LONGEST = 60.0  # at more than 500 frames a second tau is so many frames, as its fourth power would drown the terms
+UPPER = 6.0  # upper arms and thighs are this much stiffer: elbows bend before shoulders turn
+FADES = 10.0  # what is farther away in time than so many tau has no effect
+NEAR = 2.0  # where a limb moved in a step, so many tau around it take the next
+STEPS = 20  # at most
+SETTLED = 2e-3  # a limb whose parts turn by less in a step does not move [rad]
+FARTHEST = 0.5  # no part turns by more in a step [rad]
+TRIES = 6  # of a step that leads up ...
+DAMPING = 8.0  # ... each stiffer by this factor in the frames that do
+STENCILS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 1.0))  # of w, w' and w''
+
+
+def bends(
+    balls: Balls,
+    displaced: Displaced,
+    spots: Numbers,
+    frames: Frames,
+    are_arms: Flags,
+    start: Array,
+    shots: Shots,
+    frame_time: float,
+    reach: float,
+) -> Array:
+    """Return how far to displace middle and end of each limb in each frame, (frames, limbs, 2, 3) [body units].
+
+    Args:
+        balls: of the body, with its capsules.
+        displaced: what moves with the displaced joints.
+        spots: (pairs,), the spot that each pair of segments touches at, a column of `frames.aims`.
+        frames: what is asked.
+        are_arms: (limbs,); arms give way to legs, but legs not to arms.
+        start: (frames, limbs, 2, 3), displacements that bring each limb out on the side on which it is to be.
+        shots: (frames,); nothing is smooth across cuts.
+        frame_time: between frames [s].
+        reach: balls and capsules that are farther apart than this do not touch [body units].
+    """
+    count, tau = len(are_arms), min(TAU / frame_time, LONGEST)
+    displaced = displaced._replace(limbs=displaced.limbs % (count + 1))  # the last is that of what no limb carries
+    frames = Frames(*map(np.ascontiguousarray, frames))
+    room, w = Room.of(balls, spots, count), _rotation_vectors(frames.limbs, start)
+    stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
+    for arms in (False, True):
+        own = np.flatnonzero(are_arms == arms)
+        limbs = _Limbs(own, balls, displaced, spots, frames, w, reach, room)
+        acts = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & frames.firmness.any(axis=1)))
+        for shot in slices_of(shots):
+            for span in _around(acts[shot], FADES * tau):
+                first, end = shot.start + span.start, shot.start + span.stop
+                x, h = w[first:end, own].reshape(end - first, -1), np.repeat(stiffness[own].ravel(), 3)
+                _Path(x, h, tau, partial(limbs.write, first)).settle()
+    d = np.zeros_like(start)
+    write_displacements(w, frames.limbs, room, d)
+    return d
+
+
+@dataclass(frozen=True, eq=False)
+class _Limbs:
+    """Some limbs of a body in a clip, the others of which stay where they are."""
+
+    own: Numbers  # which these are
+    balls: Balls
+    displaced: Displaced
+    spots: Numbers
+    frames: Frames
+    w: Array  # (frames, limbs, 2, 3), the rotation vectors of all limbs
+    reach: float
+    room: Room
+
+    @cached_property
+    def columns(self) -> Numbers:
+        """(limbs + 1,), which six unknowns those of a limb are; -1 for limbs that stay."""
+        columns = np.full(self.w.shape[1] + 1, -1)
+        columns[self.own] = np.arange(len(self.own))
+        return columns
+
+    def write(self, first: int, span: slice, x: Array, *terms: Array) -> None:
+        """Turn the limbs by x, (frames, n), in a span of frames counted from the `first`, and write the terms there."""
+        on = slice(first + span.start, first + span.stop)
+        self.w[on, self.own] = x.reshape(len(x), len(self.own), 2, 3)
+        frames = Frames(*(each[on] for each in self.frames))
+        write_terms(
+            self.balls, self.displaced, self.spots, self.columns, frames, self.w[on], self.reach, self.room, *terms
+        )
+
+
+def _around(flags: Flags, frames: float) -> list[slice]:
+    """The spans of frames that are at most so many frames from those with a flag."""
+    near = largest(flags[:, None].astype(float), round(frames))[:, 0] > 0.0
+    return [slice(*span) for span in spans_of(near).tolist()]
+
+
+def _rotation_vectors(limbs: Array, d: Array) -> Array:
+    """(frames, limbs, 2, 3), the least rotations of the parts of limbs that displace middles and ends by d."""
+    bones, by = np.diff(limbs, axis=2), np.diff(d, axis=2, prepend=0.0)
+    turns = least_rotation(bones.reshape(-1, 3), (bones + by).reshape(-1, 3))
+    return np.asarray(Rotation.from_quat(turns).as_rotvec().reshape(d.shape))
+
+
+class _Path:
+    """A path x, (frames, n), with the energy of the terms of its frames, and 1/2 x^T M x of its smoothness.
+
+    M = sum over derivatives of tau^2k D_k^T D_k, times the stiffness h, (n,), has five bands, here those from the
+    diagonal down, (frames, 3). `write(span, x, energy, slope, bands)` writes the terms of some frames.
+    """
+
+    def __init__(self, x: Array, h: Array, tau: float, write: Callable[..., None]) -> None:
+        count, n = x.shape
+        self.x, self.h, self.near, self.write = x, h, NEAR * tau, write
+        self.M = np.zeros((count, 3))
+        for c, stencil in zip((1.0, 2.0 * tau**2, tau**4), STENCILS, strict=True):
+            for i, a in enumerate(stencil):
+                for j, b in enumerate(stencil[: i + 1]):
+                    self.M[j : max(count - len(stencil) + 1, 0) + j, i - j] += c * a * b
+        self.damping = np.zeros(count)
+        self.terms = np.zeros(count), np.zeros((count, n)), np.zeros((count, n, 2 * n + 1))
+
+    def settle(self) -> None:
+        """Take steps until no limb moves."""
+        self._evaluate(slice(0, len(self.x)), self.x)
+        moves, near = np.ones(len(self.x), bool), 0.0
+        for _ in range(STEPS):
+            spans = _around(moves, near)
+            moves[:], near = False, self.near
+            for span in spans:
+                moves[span] = np.abs(self._step(span)).max(axis=1) > SETTLED
+
+    def _step(self, span: slice) -> Array:
+        """Take a step in some frames that leads down, damped where it led up before; return it, (frames, n)."""
+        around = slice(max(span.start - 2, 0), span.stop + 2)
+        inner = slice(span.start - around.start, span.stop - around.start)
+        smooth = self.h * _product(self.M[around], self.x[around])[inner]
+        energy, slope, bands = (each[span].copy() for each in self.terms)
+        now, damping, (count, n) = self.x[span].copy(), self.damping[span], slope.shape
+        for k in range(3):
+            bands[:, :, k * n] += self.M[span, k, None] * self.h
+        for _ in range(TRIES):
+            damped = bands.copy()
+            damped[:, :, 0] += damping[:, None] * self.h
+            columns = damped.reshape(-1, 2 * n + 1).T
+            step = solveh_banded(columns, -(slope + smooth).ravel(), overwrite_ab=True, lower=True, check_finite=False)
+            step = step.reshape(count, n) * min(1.0, FARTHEST / max(extent(step), FARTHEST))
+            change = self._evaluate(span, now + step) - energy.sum()
+            change += (step * (smooth + 0.5 * self.h * _product(self.M[span], step))).sum()
+            if change <= 0.0:
+                damping /= DAMPING
+                return np.asarray(step)
+            damping[self.terms[0][span] > energy] += 1.0
+            damping[self.terms[0][span] > energy] *= DAMPING
+        self._evaluate(span, now)
+        return np.zeros_like(now)
+
+    def _evaluate(self, span: slice, x: Array) -> float:
+        """Take some frames of the path, and return the energy of their terms."""
+        self.x[span] = x
+        self.write(span, x, *(each[span] for each in self.terms))
+        return float(self.terms[0][span].sum())
+
+
+def _product(M: Array, x: Array) -> Array:
+    """(frames, n), M x, of a symmetric M by its diagonal and what is below, (frames, 3)."""
+    product = M[:, :1] * x
+    for k in (1, 2):
+        product[:-k] += M[:-k, k, None] * x[k:]
+        product[k:] += M[:-k, k, None] * x[:-k]
+    return np.asarray(product)

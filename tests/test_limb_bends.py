@@ -1,0 +1,142 @@
+"""Limbs bend over time: out of the bodies they are in, to what they touch, and smoothly before and after."""
+
+import numpy as np
+import pytest
+from bodies import posed
+from test_displacement import PERSON, hand_in_belly, standing
+
+from distretarget.ik.limb_bends import FADES, TAU, _Path, bends
+from distretarget.ik.limb_terms import Frames, Room, write_terms
+from distretarget.skin.balls import segment_gaps
+from distretarget.skin.displacement import displacements
+from distretarget.skin.limbs import bent
+
+RATE = 60.0
+REACH = 0.1
+
+
+def asked(skin, motion, firmness=0.0, free=1.0):
+    """What is asked of the limbs in a motion: each pair of segments is a spot of its own, and gaps are to be 0."""
+    count, pairs = len(motion), len(skin.balls.pairs)
+    limbs = np.stack([motion.positions[:, [*limb.joints]] for limb in skin.limbs], axis=1) / skin.unit
+    none = np.zeros((count, pairs))
+    firm = np.broadcast_to(np.reshape(firmness, (-1, 1)), none.shape)
+    return Frames(skin.posed(motion), limbs, np.full((count, len(skin.limbs), 2), free), none, none, firm)
+
+
+def solved(skin, motion, firmness=0.0, rate=RATE):
+    """The displacements of limbs, and the gaps of the bent motion."""
+    frames, arms = asked(skin, motion, firmness), np.array([limb.is_arm for limb in skin.limbs])
+    start = displacements(skin.balls, skin.displaced, *frames[:4])
+    spots, shots = np.arange(len(skin.balls.pairs)), np.zeros(len(motion), np.intp)
+    d = bends(skin.balls, skin.displaced, spots, frames, arms, start, shots, 1.0 / rate, REACH)
+    return d, segment_gaps(skin.balls, skin.posed(bent(motion, skin.limbs, skin.unit * d)), 0.2)
+
+
+def swinging(frames, depth=0.05):
+    """A hand that comes to the belly, is in it for a while, and leaves it; and the skin of that body."""
+    t = np.linspace(-1.0, 1.0, frames)[:, None]
+    still, skin = hand_in_belly(depth)
+    turns = {"LeftShoulder": [0, -1.2, 0] + t**2 * [0, 0.8, 0], "LeftElbow": [0, -1.4, 0] + 0.0 * t}
+    return posed(PERSON, turns, np.tile(still.root_positions, (frames, 1))), skin
+
+
+def test_a_limb_that_nothing_acts_on_stays_where_it_is():
+    motion, skin = hand_in_belly(-0.05)
+    assert not solved(skin, motion[np.zeros(30, int)])[0].any()
+
+
+def test_a_hand_is_out_of_the_belly_in_every_frame_and_moves_smoothly():
+    motion, skin = swinging(120)
+    before = segment_gaps(skin.balls, skin.posed(motion), 0.2).min(axis=1)
+    d, gaps = solved(skin, motion)
+    assert before.min() * skin.unit < -0.04
+    assert gaps.min() > -0.003
+    deep = before < -0.01
+    start = displacements(skin.balls, skin.displaced, *asked(skin, motion)[:4])
+    bend, sudden = (np.linalg.norm(np.diff(each[:, 0, 1], 2, axis=0), axis=1).max() for each in (d, start))
+    assert bend < 0.5 * sudden
+    assert np.abs(d[np.flatnonzero(deep)[0] - 3]).max() > 1e-3  # it begins before it would sink in
+
+
+def test_a_contact_is_closed_from_its_first_frame_to_its_last():
+    still, skin = hand_in_belly(-0.02)
+    firmness = np.zeros(150)
+    firmness[60:90] = 1.0
+    d, gaps = solved(skin, still[np.zeros(150, int)], firmness)
+    open_by = gaps.min(axis=1) / (0.02 / skin.unit)
+    assert abs(open_by[[60, 89]]).max() < 0.2
+    assert abs(open_by[75]) < 0.05
+    np.testing.assert_allclose(open_by[[0, 149]], 1.0, atol=0.05)
+    assert np.abs(np.diff(d, axis=0)).max() < 0.1 * np.abs(d).max()
+
+
+def test_time_may_run_backwards():
+    motion, skin = swinging(121)
+    back = motion[np.arange(121)[::-1]]
+    d = solved(skin, motion)[0]
+    np.testing.assert_allclose(solved(skin, back)[0][::-1], d, atol=0.01 * np.abs(d).max())
+
+
+def test_the_frame_rate_hardly_matters():
+    motion, skin = swinging(241)
+    fast, slow = solved(skin, motion, rate=2 * RATE)[0], solved(skin, motion[np.arange(0, 241, 2)])[0]
+    np.testing.assert_allclose(slow, fast[::2], atol=0.02 * np.abs(fast).max())
+
+
+def test_what_is_far_away_in_time_does_not_matter():
+    motion, skin = swinging(120)
+    rest = np.zeros(round(2 * FADES * TAU * RATE), int)  # the hand is free in the first frame
+    later = motion[np.concatenate([rest, np.arange(120), rest])]
+    np.testing.assert_allclose(solved(skin, later)[0][len(rest) : -len(rest)], solved(skin, motion)[0], atol=2e-3)
+
+
+@pytest.mark.parametrize(("depth", "firmness", "free"), [(0.03, 0.0, 1.0), (-0.02, 0.7, 1.0), (0.004, 0.0, 0.3)])
+def test_slopes_are_those_of_the_energy(depth, firmness, free):
+    """Of a hand that is inside, of one that is drawn to a contact, and of one that is held."""
+    _, skin = hand_in_belly(depth)
+    motion = standing({"LeftShoulder": [0, -1.2, 0], "LeftElbow": [0, -1.4, 0]})
+    frames = Frames(*map(np.ascontiguousarray, asked(skin, motion, firmness, free)))
+    count, draw = len(skin.limbs), np.random.default_rng(0)
+    spots, columns = np.arange(len(skin.balls.pairs)), np.append(np.arange(count), -1)
+    displaced = skin.displaced._replace(limbs=skin.displaced.limbs % (count + 1))
+    room, n = Room.of(skin.balls, spots, count), 6 * count
+
+    def terms(w):
+        energy, slope, bands = np.zeros(1), np.zeros((1, n)), np.zeros((1, n, 2 * n + 1))
+        frame = w.reshape(1, count, 2, 3)
+        write_terms(skin.balls, displaced, spots, columns, frames, frame, REACH, room, energy, slope, bands)
+        return energy[0], slope[0], bands[0]
+
+    w, step = draw.normal(scale=0.02, size=n), 1e-6
+    _, slope, bands = terms(w)
+    by_differences = [(terms(w + e)[0] - terms(w - e)[0]) / (2 * step) for e in step * np.eye(n)]
+    assert np.abs(slope).max() > 0.01
+    np.testing.assert_allclose(slope, by_differences, atol=1e-5 * np.abs(slope).max())
+    whole = sum(np.diag(bands[: n - k, k], -k) for k in range(n))
+    assert np.linalg.eigvalsh(whole + np.tril(whole, -1).T).min() > -1e-9 * bands.max()
+
+
+def test_a_path_of_squares_is_solved_as_by_dense_equations():
+    draw, count, n, tau = np.random.default_rng(0), 9, 6, 2.0
+    h, aim = draw.uniform(0.5, 2.0, n), draw.normal(scale=0.05, size=(count, n))
+    half = draw.normal(size=(count, n, n))
+    K = half @ half.swapaxes(1, 2)
+
+    def write(span, x, energy, slope, bands):
+        off = x - aim[span]
+        slope[:] = np.einsum("tij,tj->ti", K[span], off)
+        energy[:] = 0.5 * (off * slope).sum(axis=1)
+        bands[:] = 0.0
+        for k in range(n):
+            bands[:, : n - k, k] = np.diagonal(K[span], -k, 1, 2)
+
+    path = _Path(np.zeros((count, n)), h, tau, write)
+    path.settle()
+    differences = [np.diff(np.eye(count), k, axis=0) for k in range(3)]
+    M = sum(c * D.T @ D for c, D in zip((1.0, 2.0 * tau**2, tau**4), differences, strict=True))
+    whole = np.kron(M, np.diag(h))
+    for t in range(count):
+        whole[n * t : n * (t + 1), n * t : n * (t + 1)] += K[t]
+    right = np.einsum("tij,tj->ti", K, aim).ravel()
+    np.testing.assert_allclose(path.x.ravel(), np.linalg.solve(whole, right), atol=1e-9)
