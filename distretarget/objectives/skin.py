@@ -21,12 +21,11 @@ from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import blocks_of, in_threads
+from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.time_series import Shots, by_shot, smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact_pairs import Contacts
 from distretarget.objectives.supports import Supports
 from distretarget.rig import found_once
 from distretarget.skin.balls import NEVER, Balls, balls_of, mean_radii, segment_gaps
