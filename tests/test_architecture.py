@@ -86,6 +86,7 @@ def test_only_the_command_line_prints_and_only_the_bridge_knows_bvhio(path):
 
 # What `measure/` and `objectives/` may both import: types, names of parts, texts; and Eq. (2), whose value is `stress`.
 PLAIN = {
+    "SkinnedMesh",
     "Body",
     "Arm",
     "Leg",

@@ -6,7 +6,7 @@ from bodies import person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.objectives.skin import ELBOW, BodySkin
+from distretarget.objectives.body_skin import ELBOW, BodySkin
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.displacement import displacements

@@ -223,7 +223,7 @@ class SourceSkin:
     @property
     def times(self) -> Array:
         """(seen frames,) [s]."""
-        return self.seen * self.frame_time
+        return np.asarray(self.seen * self.frame_time, float)
 
     def _touching(self, frames: int) -> Flags:
         """(seen frames, limbs, places), what touches in the source."""
@@ -238,7 +238,8 @@ class SourceSkin:
         cell = (self.touches[0] * len(LIMBS) + self.touches[1])[known]
         counts = np.bincount(cell, minlength=frames * len(LIMBS))
         sums = np.bincount(cell, values[known], minlength=frames * len(LIMBS))
-        return (sums / np.maximum(counts, 1)).reshape(shape), counts.reshape(shape)
+        means = np.asarray(sums / np.maximum(counts, 1), float)
+        return means.reshape(shape), counts.reshape(shape)
 
     def _times(self, touching: Flags, frames: int) -> tuple[Array, Numbers]:
         """(frames, limbs), how far begins and ends of touches of arms are off on average [ms], and how many there are,
@@ -247,7 +248,7 @@ class SourceSkin:
         off, counts = np.zeros((frames, len(LIMBS))), np.zeros((frames, len(LIMBS)), np.intp)
         of_source = self._touching(len(touching))
         for hand, place in product(np.unique(HAND), range(touching.shape[2] if len(off) else 0)):
-            source, result = (each[:, hand == HAND, place].any(axis=1) for each in (of_source, touching))
+            source, result = (np.asarray(each[:, hand == HAND, place].any(axis=1)) for each in (of_source, touching))
             values, some = off_times(self.times, source, result)
             off[self.seen, hand] += values
             counts[self.seen, hand] += some

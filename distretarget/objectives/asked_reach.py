@@ -19,7 +19,7 @@ from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asked_springs import off_by
 from distretarget.objectives.asking import Wish, Wishes
-from distretarget.objectives.skin import BodySkin, Skins
+from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
 from distretarget.skin.limbs import Limb, bent, reaching

@@ -22,9 +22,9 @@ from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.asking import Carrier, Wish, Wishes
+from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
-from distretarget.objectives.skin import BodySkin, Skins
 from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
 

@@ -24,8 +24,8 @@ from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asked_reach import brought_out, reached, with_looks
 from distretarget.objectives.asked_springs import between, off_by, with_wishes
 from distretarget.objectives.asking import Wish, Wishes, centimetres
+from distretarget.objectives.body_skin import BodySkin, limbs_of
 from distretarget.objectives.contact import held_parts, solve_contact
-from distretarget.objectives.skin import BodySkin, limbs_of
 from distretarget.objectives.supports import Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult

@@ -21,9 +21,9 @@ from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import spans_of
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.asking import centimetres, frames_of
+from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts
-from distretarget.objectives.skin import BodySkin
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Match, match_performer

@@ -25,12 +25,13 @@ from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.vectors import extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_flesh, find_floor, rise_of_flesh
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
-from distretarget.objectives.skin import Skins, with_skin
+from distretarget.objectives.skin import with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult, undersides_of
@@ -103,6 +104,7 @@ def match_performer(
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
     mesh = _bare(goal) if skins and not builds.target else None
+    skins = skins and skins.on_mesh(None if hips else mesh, matching.target.skeleton)
     matching = matching.on_mesh_soles(mesh)
     hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()
     found = Match(world, matching, skins, mesh, goal.skeleton if hangs_otherwise else None, hips)

@@ -33,8 +33,8 @@ from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.vectors import Array, lengths
+from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.paper import Postures
-from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.causes import Causes
 from distretarget.rig import found_once

@@ -14,7 +14,8 @@ import numpy as np
 
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers
-from distretarget.objectives.skin import BodySkin, limb_places
+from distretarget.objectives.body_skin import BodySkin
+from distretarget.objectives.skin import limb_places
 from distretarget.scene.prop_surface import Surface, nearest_places
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import SEGMENTS

@@ -21,16 +21,9 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, smoothstep, widened
 from distretarget.numerics.vectors import Array, normalised
-from distretarget.objectives.skin import (
-    APART,
-    Skins,
-    Spots,
-    brought_out,
-    how_free,
-    how_touching,
-    of_pairs,
-    softness,
-)
+from distretarget.objectives.body_skin import Skins
+from distretarget.objectives.skin import brought_out, how_free, how_touching, softness
+from distretarget.objectives.spots import APART, Spots, of_pairs
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.bodies import COUNT, FARTHEST, Bodies, PropShape

@@ -26,8 +26,8 @@ from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asking import Carrier, Wishes
+from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.skin import Skins
 from distretarget.objectives.supports import STIFFNESS
 from distretarget.pipeline.asked_motion import as_asked, asked_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer

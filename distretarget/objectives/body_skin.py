@@ -1,0 +1,133 @@
+"""The skins of a source and its target: capsules, the balls of limbs, and the surface of a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.anatomy import SIDES
+from distretarget.body.body import Body
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.rig import found_once
+from distretarget.skeleton import Skeleton
+from distretarget.skin.balls import NEVER, Balls, balls_of
+from distretarget.skin.capsules import IS_ARM, SEGMENTS, Capsules
+from distretarget.skin.limbs import Limb, shares_of
+from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.surface import Surface
+from distretarget.skin.tangents import LEAST_SHARE, Displaced
+
+LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
+
+# Beside an upper arm that is all soft, a forearm gives way to the trunk by so much at the elbow, and less and less down
+# to the wrist [radii]: of stout bodies the meshes sink in by 2 % of the height at most, with 0.5 by more.
+ELBOW = 0.4
+IS_FOREARM = np.array(["forearm" in name for name in SEGMENTS])
+IS_TRUNK = np.array([name in ("chest", "belly", "pelvis") for name in SEGMENTS])
+
+
+@dataclass(frozen=True, eq=False)
+class BodySkin:
+    """The skin of one body. Lengths of `balls` are in body units, all others in file units."""
+
+    capsules: Capsules  # ordered by segment
+    balls: Balls  # the same, and the balls of the limbs
+    limbs: tuple[Limb, ...]  # arms, then legs
+    displaced: Displaced  # how the balls move with middle and end of each limb
+    of_joint: Numbers  # (joints,), the segment of each joint, that of its nearest ancestor with a capsule; -1 for none
+    unit: float  # the body unit
+
+    @classmethod
+    def of(cls, body: Body, capsules: Capsules) -> BodySkin:
+        """Return the skin of a body with these capsules."""
+        pose, skeleton = body.reference, body.skeleton
+        capsules = capsules[np.argsort(capsules.segments, kind="stable")]
+        turned = Rotation.from_quat(pose.rotations[capsules.joints]).as_matrix()
+        posed = np.einsum("cij,cej->cei", turned, capsules.ends) + pose.positions[capsules.joints, None]
+        in_units = replace(capsules, ends=capsules.ends / body.unit, radii=capsules.radii / body.unit)
+        balls = balls_of(in_units, posed / body.unit)
+        own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))
+        of_joint = [next((own[a] for a in skeleton.line(joint) if a in own), -1) for joint in range(len(skeleton))]
+        limbs = limbs_of(body)
+        ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
+        of_capsule, shares = ends[0][0], np.stack([share for _, share in ends], axis=1)
+        t, on = balls.places[:, None], balls.carriers
+        moving = (1.0 - t) * shares[on, 0] + t * shares[on, 1]
+        is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
+        moving[is_leg[of_capsule[on]], 1] = 0.0  # feet stay
+        forearms = np.repeat(IS_FOREARM, np.diff(balls.of_ball))
+        give = np.outer(ELBOW * balls.radii * forearms * (1.0 - moving[:, 1]), IS_TRUNK[capsules.segments])
+        balls.spare[...] -= np.where(balls.spare < NEVER, give, 0.0)
+        balls.spare[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
+        mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms give way to arms and legs to legs, but legs not to arms
+        return cls(
+            capsules=capsules,
+            balls=balls,
+            limbs=limbs,
+            displaced=Displaced(of_capsule, shares, mutual),
+            of_joint=np.array(of_joint, np.intp),
+            unit=body.unit,
+        )
+
+    def between(self, one: Numbers | Flags, other: Numbers | Flags) -> Numbers:
+        """Return the pairs of segments of two parts of the body, given by their joints."""
+        a, b = (np.setdiff1d(self.of_joint[joints], [-1]) for joints in (one, other))
+        first, second = self.balls.pairs.T
+        on = (np.isin(first, a) & np.isin(second, b)) | (np.isin(first, b) & np.isin(second, a))
+        return np.flatnonzero(on)
+
+    def thickness(self, joint: int) -> float:
+        """Return the mean radius of the part of the body that a joint belongs to [body units]."""
+        radii = self.balls.cap_radii[self.capsules.segments == self.of_joint[joint]]
+        return float(radii.mean()) if radii.size else 0.0
+
+    def posed(self, motion: Motion) -> Array:
+        """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""
+        posed = self.capsules.posed(motion)
+        posed /= self.unit
+        return posed
+
+
+def limbs_of(body: Body) -> tuple[Limb, ...]:
+    """Return the limbs whose three joints are known, arms before legs."""
+    roles = body.anatomy.roles if body.anatomy else {}
+    named = [[side + part for part in parts] for parts in LIMBS for side in SIDES]
+    known = [names for names in named if roles.keys() >= {*names}]
+    return tuple(Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known)
+
+
+@dataclass(frozen=True, eq=False)
+class Skins:
+    """The skins of source and target."""
+
+    source: BodySkin
+    target: BodySkin
+    surface: Surface | None = None  # of the target's mesh, if it has one
+
+    def on_mesh(self, mesh: SkinnedMesh | None, skeleton: Skeleton) -> Skins:
+        """Return the skins of a target with this mesh."""
+        return replace(self, surface=_surface_of(mesh, skeleton, self.target)) if mesh else self
+
+    @classmethod
+    def of(cls, matching: Matching, source: Capsules, target: Capsules) -> Skins | None:
+        """Return the skins of a source and its target; None where a body has no capsules."""
+        if not len(source) or not len(target):
+            return None
+        return cls(_skin_of(matching.source, source), _skin_of(matching.target, target))
+
+
+@found_once
+def _skin_of(body: Body, capsules: Capsules) -> BodySkin:
+    """The skin of a body."""
+    return BodySkin.of(body, capsules)
+
+
+@lru_cache(maxsize=4)
+def _surface_of(mesh: SkinnedMesh, skeleton: Skeleton, skin: BodySkin) -> Surface:
+    """The surface of a mesh, cached for a batch of clips with the same target."""
+    return Surface.of(mesh, skeleton, skin.of_joint, skin.capsules)

@@ -1,0 +1,50 @@
+"""How much nearer the surface of a mesh is to what a limb touches than its capsules say.
+
+Capsules leave out up to a third of a surface, and a hand has fingers. So gaps of capsules are put right by those of the
+mesh, where limbs touch, or nearly do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array
+from distretarget.objectives.body_skin import BodySkin
+from distretarget.objectives.spots import Spots
+from distretarget.skin.balls import segment_gaps
+from distretarget.skin.capsules import PLACE
+from distretarget.skin.surface import Surface
+
+RATE = 15.0  # the mesh is looked at about as often [1/s]
+NEAR = 0.03  # by gaps of capsules that are less than this, meshes may touch [body units]
+FARTHEST = 0.1  # what is farther apart is not looked at [body units]
+MOST = 0.04  # a mesh and its capsules differ by no more [body units]
+
+
+def nearer_than_capsules(
+    surface: Surface, body: BodySkin, spots: Spots, motion: Motion, touching: Array, first: int
+) -> Array:
+    """Return by how much the mesh is nearer than the capsules at each spot, (frames, spots) [body units].
+
+    Args:
+        surface: of the mesh.
+        body: with the capsules.
+        spots: of the body.
+        motion: its frames.
+        touching: (frames, spots), more than 0 where limbs are to touch; else what is near is looked at.
+        first: the number of the first frame in the clip, of which every so many frames are looked at.
+    """
+    step = max(round(1.0 / (RATE * motion.frame_time)), 1)
+    frames = np.arange(-first % step, len(motion), step)
+    some, change = motion[frames], np.zeros((len(motion), len(spots.limbs)))
+    gaps = spots.least(segment_gaps(body.balls, body.posed(some), FARTHEST))
+    wanted = spots.are_hard & (gaps < FARTHEST) & ((touching[frames] > 0.0) | (gaps < NEAR))
+    if wanted.any():
+        places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
+        parts = [((limb,), place) for limb, place in zip(spots.limbs.tolist(), places, strict=True)]
+        of_mesh = surface.gaps(some, parts, wanted, FARTHEST * body.unit) / body.unit
+        off = np.where(wanted & (of_mesh < FARTHEST), gaps - of_mesh, 0.0).clip(-MOST, MOST)
+        for spot in np.flatnonzero(wanted.any(axis=0)):
+            change[:, spot] = np.interp(np.arange(len(motion)), frames, off[:, spot])
+    return change
