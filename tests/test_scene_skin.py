@@ -61,7 +61,7 @@ def test_hands_lie_on_those_whom_they_touch(name):
 def test_the_order_of_thick_performers_hardly_matters():
     for one, other in zip(scene("waltz"), scene("waltz", -1)[::-1], strict=True):
         off = np.abs(one.motion.positions - other.motion.positions)
-        assert (off < 2.0).mean() > 0.97  # cm; one arm may pass another on either side
+        assert (off < 2.0).mean() > 0.95  # cm; one arm may pass another on either side
 
 
 def test_thick_performers_who_never_meet_move_as_alone():

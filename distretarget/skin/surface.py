@@ -61,7 +61,7 @@ class Surface:
         moved = np.concatenate([matrices, motion.positions[..., None]], axis=3)  # (frames, joints, 3, 4)
         columns = moved.transpose(1, 3, 0, 2).reshape(4 * joints, -1)
         a, b, c = (
-            np.moveaxis((each[chosen] @ columns).reshape(len(chosen), -1, 3), 1, 0)
+            np.moveaxis((each[chosen] @ columns).reshape(len(chosen), len(motion), 3), 1, 0)
             for each in (self.points, *self.edges)
         )
         return a, normalised(cross(b, c))
@@ -86,6 +86,8 @@ class Surface:
             trees: dict[Part, KDTree] = {}
             for pair in np.flatnonzero(wanted[frame]).tolist():
                 one, other = (on[part] for part in parts[pair])
+                if not len(other):
+                    continue
                 tree = trees[parts[pair][1]] = trees.get(parts[pair][1]) or KDTree(places[row, other])
                 away, nearest = map(np.asarray, tree.query(places[row, one], distance_upper_bound=farthest))
                 near = np.isfinite(away)
