@@ -72,3 +72,10 @@ def test_the_frame_rate_hardly_matters():
     fast, slow = (retarget(sample("hands_on_hips", slice(None, None, step)), load_target(HERO)) for step in (1, 2))
     apart = np.linalg.norm(fast.motion.positions[::2] - slow.motion.positions, axis=2).max()
     assert apart < 0.03 * fast.matching.target.height
+
+
+@pytest.mark.parametrize("name", ["clap", "hands_on_hips"])
+def test_skins_touch_on_the_mesh_of_a_character(name):
+    metrics = retarget(sample(name), load_target(HERO)).metrics
+    assert metrics["result"]["touch_missed"] < 15.0
+    assert metrics["result"]["skin_depth"] < 0.7 < metrics["rotation_copy"]["skin_depth"]

@@ -1,0 +1,89 @@
+"""Points on the surface of a mesh: where they are in a pose, what is out, and how far parts are apart."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import SAMPLES
+
+from distretarget import load_target, read_bvh, retarget
+from distretarget.measure.skin import find_skin
+from distretarget.measure.skin_depths import PARTS, find_depths
+from distretarget.objectives.spots import APART
+from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.surface import Surface
+
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
+LEFT, RIGHT = (SEGMENTS.index(f"{side} hand") for side in ("left", "right"))
+TRUNK = tuple(SEGMENTS.index(name) for name in ("chest", "belly", "pelvis", "left thigh", "right thigh"))
+
+
+@cache
+def run(clip):
+    return retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(HERO))
+
+
+def surface_of(clip, turned_in=()):
+    """The surface of a run's target, with some triangles turned inside out."""
+    result = run(clip)
+    mesh, triangles = result.mesh, result.mesh.triangles.copy()
+    triangles[turned_in] = triangles[turned_in][:, ::-1]
+    other = type(mesh)(vertices=mesh.vertices, joints=mesh.joints, weights=mesh.weights, triangles=triangles)
+    skin = result.skins.target
+    return Surface.of(other, result.motion.skeleton, skin.of_joint, skin.capsules)
+
+
+def test_points_lie_on_the_posed_triangles_and_their_normals_lead_out():
+    motion, surface = run("clap").motion[60:64], surface_of("clap")
+    places, outwards = surface.posed(motion, np.arange(len(surface.segments)))
+    assert places.shape == outwards.shape == (4, len(surface.segments), 3)
+    np.testing.assert_allclose(np.linalg.norm(outwards, axis=2), 1.0)
+    corners = run("clap").mesh.posed(motion)[:, run("clap").mesh.triangles]
+    for point in range(0, len(surface.segments), 97):
+        off = corners[2] - places[2, point]
+        normals = np.cross(off[:, 1] - off[:, 0], off[:, 2] - off[:, 0])
+        heights = np.abs((normals * off[:, 0]).sum(axis=1)) / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+        inside = np.ones(len(off), bool)
+        for k in range(3):
+            inside &= (np.cross(off[:, k], off[:, (k + 1) % 3]) * normals).sum(axis=1) >= -1e-12
+        assert heights[inside].min() < 1e-9
+    chest = np.flatnonzero(np.isin(surface.segments, TRUNK))
+    away = places[0, chest] - places[0, chest].mean(axis=0)
+    assert ((away * outwards[0, chest]).sum(axis=1) > 0.0).mean() > 0.9
+
+
+def test_a_mesh_whose_triangles_face_in_is_the_same_surface():
+    motion, wanted = run("clap").motion[55:75:4], np.ones((5, 1), bool)
+    one, other = (
+        surface_of("clap", turned_in).gaps(motion, [((LEFT,), (RIGHT,))], wanted, 1.0)
+        for turned_in in ((), slice(None))
+    )
+    np.testing.assert_allclose(one, other, atol=2e-3)
+
+
+@pytest.mark.parametrize(("clip", "limb", "part"), [("clap", LEFT, (RIGHT,)), ("hands_on_hips", LEFT, TRUNK)])
+@pytest.mark.parametrize("which", ["motion", "rotation_copy"])
+def test_gaps_are_those_that_the_metrics_measure(clip, limb, part, which):
+    result = run(clip)
+    motion, body = getattr(result, which)[::5], result.matching.target
+    far = APART * body.height
+    gaps = surface_of(clip).gaps(motion, [((limb,), part)], np.ones((len(motion), 1), bool), far)[:, 0]
+    skin, reach = (
+        find_skin(body, result.skins.target.capsules, result.mesh),
+        np.full((1, len(PARTS), len(SEGMENTS)), far),
+    )
+    depths = find_depths(skin.patches, skin.solids, (motion.positions, motion.world_rotations), reach)[0]
+    measured = -depths[:, limb, list(part)].max(axis=1)
+    if part == (RIGHT,):
+        measured = np.minimum(measured, -depths[:, RIGHT, LEFT])
+    near = np.minimum(gaps, measured) < 0.75 * far
+    assert near.sum() > 3
+    assert np.median(np.abs(gaps - measured)[near]) < 0.006 * body.height
+
+
+def test_what_is_not_wanted_is_not_looked_for():
+    motion = run("clap").motion[60:64]
+    wanted = np.array([[True], [False], [True], [False]])
+    gaps = surface_of("clap").gaps(motion, [((LEFT,), (RIGHT,))], wanted, 0.3)
+    assert (gaps[[1, 3]] == 0.3).all()
+    assert (gaps[[0, 2]] < 0.3).all()
