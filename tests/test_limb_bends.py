@@ -7,6 +7,7 @@ from test_displacement import PERSON, hand_in_belly, standing
 
 from distretarget.ik.limb_bends import FADES, TAU, _Path, bends
 from distretarget.ik.limb_terms import Frames, Room, write_terms
+from distretarget.objectives.anchors import no_anchors
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import bent
@@ -21,7 +22,8 @@ def asked(skin, motion, firmness=0.0, free=1.0):
     limbs = np.stack([motion.positions[:, [*limb.joints]] for limb in skin.limbs], axis=1) / skin.unit
     none = np.zeros((count, pairs))
     firm = np.broadcast_to(np.reshape(firmness, (-1, 1)), none.shape)
-    return Frames(skin.posed(motion), limbs, np.full((count, len(skin.limbs), 2), free), none, none, firm)
+    free = np.full((count, len(skin.limbs), 2), free)
+    return Frames(skin.posed(motion), limbs, free, none, none, firm, **no_anchors(count, len(skin.limbs)))
 
 
 def solved(skin, motion, firmness=0.0, rate=RATE):

@@ -13,6 +13,7 @@ from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.objectives.part_axes import Landmarks
 from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
 from distretarget.skin.balls import NEVER, Balls, balls_of
@@ -40,6 +41,7 @@ class BodySkin:
     limbs: tuple[Limb, ...]  # arms, then legs
     displaced: Displaced  # how the balls move with middle and end of each limb
     of_joint: Numbers  # (joints,), the segment of each joint, that of its nearest ancestor with a capsule; -1 for none
+    landmarks: Landmarks | None  # of the axes of its parts
     unit: float  # the body unit
 
     @classmethod
@@ -65,12 +67,14 @@ class BodySkin:
         balls.spare[...] -= np.where(balls.spare < NEVER, give, 0.0)
         balls.spare[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
         mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms give way to arms and legs to legs, but legs not to arms
+        head = capsules.radii[capsules.segments == SEGMENTS.index("head")]
         return cls(
             capsules=capsules,
             balls=balls,
             limbs=limbs,
             displaced=Displaced(of_capsule, shares, mutual),
             of_joint=np.array(of_joint, np.intp),
+            landmarks=Landmarks.of(body, 2.0 * float(head.mean()) if head.size else 0.0),
             unit=body.unit,
         )
 

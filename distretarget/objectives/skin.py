@@ -21,6 +21,7 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.time_series import Shots, by_shot, smoothstep
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.activation import ContactSettings
+from distretarget.objectives.anchors import anchors
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.mesh_gaps import nearer_than_capsules
@@ -68,13 +69,15 @@ def _displaced(
     spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
     gaps = spots.least(in_source)
     touching = how_touching(spots, gaps)
+    firmness = touching * _meant(clip, body, spots)
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
         free=how_free(clip, body, supports, settings),
         soft=softness(balls, balls.pairs, in_source),
         aims=np.maximum(gaps, 0.0),
-        firmness=touching * _meant(clip, body, spots),
+        firmness=firmness,
+        **anchors(clip.source, posed, skins, spots, in_source, firmness),
     )
     bend = partial(brought_out, balls, body.displaced, spots)
     rest = body.limbs, clip.shots, clip.frame_time, REACH

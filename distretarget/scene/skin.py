@@ -21,6 +21,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, smoothstep, widened
 from distretarget.numerics.vectors import Array, normalised
+from distretarget.objectives.anchors import no_anchors
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.skin import brought_out, how_free, how_touching, softness
 from distretarget.objectives.spots import APART, Spots, of_pairs
@@ -134,6 +135,7 @@ def _apart(
     of_hands = np.where((one != other) & IS_HAND[parts].any(axis=1), in_source, APART)
     touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / FARTHEST))
     each = zip(performers, bodies.skins, strict=True)
+    limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
     frames = Frames(
         posed=bodies.posed(posed),
         limbs=bodies.limbs(posed),
@@ -141,8 +143,8 @@ def _apart(
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         aims=spots.least(np.maximum(in_source, least)),
         firmness=touching,
+        **no_anchors(len(in_source), len(limbs)),
     )
-    limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
     moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, FARTHEST)
     return bodies.bent(posed, moves)
 
