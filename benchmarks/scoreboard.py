@@ -41,6 +41,7 @@ from distretarget.body.limbs import raised
 from distretarget.errors import DistretargetError
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
+from distretarget.measure.skin import find_skin
 from distretarget.numerics.vectors import lengths
 from distretarget.target import Target
 
@@ -161,7 +162,11 @@ def measure(names: tuple[str, str], clip: Path, body: Path, average: Path, sampl
         print(f"skipped, {names[0]} on {names[1]}: {error}", file=sys.stderr)
         return []
     frames, of_source = sampling.sampled(case.source), _source_gaps(clip, average, sampling)
-    reference = Reference(run.source, run.matching, run.world.up_vector)
+    own = run.skins and (
+        find_skin(run.matching.source, run.skins.source.capsules),
+        find_skin(run.matching.target, run.skins.target.capsules, run.mesh),
+    )
+    reference = Reference(run.source, run.matching, run.world.up_vector, own)
     rows = []
     for contestant in contestants():
         if not contestant.missing:
@@ -191,7 +196,7 @@ def _of_motion(reference: Reference, motion: Motion) -> dict[str, float]:
     """The project's metrics of a motion."""
     comparison = reference.compare(motion)
     metrics, source = clip_metrics(comparison.tracks), clip_metrics(comparison.source_tracks)
-    names = ("foot_skate", "foot_height", "jerk", "turn")
+    names = ("foot_skate", "foot_height", "jerk", "turn", *TOUCHES)
     values = {name: metrics[name] for name in names} | {"foot_skate_source": source["foot_skate"]}
     return {name: np.nan if value is None else float(value) for name, value in values.items()}
 
@@ -244,6 +249,10 @@ COLUMNS = {
     "deepest": "deepest, mean / largest, % of height",
     "above_copy": "runs with more inside than the copy",
     "gap": "gap of contacts off the source's, samples / all clips, % of height",
+    "touch_missed": "touches missed, %",
+    "touch_place": "place of touches off, half widths",
+    "touch_time": "begin and end of touches off, ms",
+    "part_depth": "upper arms, legs and head in others, % of height",
     "foot_skate": "foot skate over the source's",
     "foot_height": "feet off their height, % of leg",
     "direction": "direction error, degrees",
@@ -252,6 +261,7 @@ COLUMNS = {
     "speed": "frames/s",
     "conversion": "frames/s, from file to file",
 }
+TOUCHES = ("touch_missed", "touch_place", "touch_time", "part_depth")
 SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the metric behind a column's first
 
 
@@ -276,6 +286,7 @@ def _summed(rows: Sequence[Row], copies: Mapping[tuple[str, str], dict[str, floa
         "above_copy": float(sum(row.metrics["inside"] > copy["inside"] for row, copy in zip(rows, own, strict=True))),
         "gap": _mean(np.array([row.metrics["gap"] for row in rows if "/" not in row.clip])),
         "gap_all": _mean(of("gap")),
+        **{key: _mean(of(key)) for key in TOUCHES},
         "foot_skate": _mean(of("foot_skate")) / _mean(of("foot_skate_source")),
         "foot_height": _mean(of("foot_height")),
         "direction": _mean(of("direction")),
@@ -291,6 +302,7 @@ def _mean(values: Array) -> float:
 def cells(metrics: Mapping[str, float]) -> Iterator[str]:
     """The cells of a contestant's line behind its name."""
     forms = {"above_copy": ".0f", "speed": ",.0f", "conversion": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
+    forms |= {"touch_missed": ".1f", "touch_time": ".0f"}
     for key in COLUMNS:
         keys = [key, SECOND[key]] if key in SECOND else [key]
         values = (metrics[one] if np.isfinite(metrics[one]) else None for one in keys)
