@@ -18,7 +18,7 @@ from distretarget.skin.surface import Surface
 
 RATE = 15.0  # the mesh is looked at about as often [1/s]
 NEAR = 0.03  # by gaps of capsules that are less than this, meshes may touch [body units]
-FARTHEST = 0.1  # what is farther apart is not looked at [body units]
+FARTHEST = 0.06  # what is farther apart is not looked at [body units]
 MOST = 0.04  # a mesh and its capsules differ by no more [body units]
 
 
@@ -42,7 +42,7 @@ def nearer_than_capsules(
     wanted = spots.are_hard & (gaps < FARTHEST) & ((touching[frames] > 0.0) | (gaps < NEAR))
     if wanted.any():
         places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
-        parts = [((limb,), place) for limb, place in zip(spots.limbs.tolist(), places, strict=True)]
+        parts = [*zip(spots.limbs.tolist(), places, strict=True)]
         of_mesh = surface.gaps(some, parts, wanted, FARTHEST * body.unit) / body.unit
         off = np.where(wanted & (of_mesh < FARTHEST), gaps - of_mesh, 0.0).clip(-MOST, MOST)
         for spot in np.flatnonzero(wanted.any(axis=0)):

@@ -81,16 +81,20 @@ def _displaced(
     )
     bend = partial(brought_out, balls, body.displaced, spots)
     rest = body.limbs, clip.shots, clip.frame_time, REACH
-    d = bend(frames, *rest)
-    for _ in range(ROUNDS if skins.surface is not None else 0):
-        assert skins.surface is not None
+    if skins.surface is None:
+        return bend(frames, *rest)
+    d = find_start(balls, body.displaced, frames, clip.shots)
+    for _ in range(ROUNDS):
         now = bent(posed, body.limbs, body.unit * d)
-        nearer = nearer_than_capsules(skins.surface, body, spots, now, frames.firmness, first)
-        if not nearer.any():
-            break
+        nearer = nearer_than_capsules(skins.surface, body, spots, now, firmness, first)
         soft = np.where(IS_HARD[balls.pairs[:, 0]], frames.soft - nearer[:, spots.of_pair], frames.soft)
         d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), *rest, start=d)
     return d
+
+
+def find_start(balls: Balls, displaced: Displaced, frames: Frames, shots: Shots) -> Array:
+    """Return how far to displace limbs so that they leave bodies on the side on which they entered them."""
+    return by_shot(partial(displacements, balls, displaced), shots, *frames[:4])
 
 
 def brought_out(
@@ -104,11 +108,8 @@ def brought_out(
     reach: float,
     start: Array | None = None,
 ) -> Array:
-    """Return how far to displace limbs, (frames, limbs, 2, 3), from where they are; see `ik.limb_bends.bends`. Without
-    a `start` they leave bodies on the side on which they entered them.
-    """
-    if start is None:
-        start = by_shot(partial(displacements, balls, displaced), shots, *frames[:4])
+    """Return how far to displace limbs, (frames, limbs, 2, 3), from where they are; see `ik.limb_bends.bends`."""
+    start = find_start(balls, displaced, frames, shots) if start is None else start
     arms = np.array([limb.is_arm for limb in limbs], bool)
     return bends(balls, displaced, spots.of_pair, frames, arms, start, shots, frame_time, reach)
 

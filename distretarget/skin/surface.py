@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.surface_gaps import Bound, Points, Room, write_gaps
 
 # How many points a segment of a body has: limbs are thin, and what they touch is large.
 POINTS = {"hand": 220, "forearm": 180, "chest": 400, "belly": 300, "pelvis": 300, "head": 400, "thigh": 200}
@@ -26,16 +26,11 @@ Part = tuple[int, ...]  # the numbers of its segments
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Points on the outside of a mesh, bound to the joints of its skeleton.
-
-    A point is the sum over joints of R b + w x, with the rotations R and the places x of the joints, where b is what
-    the corners of its triangle are off the joint in the rest pose, times their weights, and w the sum of these.
+    """Points on the outside of a mesh, bound to the joints of its skeleton: exactly as the corners of their triangles
+    are, since what moves a point is the sum of what moves these.
     """
 
-    points: csr_array  # (points, 4 joints), b and w of each joint
-    edges: tuple[csr_array, csr_array]  # the same of two edges of the triangle, in an order that leads round out of it
-    radii: Array  # (points,), of the piece of surface that each stands for, in the rest pose [file units]
-    segments: Numbers  # (points,), the segment of each
+    points: Points  # [file units]
 
     @classmethod
     def of(cls, mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules) -> Surface:
@@ -43,58 +38,39 @@ class Surface:
         triangles, radii, segments = _spread(mesh, skeleton, of_joint, capsules)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
         corners = np.where((triangles > 0)[:, None], corners, corners[:, ::-1])
-        bound = _bound(mesh, skeleton)
         u, v = np.remainder(np.outer(STEPS, np.arange(count)) + 0.5, 1.0)
         u, v = np.where(u + v > 1.0, 1.0 - np.array([u, v]), [u, v])  # the other half of the square
         none, one = np.zeros(count), np.ones(count)
-        shares = [1.0 - u - v, u, v], [-one, one, none], [-one, none, one]
-        rows, size = np.repeat(np.arange(count), 3), (count, len(mesh.vertices))
-        points, first, second = (
-            csr_array((np.transpose(each).ravel(), (rows, corners.ravel())), size) @ bound for each in shares
+        rows, vertices = np.repeat(np.arange(count), 3), _bound(mesh, skeleton)
+        size = count, len(mesh.vertices)
+        places, first, second = (
+            _rows(csr_array((np.transpose(shares).ravel(), (rows, corners.ravel())), size) @ vertices)
+            for shares in ([1.0 - u - v, u, v], [-one, one, none], [-one, none, one])
         )
-        return cls(points, (first, second), radii, segments)
+        return cls(Points(places, first, second, radii, np.searchsorted(segments, np.arange(len(SEGMENTS) + 1))))
 
-    def posed(self, motion: Motion, chosen: Numbers) -> tuple[Array, Array]:
-        """Return some points in each frame, and the unit vectors out of the skin there, (frames, points, 3)."""
-        rotations, joints = motion.world_rotations, len(motion.skeleton)
-        matrices = Rotation.from_quat(rotations.reshape(-1, 4)).as_matrix().reshape(-1, joints, 3, 3)
-        moved = np.concatenate([matrices, motion.positions[..., None]], axis=3)  # (frames, joints, 3, 4)
-        columns = moved.transpose(1, 3, 0, 2).reshape(4 * joints, -1)
-        a, b, c = (
-            np.moveaxis((each[chosen] @ columns).reshape(len(chosen), len(motion), 3), 1, 0)
-            for each in (self.points, *self.edges)
-        )
-        return a, normalised(cross(b, c))
-
-    def gaps(self, motion: Motion, parts: Sequence[tuple[Part, Part]], wanted: Flags, farthest: float) -> Array:
-        """Return how far parts are from others in each frame, (frames, pairs), negative where they are in, or
-        `farthest` where that is less [file units].
+    def gaps(self, motion: Motion, parts: Sequence[tuple[int, Part]], wanted: Flags, farthest: float) -> Array:
+        """Return how far limbs are from parts in each frame, (frames, pairs), negative where they are in, or `farthest`
+        where that is less [file units].
 
         Args:
             motion: its frames.
-            parts: (pairs,), the one and the other.
+            parts: (pairs,), the segment of the limb, and the segments of the part.
             wanted: (frames, pairs), where to look; elsewhere they are `farthest`.
             farthest: [file units]
         """
-        gaps = np.full(wanted.shape, farthest)
-        frames: Numbers = np.flatnonzero(wanted.any(axis=1))
-        some = {part for pair in np.flatnonzero(wanted.any(axis=0)).tolist() for part in parts[pair]}
-        chosen = np.flatnonzero(np.isin(self.segments, [segment for part in some for segment in part]))
-        on = {part: np.flatnonzero(np.isin(self.segments[chosen], part)) for part in some}
-        places, outwards = self.posed(motion[frames], chosen)
-        for row, frame in enumerate(frames.tolist()):
-            trees: dict[Part, KDTree] = {}
-            for pair in np.flatnonzero(wanted[frame]).tolist():
-                one, other = (on[part] for part in parts[pair])
-                if not len(other):
-                    continue
-                tree = trees[parts[pair][1]] = trees.get(parts[pair][1]) or KDTree(places[row, other])
-                away, nearest = map(np.asarray, tree.query(places[row, one], distance_upper_bound=farthest))
-                near = np.isfinite(away)
-                below = other[nearest[near]]
-                by = places[row, one[near]] - places[row, below]
-                heights = _heights(by, outwards[row, below], self.radii[chosen[below]])
-                gaps[frame, pair] = heights.min(initial=farthest)
+        frames, gaps = np.flatnonzero(wanted.any(axis=1)), np.full(wanted.shape, farthest)
+        some, found = motion[frames], np.full((len(frames), len(parts)), farthest)
+        matrices = Rotation.from_quat(some.world_rotations.reshape(-1, 4)).as_matrix()
+        matrices = matrices.reshape(*some.positions.shape[:2], 3, 3)
+        moved = np.concatenate([matrices, some.positions[..., None]], axis=3)
+        limbs, members = np.array([limb for limb, _ in parts], np.intp), np.zeros((len(parts), len(SEGMENTS)), bool)
+        for pair, (_, part) in enumerate(parts):
+            members[pair, [*part]] = True
+        count = len(self.points.radii)
+        room = Room(np.zeros((count, 3)), np.zeros(count, np.intp), np.zeros(len(SEGMENTS), np.intp), np.zeros((3, 3)))
+        write_gaps(self.points, moved, limbs, members, np.ascontiguousarray(wanted[frames]), farthest, room, found)
+        gaps[frames] = found
         return gaps
 
 
@@ -139,7 +115,9 @@ def _nearest_on(ends: Array, points: Array) -> Array:
 
 
 def _bound(mesh: SkinnedMesh, skeleton: Skeleton) -> csr_array:
-    """(vertices, 4 joints), how each vertex is bound to each joint, as `Surface.points` are."""
+    """(vertices, 4 joints), how vertices are bound to joints: what each is off a joint in the rest pose, and 1, times
+    its weight.
+    """
     off = mesh.vertices[:, None] - skeleton.rest_positions[mesh.joints]
     values = mesh.weights[..., None] * np.concatenate([off, np.ones((*mesh.joints.shape, 1))], axis=2)
     columns = 4 * mesh.joints[..., None] + np.arange(4)
@@ -147,10 +125,7 @@ def _bound(mesh: SkinnedMesh, skeleton: Skeleton) -> csr_array:
     return csr_array((values.ravel(), (rows.ravel(), columns.ravel())), (len(mesh.vertices), 4 * len(skeleton)))
 
 
-def _heights(by: Array, outwards: Array, radii: Array) -> Array:
-    """(points,), how far off a surface points are, by the vectors to them from the nearest of its own points, (points,
-    3), which stand for pieces with some radii, (points,); negative beneath.
-    """
-    height = (by * outwards).sum(axis=1)
-    aside = np.maximum(lengths(by - height[:, None] * outwards) - radii, 0.0)
-    return np.asarray(np.where((height < 0.0) & (aside <= radii), height, np.hypot(height, aside)))
+def _rows(matrix: csr_array) -> Bound:
+    """The rows of a matrix, (vectors, 4 joints), as vectors that are bound to joints."""
+    blocks = matrix.tobsr((1, 4))
+    return Bound(blocks.indptr.astype(np.intp), blocks.indices.astype(np.intp), blocks.data[:, 0].copy())

@@ -1,0 +1,134 @@
+"""How far points on a surface that moves with joints are from others on it. Compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from distretarget.numerics.compiled import Out, compiled, inlined
+from distretarget.numerics.vectors import B2, F1, F2, F4, I1
+
+
+class Bound(NamedTuple):
+    """Vectors that are bound to joints: sums of R b + w x over joints with the rotations R and the places x."""
+
+    first: I1  # (vectors + 1,), the first row of each in what follows; the last is their end
+    joints: I1  # (rows,), the joints
+    b: F2  # (rows, 4), b and w
+
+
+class Points(NamedTuple):
+    """Points on the outside of a surface, ordered by segment."""
+
+    places: Bound
+    one: Bound  # an edge of the triangle of each ...
+    other: Bound  # ... and another, such that their cross product leads out
+    radii: F1  # (points,), of the piece of surface that each stands for
+    of_segment: I1  # (segments + 1,), the first point of each segment; the last is their end
+
+
+class Room(NamedTuple):
+    """Scratch for one frame."""
+
+    placed: F2  # (points, 3)
+    near: I1  # (points,)
+    are_placed: I1  # (segments,)
+    vectors: F2  # (3, 3)
+
+
+@compiled(fastmath=True)
+def write_gaps(
+    points: Points, moved: F4, limbs: I1, parts: B2, wanted: B2, farthest: float, room: Room, gaps: Out[F2]
+) -> None:
+    """Write the least height of the points of limbs over parts, (frames, pairs), where it is wanted and less than
+    `farthest`. `moved`, (frames, joints, 3, 4), are rotations and places of joints; `limbs`, (pairs,), are segments,
+    and `parts`, (pairs, segments), have several.
+    """
+    for frame in range(len(moved)):
+        for segment in range(len(room.are_placed)):
+            room.are_placed[segment] = 0
+        for pair in range(len(limbs)):
+            if wanted[frame, pair]:
+                for segment in range(len(room.are_placed)):
+                    if parts[pair, segment] or segment == limbs[pair]:
+                        _place(points, moved[frame], segment, room)
+                count = _find_near(points, limbs[pair], parts[pair], farthest, room)
+                gaps[frame, pair] = _least_height(points, moved[frame], limbs[pair], count, farthest, room)
+
+
+@inlined(fastmath=True)
+def _write(bound, moved, row, to):  # type: ignore[no-untyped-def]
+    """Write a bound vector."""
+    for i in range(3):
+        to[i] = 0.0
+    for n in range(bound.first[row], bound.first[row + 1]):
+        m, b = moved[bound.joints[n]], bound.b[n]
+        for i in range(3):
+            to[i] += m[i, 0] * b[0] + m[i, 1] * b[1] + m[i, 2] * b[2] + m[i, 3] * b[3]
+
+
+@inlined(fastmath=True)
+def _place(points, moved, segment, room):  # type: ignore[no-untyped-def]
+    """Write the places of the points of a segment once in a frame."""
+    if room.are_placed[segment] == 0:
+        room.are_placed[segment] = 1
+        for point in range(points.of_segment[segment], points.of_segment[segment + 1]):
+            _write(points.places, moved, point, room.placed[point])
+
+
+@inlined(fastmath=True)
+def _find_near(points, limb, part, farthest, room):  # type: ignore[no-untyped-def]
+    """Write the points of a part that may be near a limb; return how many there are."""
+    first, end, count = points.of_segment[limb], points.of_segment[limb + 1], 0
+    x = y = z = radius = 0.0
+    for point in range(first, end):
+        p = room.placed[point]
+        x, y, z = x + p[0] / (end - first), y + p[1] / (end - first), z + p[2] / (end - first)
+    for point in range(first, end):
+        p = room.placed[point]
+        radius = max(radius, (p[0] - x) ** 2 + (p[1] - y) ** 2 + (p[2] - z) ** 2)
+    reach = (np.sqrt(radius) + farthest) ** 2
+    for segment in range(len(part)):
+        if part[segment]:
+            for point in range(points.of_segment[segment], points.of_segment[segment + 1]):
+                p = room.placed[point]
+                if (p[0] - x) ** 2 + (p[1] - y) ** 2 + (p[2] - z) ** 2 < reach:
+                    room.near[count], count = point, count + 1
+    return count
+
+
+@inlined(fastmath=True)
+def _least_height(points, moved, limb, count, farthest, room):  # type: ignore[no-untyped-def]
+    """The least height of the points of a limb over those that were found, or `farthest`."""
+    least = farthest
+    for point in range(points.of_segment[limb], points.of_segment[limb + 1]):
+        p, nearest, best = room.placed[point], -1, farthest * farthest
+        for n in range(count):
+            q = room.placed[room.near[n]]
+            square = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
+            if square < best:
+                best, nearest = square, room.near[n]
+        if nearest >= 0:
+            least = min(least, _height(points, moved, point, nearest, best, room))
+    return least
+
+
+@inlined(fastmath=True)
+def _height(points, moved, point, nearest, square, room):  # type: ignore[no-untyped-def]
+    """How far off the surface a point is, negative beneath, by the nearest point of that: off its triangle's plane
+    within its piece of the surface, and off that piece's edge beyond.
+    """
+    a, b, c = room.vectors
+    p, q, radius = room.placed[point], room.placed[nearest], points.radii[nearest]
+    _write(points.one, moved, nearest, a)
+    _write(points.other, moved, nearest, b)
+    c[0], c[1], c[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    size = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+    height = 0.0
+    for i in range(3):
+        height += (p[i] - q[i]) * c[i] / max(size, 1e-300)
+    aside = max(np.sqrt(max(square - height * height, 0.0)) - radius, 0.0)
+    if height < 0.0 and aside <= radius:
+        return height
+    return np.sqrt(height * height + aside * aside)
