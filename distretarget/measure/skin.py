@@ -29,6 +29,7 @@ from distretarget.skin.mesh import SkinnedMesh
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
 GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
+FARTHEST = 10.0  # what touches in the source and is farther off than this in the result is so far off [% of height]
 RATE = 30.0  # skin is measured about as often [1/s]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 OWN_ARM = ("hand", "forearm", "upper arm")
@@ -186,7 +187,7 @@ class SourceSkin:
             reach[:, : len(LIMBS)][(beside | beside[:, HAND]) & skin.can_touch[: len(LIMBS)]] = touch
             there = PLACE_OF[segment][:, None] == PLACE_OF
             for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
-                reach[frame[there[:, part]], either[there[:, part]], part] = np.inf
+                reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height
             depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach))
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
             of_arm = _of_arms(depths)

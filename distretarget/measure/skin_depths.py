@@ -83,6 +83,7 @@ def find_depths(
         near,
         placed,
         placed_patches,
+        np.empty((len(solids.rest), 12)),
         np.empty(12),
         np.empty((3, 3)),
         last,
@@ -176,25 +177,28 @@ def _on_lattice(body, number, i, j, k):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _blend(x, q, body, vertex, blended):  # type: ignore[no-untyped-def]
-    """Write how the joints of a vertex move what is near it in the bind pose: a matrix, row by row, and a shift."""
+def _move(x, q, o, m):  # type: ignore[no-untyped-def]
+    """Write how a joint at x with the rotation q moves what is near it in the bind pose, in which it is at o: a matrix,
+    row by row, and a shift.
+    """
+    for column in range(3):
+        u, v = 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0
+        m[column], m[3 + column], m[6 + column] = turned(q[0], q[1], q[2], q[3], u, v, 1.0 - u - v)
+    for row in range(3):
+        m[9 + row] = x[row] - m[3 * row] * o[0] - m[3 * row + 1] * o[1] - m[3 * row + 2] * o[2]
+
+
+@inlined()
+def _blend(moved, body, vertex, blended):  # type: ignore[no-untyped-def]
+    """Write how the joints of a vertex move what is near it in the bind pose, as `_move` does."""
     for i in range(12):
         blended[i] = 0.0
     for n in range(4):
         share = body.weights[vertex, n]
         if share > 0.0:
-            joint = body.joints[vertex, n]
-            e, p, o = q[joint], x[joint], body.rest[joint]
-            for column in range(3):
-                u, v = 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0
-                a, b, c = turned(e[0], e[1], e[2], e[3], u, v, 1.0 - u - v)
-                blended[column] += share * a
-                blended[3 + column] += share * b
-                blended[6 + column] += share * c
-            a, b, c = turned(e[0], e[1], e[2], e[3], o[0], o[1], o[2])
-            blended[9] += share * (p[0] - a)
-            blended[10] += share * (p[1] - b)
-            blended[11] += share * (p[2] - c)
+            m = moved[body.joints[vertex, n]]
+            for i in range(12):
+                blended[i] += share * m[i]
 
 
 @inlined()
@@ -214,7 +218,7 @@ def _unblended(m, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _depth(x, q, body, group, a, b, c, blended):  # type: ignore[no-untyped-def]
+def _depth(x, q, moved, body, group, a, b, c, blended):  # type: ignore[no-untyped-def]
     """How deep the point a b c is in a group, the segment that it is in, and its place in the bind pose.
 
     What moves a point of a mesh is not known before its place in the bind pose is: it is found by repetition, as the
@@ -234,7 +238,7 @@ def _depth(x, q, body, group, a, b, c, blended):  # type: ignore[no-untyped-def]
     for _ in range(PASSES):
         if vertex < 0 or vertex == by:
             break
-        _blend(x, q, body, vertex, blended)
+        _blend(moved, body, vertex, blended)
         l, m, n = _unblended(blended, a, b, c)
         off = np.sqrt((l - i) * (l - i) + (m - j) * (m - j) + (n - k) * (n - k))
         if not off < np.inf:
@@ -332,6 +336,7 @@ def _find(
     near: Out[I1],
     placed: Out[F2],
     placed_patches: Out[F2],
+    moved: Out[F2],
     blended: Out[F1],
     corners: Out[F2],
     last: Out[I3],
@@ -339,16 +344,19 @@ def _find(
     places: Out[F4],
     inside: Out[F1],
 ) -> None:
-    """Write depths, places and counts of vertices inside; `near`, (groups,), `placed`, (groups, 4), `placed_patches`,
-    (patches + 1, 4), `blended`, (12,), and `corners`, (3, 3), are scratch: the near groups, balls in the world, how
-    joints move, and a triangle. `last`, (parts, segments, 2), begins as -1: the point and group that were deepest in
-    the frame before, with which the search begins, as all that is farther off need not be looked at.
+    """Write depths, places and counts of vertices inside. Scratch are `near`, (groups,), the near groups; `placed`,
+    (groups, 4), and `placed_patches`, (patches + 1, 4), balls in the world; `moved`, (joints, 12), and `blended`,
+    (12,), how joints and vertices move; and `corners`, (3, 3), a triangle. `last`, (parts, segments, 2), begins as -1:
+    the point and group that were deepest in the frame before, with which the search begins, as all that is farther off
+    need not be looked at.
     """
     groups, parts, patches = body.groups, skin.parts, skin.patches
     all_patches = len(patches) - 1
     around = placed_patches[all_patches]
     for frame in range(len(positions)):
         x, q = positions[frame], rotations[frame]
+        for joint in range(len(moved)):
+            _move(x[joint], q[joint], body.rest[joint], moved[joint])
         for patch in range(all_patches):
             joint = patches[patch, 0]
             _set(placed_patches[patch], x[joint], q[joint], skin.balls[patch])
@@ -361,7 +369,7 @@ def _find(
                 point, group = last[part, segment, 0], last[part, segment, 1]
                 if point >= 0 and deepest_of[segment] < 0.0:
                     a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
-                    deep, on, i, j, k = _depth(x, q, body, group, a, b, c, blended)
+                    deep, on, i, j, k = _depth(x, q, moved, body, group, a, b, c, blended)
                     if on == segment and deep > deepest_of[segment]:
                         # a point that is inside is counted when all are looked at
                         deepest_of[segment] = min(deep, 0.0)
@@ -380,7 +388,7 @@ def _find(
                     reach = _reach(deepest_of[groups[group, 1]])
                     if not _meet(placed[group], ball, reach):
                         continue
-                    deep, _on, _i, _j, _k = _depth(x, q, body, group, ball[0], ball[1], ball[2], blended)
+                    deep, _on, _i, _j, _k = _depth(x, q, moved, body, group, ball[0], ball[1], ball[2], blended)
                     if deep + ball[3] > -reach or deep == -np.inf:
                         near[n], near[found] = near[found], group
                         found += 1
@@ -391,7 +399,7 @@ def _find(
                     is_inside = False
                     for n in range(found):
                         group = near[n]
-                        deep, segment, i, j, k = _depth(x, q, body, group, a, b, c, blended)
+                        deep, segment, i, j, k = _depth(x, q, moved, body, group, a, b, c, blended)
                         if segment < 0 or deepest_of[segment] == np.inf:
                             continue
                         if deep > grazing:
