@@ -139,14 +139,10 @@ METHODS = {  # how lines of the scoreboard begin, by their names on the front pa
 }
 FRONT = {  # how its columns begin, by what the front page says of them
     "hands and forearms inside the body, % of their skin": "skin inside",
-    "deepest of that, mean / largest, % of height": "deepest",
-    "gap of contacts off the source's, samples / all clips, % of height": "gap of contacts",
-    "foot skate over the source's": "foot skate",
-    "feet off their height, % of leg": "feet off",
-    "direction error of limbs, degrees": "direction",
-    "jerk over that of copied rotations": "jerk",
+    "hands that miss what they touch in the source, % of touches": "touches missed",
+    "how far feet slide, over the source's": "foot skate",
+    "limbs that point elsewhere, mean, degrees": "direction",
     "frames per second on one core": "frames/s$",
-    "the same with reading, writing and, of distretarget, metrics": "frames/s, from",
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.part_axes import PARTS, rays
 from distretarget.objectives.spots import Spots
@@ -29,8 +29,12 @@ def anchors(
         firmness: (frames, spots), how firmly each spot is touched, 0 to 1.
     """
     one, other, limbs = skins.source, skins.target, skins.target.limbs
-    hands = {number: other.of_joint[limb.end] for number, limb in enumerate(limbs) if limb.is_arm}
-    hands = {number: segment for number, segment in hands.items() if "hand" in SEGMENTS[segment]}
+    ends = {number: other.of_joint[limb.end] for number, limb in enumerate(limbs) if limb.is_arm}
+    hands = {
+        number: segment
+        for number, segment in ends.items()
+        if "hand" in SEGMENTS[segment] and _balls(one, segment).size and _balls(other, segment).size
+    }
     if not hands or one.landmarks is None or other.landmarks is None or not firmness.any():
         return no_anchors(len(posed), len(limbs))
     before, now = (
@@ -48,11 +52,15 @@ def anchors(
     return {"off": off, "rays": directions, "ties": ties}
 
 
+def _balls(body: BodySkin, segment: int) -> Numbers:
+    """Return the numbers of the balls of a segment."""
+    return np.arange(*body.balls.of_ball[segment : segment + 2])
+
+
 def _middle(body: BodySkin, motion: Motion, segment: int) -> Array:
     """(frames, 3), the middle of the balls of a segment [file units]."""
-    balls = body.balls
-    on = slice(balls.of_ball[segment], balls.of_ball[segment + 1])
-    ends, t = body.posed(motion)[:, balls.carriers[on]], balls.places[on, None]
+    on = _balls(body, segment)
+    ends, t = body.posed(motion)[:, body.balls.carriers[on]], body.balls.places[on, None]
     return np.asarray(body.unit * ((1.0 - t) * ends[:, :, 0] + t * ends[:, :, 1]).mean(axis=1))
 
 
