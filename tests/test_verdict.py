@@ -61,7 +61,7 @@ def test_degrees_are_plain_numbers(error, words):
 def test_what_rests_less_than_in_the_copy_is_not_praised():
     text = said(GOOD | {"foot_skate": 0.05}, {"foot_skate": 0.02}, {"foot_skate": 0.05})
     assert "; feet skate more than with copied rotations;" in text
-    assert text.endswith(" Check: foot skate.")
+    assert text.endswith(" Within limits, but worse than copied rotations: foot skate.")
     supported = {"support_skate": 0.01, "support_height": 0.9}
     text = said(GOOD | supported, {"support_skate": 0.01, "support_height": 0.1}, {"support_skate": 0.01})
     assert "; hands, knees or other supports stay in place less than with copied rotations;" in text

@@ -45,19 +45,27 @@ class Build:
     Attributes:
         parts: (capsules, 2, 4) by part: place and radius of their ends.
         head: how large the head of a body is whose bones do not show it [of the average adult's].
+        own: the body that has this build, and its mesh, where it has one.
     """
 
     parts: Mapping[str, Array]
     head: float = 1.0
+    own: tuple[Skeleton, SkinnedMesh] | None = None
 
     @property
     def hash(self) -> str:
         """A hash of the capsules."""
         return hashlib.sha256(b"".join(self.parts[part].tobytes() for part in sorted(self.parts))).hexdigest()
 
+    def mesh_on(self, skeleton: Skeleton) -> SkinnedMesh | None:
+        """Return the mesh of the body that has this build, if its joints are where a skeleton has them."""
+        own, mesh = self.own or (None, None)
+        is_same = own is not None and own.names == skeleton.names and np.array_equal(own.offsets, skeleton.offsets)
+        return mesh if is_same else None
+
     @classmethod
-    def of(cls, body: Body, capsules: Capsules) -> Build:
-        """Return the build of a body with these capsules."""
+    def of(cls, body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Build:
+        """Return the build of a body with these capsules and this mesh."""
         pose = body.reference
         turns = Rotation.from_quat(pose.rotations[capsules.joints]).as_matrix()
         places = np.einsum("cij,cej->cei", turns, capsules.ends) + pose.positions[capsules.joints][:, None]
@@ -68,7 +76,7 @@ class Build:
             left &= ~on
             own = (places[on] - frame.origin) @ frame.axes / frame.scales
             parts[part] = np.concatenate([own, capsules.radii[on][..., None] / frame.breadth], axis=2)
-        return cls(parts)
+        return cls(parts, own=mesh and (body.skeleton, mesh))
 
     def on(self, body: Body) -> Capsules:
         """Return the capsules of a body with this build; none where it has no anatomy."""

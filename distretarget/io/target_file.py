@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from distretarget.body.body import Body
+from distretarget.body.bare import bare_mesh
 from distretarget.body.build import BUILDS, Build, Builds, average_build, capsules_of
 from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of
@@ -181,7 +182,7 @@ def parse_build(file: InputFile) -> Build:
         raise FileError(file.path, "shows no human body, so that another body cannot be as thick as it")
     if mesh is None and not target.radii:
         raise FileError(file.path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
-    return Build.of(body, capsules_of(body, mesh, target.radii))
+    return Build.of(body, capsules_of(body, mesh, target.radii), mesh and bare_mesh(body, mesh))
 
 
 def with_source(builds: Builds, file: InputFile) -> Builds:

@@ -184,7 +184,9 @@ class SourceSkin:
             frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
             reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (block.stop - block.start, 1, 1))
             beside = near[block][:, :, PLACE_OF]
-            reach[:, : len(LIMBS)][(beside | beside[:, HAND]) & skin.can_touch[: len(LIMBS)]] = touch
+            for forearm, hand in enumerate(HAND):  # what a forearm may touch, its hand may touch for it
+                beside[:, hand] |= beside[:, forearm]
+            reach[:, : len(LIMBS)][beside & skin.can_touch[: len(LIMBS)]] = touch
             there = PLACE_OF[segment][:, None] == PLACE_OF
             for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
                 reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height

@@ -22,8 +22,7 @@ def limit_warnings(
     metrics: Metrics, tracks: Mapping[Variant, Tracks], cause_of: FindCause | None = None
 ) -> Iterator[str]:
     """Yield a warning for each metric of the result above its limit, with value, worst frame, and what `cause_of` finds
-    for the metric in that frame and part; and one that names the other metrics that are worse than the rotation copy's.
-    `metrics` are those of `tracks`.
+    for the metric in that frame and part. `metrics` are those of `tracks`.
     """
     for metric in METRICS:
         if metric.limit and metric.over_limit(metrics):
@@ -35,13 +34,6 @@ def limit_warnings(
             worst = f"worst in frame {frame}" + (f", {part}" if part else "")
             cause = cause_of(metric, frame, part) if cause_of else ""
             yield f"{value}{better}, limit {limit:.3g}; {worst}" + (f"; cause: {cause}" if cause else "")
-    worse = []
-    for metric in METRICS:
-        if metric.worse_than_copy(metrics) and not metric.over_limit(metrics):
-            result, copy = (_number(metric, metrics, side) for side in ("result", "rotation_copy"))
-            worse.append(f"{metric.label} ({result} against {copy} {metric.unit}".rstrip() + ")")
-    if worse:
-        yield f"worse than the rotation copy in {', '.join(worse)}"
 
 
 def faults(metrics: Metrics) -> list[tuple[float, str]]:
@@ -63,8 +55,9 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
-    """Return a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction error, and the
-    names of the metrics over their limits or worse than copied rotations. `metrics` are those of `tracks`.
+    """Return a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction error; and the
+    names of the metrics over their limits, and of those within them but worse than those of copied rotations. `metrics`
+    are those of `tracks`.
     """
     of_result = tracks["result"]
     parts = [_contacts(metrics), *_skin(metrics, of_result), _feet(metrics), *_supports(metrics)]
@@ -72,8 +65,11 @@ def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
     parts += [*_hips(metrics, of_result), *_turned(of_result)]
     text = f"{'; '.join(parts)}."
     text = text[0].upper() + text[1:]
-    looks = [metric.label for metric in METRICS if metric.over_limit(metrics) or metric.worse_than_copy(metrics)]
-    return f"{text} Check: {', '.join(looks)}." if looks else text
+    over = [metric for metric in METRICS if metric.over_limit(metrics)]
+    worse = [metric for metric in METRICS if metric.worse_than_copy(metrics) and metric not in over]
+    for words, found in (("Check", over), ("Within limits, but worse than copied rotations", worse)):
+        text += f" {words}: {', '.join(metric.label for metric in found)}." if found else ""
+    return text
 
 
 def _contacts(metrics: Metrics) -> str:

@@ -43,6 +43,11 @@ class BodySkin:
     of_joint: Numbers  # (joints,), the segment of each joint, that of its nearest ancestor with a capsule; -1 for none
     landmarks: Landmarks | None  # of the axes of its parts
     unit: float  # the body unit
+    surface: Surface | None = None  # of the mesh, if it has one
+
+    def on_mesh(self, mesh: SkinnedMesh | None, skeleton: Skeleton) -> BodySkin:
+        """Return the skin with this mesh, whose joints are those of the body's skeleton."""
+        return replace(self, surface=_surface_of(mesh, skeleton, self)) if mesh else self
 
     @classmethod
     def of(cls, body: Body, capsules: Capsules) -> BodySkin:
@@ -111,11 +116,14 @@ class Skins:
 
     source: BodySkin
     target: BodySkin
-    surface: Surface | None = None  # of the target's mesh, if it has one
 
-    def on_mesh(self, mesh: SkinnedMesh | None, skeleton: Skeleton) -> Skins:
-        """Return the skins of a target with this mesh."""
-        return replace(self, surface=_surface_of(mesh, skeleton, self.target)) if mesh else self
+    def on_meshes(self, source: SkinnedMesh | None, target: SkinnedMesh | None, matching: Matching) -> Skins:
+        """Return the skins of a source and its target with these meshes."""
+        return replace(
+            self,
+            source=self.source.on_mesh(source, matching.source.skeleton),
+            target=self.target.on_mesh(target, matching.target.skeleton),
+        )
 
     @classmethod
     def of(cls, matching: Matching, source: Capsules, target: Capsules) -> Skins | None:

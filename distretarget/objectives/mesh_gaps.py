@@ -9,12 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.body_skin import BodySkin
-from distretarget.objectives.spots import Spots
+from distretarget.objectives.spots import Spots, of_pairs
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import PLACE
-from distretarget.skin.surface import Surface
 
 RATE = 15.0  # the mesh is looked at about as often [1/s]
 NEAR = 0.03  # by gaps of capsules that are less than this, meshes may touch [body units]
@@ -23,14 +22,15 @@ MOST = 0.04  # a mesh and its capsules differ by no more [body units]
 
 
 def nearer_than_capsules(
-    surface: Surface, body: BodySkin, spots: Spots, motion: Motion, touching: Array, first: int
+    body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, touching: Array, first: int
 ) -> Array:
-    """Return by how much the mesh is nearer than the capsules at each spot, (frames, spots) [body units].
+    """Return by how much the mesh is nearer than the capsules at each spot, (frames, spots) [body units]: by nothing
+    where a body has no mesh.
 
     Args:
-        surface: of the mesh.
-        body: with the capsules.
-        spots: of the body.
+        body: with its capsules, and the surface of its mesh.
+        spots: where limbs can touch.
+        pairs: (pairs, 2), the segments of the pairs that these are for.
         motion: its frames.
         touching: (frames, spots), more than 0 where limbs are to touch; else what is near is looked at.
         first: the number of the first frame in the clip, of which every so many frames are looked at.
@@ -38,12 +38,14 @@ def nearer_than_capsules(
     step = max(round(1.0 / (RATE * motion.frame_time)), 1)
     frames = np.arange(-first % step, len(motion), step)
     some, change = motion[frames], np.zeros((len(motion), len(spots.limbs)))
-    gaps = spots.least(segment_gaps(body.balls, body.posed(some), FARTHEST))
+    if body.surface is None:
+        return change
+    gaps = spots.least(of_pairs(segment_gaps(body.balls, body.posed(some), FARTHEST), body.balls.pairs, pairs))
     wanted = spots.are_hard & (gaps < FARTHEST) & ((touching[frames] > 0.0) | (gaps < NEAR))
     if wanted.any():
         places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
         parts = [*zip(spots.limbs.tolist(), places, strict=True)]
-        of_mesh = surface.gaps(some, parts, wanted, FARTHEST * body.unit) / body.unit
+        of_mesh = body.surface.gaps(some, parts, wanted, FARTHEST * body.unit) / body.unit
         off = np.where(wanted & (of_mesh < FARTHEST), gaps - of_mesh, 0.0).clip(-MOST, MOST)
         for spot in np.flatnonzero(wanted.any(axis=0)):
             change[:, spot] = np.interp(np.arange(len(motion)), frames, off[:, spot])

@@ -68,6 +68,8 @@ def _displaced(
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
     gaps = spots.least(in_source)
+    near = partial(nearer_than_capsules, spots=spots, pairs=balls.pairs, first=first)
+    gaps -= near(source, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
     firmness = touching * _meant(clip, body, spots)
     frames = Frames(
@@ -81,12 +83,12 @@ def _displaced(
     )
     bend = partial(brought_out, balls, body.displaced, spots)
     rest = body.limbs, clip.shots, clip.frame_time, REACH
-    if skins.surface is None:
+    if body.surface is None:
         return bend(frames, *rest)
     d = find_start(balls, body.displaced, frames, clip.shots)
     for _ in range(ROUNDS):
         now = bent(posed, body.limbs, body.unit * d)
-        nearer = nearer_than_capsules(skins.surface, body, spots, now, firmness, first)
+        nearer = near(body, motion=now, touching=firmness)
         soft = np.where(IS_HARD[balls.pairs[:, 0]], frames.soft - nearer[:, spots.of_pair], frames.soft)
         d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), *rest, start=d)
     return d
@@ -143,8 +145,10 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
 
 
 def how_touching(spots: Spots, gaps: Array) -> Array:
-    """(frames, spots), how near limbs are to what they touch, 0 to 1, by gaps, (frames, spots); only arms touch."""
-    return np.asarray(smoothstep((APART - gaps) / (APART - TOUCH)) * IS_ARM[spots.limbs % len(SEGMENTS)])
+    """(frames, spots), how near limbs are to what they touch, 0 to 1, by gaps, (frames, spots). Only hands and forearms
+    touch: an upper arm is near the trunk anyway.
+    """
+    return np.asarray(smoothstep((APART - gaps) / (APART - TOUCH)) * spots.are_hard)
 
 
 def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:

@@ -54,6 +54,7 @@ class Match:
     matching: Matching  # which source joint drives which target joint
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
+    source_mesh: SkinnedMesh | None = None  # of the source, if its own file shows one
     skeleton: Skeleton | None = None  # of the target's file, where feet or hands do not hang in it as on its body
     hips: Way | None = None  # from the target's hips in its file to those of its body, where these are elsewhere
 
@@ -104,10 +105,11 @@ def match_performer(
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
     mesh = _bare(goal) if skins and not builds.target else None
-    skins = skins and skins.on_mesh(None if hips else mesh, matching.target.skeleton)
+    source_mesh = builds.source and builds.source.mesh_on(matching.source.skeleton)
+    skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
     matching = matching.on_mesh_soles(mesh)
     hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()
-    found = Match(world, matching, skins, mesh, goal.skeleton if hangs_otherwise else None, hips)
+    found = Match(world, matching, skins, mesh, source_mesh, goal.skeleton if hangs_otherwise else None, hips)
     if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
@@ -215,6 +217,7 @@ class Performer:
             distances=self.clip.distances,
             skins=self.match.skins,
             mesh=self.match.mesh,
+            source_mesh=self.match.source_mesh,
         )
 
     def _as_channels_allow(self, posed: Motion) -> Motion:

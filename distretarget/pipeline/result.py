@@ -45,7 +45,7 @@ Labels = dict[str, NDArray[Any]]
 
 COMPARED = 10  # to compare a joint takes as long as to place this many
 TURNS = 15.0  # a body that should turn by more than this, and cannot, is worth a warning [degrees]
-REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
+REACH = 0.025  # a resting joint is seen to be off its place from 5 % of a leg on, half a shoe's width [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
 
@@ -69,6 +69,7 @@ class RetargetResult:
         asked: what the user said of contacts.
         unmet: what of that could be met in part only, a line each.
         mesh: of the target, by which the metrics of skin are measured; None to measure them by its surface.
+        source_mesh: of the source, the same.
     """
 
     source: Motion
@@ -83,6 +84,7 @@ class RetargetResult:
     distances: DistanceProblem
     skins: Skins | None = None
     mesh: SkinnedMesh | None = None
+    source_mesh: SkinnedMesh | None = None
     asked: ContactList = NO_CONTACTS
     unmet: tuple[str, ...] = ()
 
@@ -139,7 +141,7 @@ class RetargetResult:
         skins, surface = None, None
         if self.skins:
             of_target = _skin_of(target, self.skins.target.capsules, self.mesh)
-            skins = _skin_of(source, self.skins.source.capsules, None), of_target
+            skins = _skin_of(source, self.skins.source.capsules, self.source_mesh), of_target
             surface = find_surface(target.skeleton, self.skins.target.capsules, self.mesh)
         reference = Reference(self.source, self.matching, self.world.up_vector, skins, surface)
 
@@ -218,8 +220,7 @@ class RetargetResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings, one line each: metrics over their limits, metrics worse than the rotation copy's, and resting
-        joints that do not reach their places.
+        """Warnings, one line each: metrics over their limits, and resting joints that do not reach their places.
         """
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
         return (

@@ -322,7 +322,7 @@ def _skin_gaps(results: Sequence[RetargetResult]) -> dict[tuple[int, int], SkinG
     known, gaps = {}, {}
     for number, one in enumerate(results):
         if one.skins:
-            of_source = find_skin(one.matching.source, one.skins.source.capsules)
+            of_source = find_skin(one.matching.source, one.skins.source.capsules, one.source_mesh)
             known[number] = of_source, find_skin(one.matching.target, one.skins.target.capsules, one.mesh)
     for i, j in combinations(known, 2):
         sources, motions = ([getattr(results[n], side) for n in (i, j)] for side in ("source", "motion"))
