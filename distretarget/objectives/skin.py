@@ -1,7 +1,7 @@
 """Skin: limbs bend so that skin touches where it touches in the source, and sinks in nowhere.
 
-It begins with the motion that keeps the contacts of joints. In each frame `skin.displacement` finds how elbows, wrists
-and knees bring limbs out of the body. From there `ik.limb_bends` solves for all frames at once: limbs stay outside,
+It begins with the motion that keeps the contacts of joints. `skin.sides` finds how elbows, wrists and knees bring
+limbs out of the body in each frame. From there `ik.limb_bends` solves for all frames at once: limbs stay outside,
 skins that touch come to the gap of the source, and limbs move as smoothly as that lets them. It does so with capsules,
 and again with these put right by the mesh.
 """
@@ -18,7 +18,7 @@ from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
-from distretarget.numerics.time_series import Shots, by_shot, smoothstep
+from distretarget.numerics.time_series import Shots, smoothstep
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.anchors import anchors
@@ -29,8 +29,8 @@ from distretarget.objectives.spots import APART, IS_HARD, Spots, of_pairs
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, mean_radii, segment_gaps
 from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS
-from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import Limb, bent
+from distretarget.skin.sides import least_displacements
 from distretarget.skin.tangents import Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
@@ -85,7 +85,7 @@ def _displaced(
     rest = body.limbs, clip.shots, clip.frame_time, REACH
     if body.surface is None:
         return bend(frames, *rest)
-    d = find_start(balls, body.displaced, frames, clip.shots)
+    d = find_start(balls, body.displaced, frames, clip.shots, clip.frame_time)
     for _ in range(ROUNDS):
         now = bent(posed, body.limbs, body.unit * d)
         nearer = near(body, motion=now, touching=firmness)
@@ -94,9 +94,11 @@ def _displaced(
     return d
 
 
-def find_start(balls: Balls, displaced: Displaced, frames: Frames, shots: Shots) -> Array:
-    """Return how far to displace limbs so that they leave bodies on the side on which they entered them."""
-    return by_shot(partial(displacements, balls, displaced), shots, *frames[:4])
+def find_start(balls: Balls, displaced: Displaced, frames: Frames, shots: Shots, frame_time: float) -> Array:
+    """Return how far to displace limbs so that they leave bodies on one side while they are in them. A limb that
+    changes sides goes through a body within about `TAU`.
+    """
+    return least_displacements(balls, displaced, *frames[:4], shots=shots, change=2.0 * TAU / frame_time)
 
 
 def brought_out(
@@ -111,7 +113,7 @@ def brought_out(
     start: Array | None = None,
 ) -> Array:
     """Return how far to displace limbs, (frames, limbs, 2, 3), from where they are; see `ik.limb_bends.bends`."""
-    start = find_start(balls, displaced, frames, shots) if start is None else start
+    start = find_start(balls, displaced, frames, shots, frame_time) if start is None else start
     arms = np.array([limb.is_arm for limb in limbs], bool)
     return bends(balls, displaced, spots.of_pair, frames, arms, start, shots, frame_time, reach)
 
