@@ -27,8 +27,9 @@ def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
     `INSTANT`]; 0 where it does not pop.
 
     A joint pops if it moves farther than `FAR` while it hardly moves in the rotation copy, or if its deviation from the
-    copy does, `SUDDEN` times the median of the two steps before and the two after it. Joints outside the body, such as
-    a root on the floor, do not pop, and no joint pops at a cut of the source between `shots`, (frames,).
+    copy does, `SUDDEN` times the median of the two steps before and the two after it, where the way of the copy is not
+    as sudden: a jump of the source is none of the result. Joints outside the body, such as a root on the floor, do not
+    pop, and no joint pops at a cut of the source between `shots`, (frames,).
     """
     scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
     pops, going_on = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
@@ -57,14 +58,21 @@ def _write_pops(copy: F3, result: F3, joints: I1, going_on: B1, scale: float, po
                 pops[frame, joint] = step
                 continue
             step = _step(result, copy, frame, joint, 1.0) * scale
-            if step > FAR:
-                total, least, most = 0.0, np.inf, 0.0
-                for lag in (-NEAR, -1, 1, NEAR):  # beyond the ends as in a mirror
-                    near = max(last - abs(last - abs(frame + lag)), 0)
-                    other = _step(result, copy, near, joint, 1.0) * scale
-                    total, least, most = total + other, min(least, other), max(most, other)
-                if step > SUDDEN * 0.5 * (total - least - most):
+            if step > FAR and step > SUDDEN * scale * _usual_step(result, copy, frame, joint, 1.0, last):
+                of_copy = _step(copy, copy, frame, joint, 0.0)
+                usual = _usual_step(copy, copy, frame, joint, 0.0, last)
+                if of_copy * scale < CALM or of_copy < SUDDEN * usual:
                     pops[frame, joint] = step
+
+
+@inlined()
+def _usual_step(motion: Array, copy: Array, frame: int, joint: int, share: float, last: int) -> float:
+    """The median of the two steps before a frame and the two after it; beyond the ends as in a mirror."""
+    total, least, most = 0.0, np.inf, 0.0
+    for lag in (-NEAR, -1, 1, NEAR):
+        step = _step(motion, copy, max(last - abs(last - abs(frame + lag)), 0), joint, share)
+        total, least, most = total + step, min(least, step), max(most, step)
+    return 0.5 * (total - least - most)
 
 
 @inlined()

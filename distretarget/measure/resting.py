@@ -14,6 +14,9 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
 LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
 LOWEST = 2.0  # which is this percentile of them [%]
+# Nobody sees how feet rest that do so for less than this and than half of a clip, all rests together: a foot in a run
+# carries the body for longer [s].
+LEAST = 0.1
 
 
 def foot_joints(legs: Sequence[Leg]) -> Numbers:
@@ -26,4 +29,6 @@ def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> 
     paths = motion.positions[:, foot_joints(legs)] / length
     heights = paths @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT
-    return np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
+    rests = np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
+    count = np.count_nonzero(rests.any(axis=1))
+    return rests & (count >= min(LEAST / motion.frame_time, 0.5 * len(rests)))
