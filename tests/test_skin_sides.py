@@ -22,9 +22,9 @@ def cost(taken, forwards, backwards, change):
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("change", [0.0, 0.3, 2.0, 100.0])
 def test_the_way_found_is_the_cheapest_of_all(seed, change):
-    forwards, backwards = np.random.default_rng(seed).normal(size=(2, 8, 2, 2, 3)) * np.linspace(1.0, 2.0, 8)[
-        :, None, None, None
-    ]
+    forwards, backwards = (
+        np.random.default_rng(seed).normal(size=(2, 8, 2, 2, 3)) * np.linspace(1.0, 2.0, 8)[:, None, None, None]
+    )
     taken = cheaper(forwards, backwards, change)
     least = min(cost(way, forwards, backwards, change) for way in product([False, True], repeat=8))
     assert cost(taken, forwards, backwards, change) == pytest.approx(least)

@@ -26,6 +26,7 @@ from distretarget.body.segments import find_segments, frames, proportions
 from distretarget.checks import brief, check_kind
 from distretarget.numerics.vectors import Array
 from distretarget.rig import found_once
+from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -76,7 +77,7 @@ class Build:
             left &= ~on
             own = (places[on] - frame.origin) @ frame.axes / frame.scales
             parts[part] = np.concatenate([own, capsules.radii[on][..., None] / frame.breadth], axis=2)
-        return cls(parts, own=mesh and (body.skeleton, mesh))
+        return cls(parts, own=(body.skeleton, mesh) if mesh else None)
 
     def on(self, body: Body) -> Capsules:
         """Return the capsules of a body with this build; none where it has no anatomy."""

@@ -15,7 +15,7 @@ from distretarget.objectives.spots import Spots, of_pairs
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import PLACE
 
-RATE = 15.0  # the mesh is looked at about as often [1/s]
+RATE = 30.0  # the mesh is looked at about as often [1/s]
 NEAR = 0.03  # by gaps of capsules that are less than this, meshes may touch [body units]
 FARTHEST = 0.06  # what is farther apart is not looked at [body units]
 MOST = 0.04  # a mesh and its capsules differ by no more [body units]

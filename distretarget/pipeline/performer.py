@@ -105,7 +105,7 @@ def match_performer(
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
     skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
     mesh = _bare(goal) if skins and not builds.target else None
-    source_mesh = builds.source and builds.source.mesh_on(matching.source.skeleton)
+    source_mesh = builds.source.mesh_on(matching.source.skeleton) if builds.source else None
     skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
     matching = matching.on_mesh_soles(mesh)
     hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()

@@ -220,8 +220,7 @@ class RetargetResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings, one line each: metrics over their limits, and resting joints that do not reach their places.
-        """
+        """Warnings, one line each: metrics over their limits, and resting joints that do not reach their places."""
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
         return (
             *limit_warnings(self.metrics, self.tracks, causes.of),

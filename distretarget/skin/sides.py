@@ -30,7 +30,12 @@ def least_displacements(
     other costs as much as `change` frames of such a displacement. So a clip played backwards has the same.
 
     Args:
-        balls, displaced, posed, limbs, free, soft: those of `displacements`.
+        balls: of the body, with its capsules.
+        displaced: what moves with the displaced joints.
+        posed: (frames, capsules, 2, 3), the ends of the capsules.
+        limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb.
+        free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
+        soft: (frames, pairs), how far segments may overlap.
         shots: (frames,); no side is kept across cuts.
         change: what a change costs [frames].
     """
@@ -50,7 +55,7 @@ def cheaper(forwards: Array, backwards: Array, change: float) -> Flags:
     """Return where to take what was found backwards, (frames,): the way through both of least cost, by dynamic
     programming. The arguments are those of `least_displacements`.
     """
-    differ = (np.abs(forwards - backwards) > SAME).any(axis=(1, 2, 3))
+    differ: Flags = np.asarray((np.abs(forwards - backwards) > SAME).any(axis=(1, 2, 3)))
     dearer = np.where(differ, (forwards**2 - backwards**2).sum(axis=(1, 2, 3)), 0.0)
     changes = np.where(differ, change * ((forwards - backwards) ** 2).sum(axis=(1, 2, 3)), 0.0)
     gain = np.zeros(len(differ) + 1)  # what it saves to be in the frame before backwards rather than forwards
@@ -60,4 +65,4 @@ def cheaper(forwards: Array, backwards: Array, change: float) -> Flags:
     for frame in np.flatnonzero(differ)[::-1]:
         change_after = changes[frame + 1] if frame + 1 < len(differ) else 0.0
         taken[frame] = gain[frame + 1] > (-change_after if taken[frame + 1] else change_after)
-    return taken[:-1]
+    return np.asarray(taken[:-1])
