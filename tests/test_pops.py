@@ -97,6 +97,7 @@ def test_a_jump_of_the_source_is_no_pop_of_the_result():
     jump = np.repeat([0.0, 0.1], 5)
     copy, result = carried(WALKED / 10 + jump), carried(WALKED / 10 + 1.5 * jump)
     assert not jumps_of(copy, result).any()
+    assert not jumps_of(carried(WALKED / 10 + 0.5 * jump), result).any()
     assert np.flatnonzero(jumps_of(carried(WALKED / 10), result).any(axis=1)).tolist() == [4]
 
 

@@ -19,6 +19,7 @@ INSTANT = 1 / 60  # the time over which turns and pops are measured [s]
 FAR = 4.0  # a joint pops if it moves farther than this ...
 CALM = 1.5  # ... while it moves less than this in the rotation copy [both % of leg length in INSTANT]; ...
 SUDDEN = 4.0  # ... or if its deviation from the copy goes as far, and this many times its usual way
+JUMP = 2.0  # a joint of the source that goes so many times its usual way jumps: the data are wrong there
 NEAR = 2  # how many steps before and after it show its usual way
 
 
@@ -27,9 +28,9 @@ def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
     `INSTANT`]; 0 where it does not pop.
 
     A joint pops if it moves farther than `FAR` while it hardly moves in the rotation copy, or if its deviation from the
-    copy does, `SUDDEN` times the median of the two steps before and the two after it, where the way of the copy is not
-    as sudden: a jump of the source is none of the result. Joints outside the body, such as a root on the floor, do not
-    pop, and no joint pops at a cut of the source between `shots`, (frames,).
+    copy does, `SUDDEN` times the median of the two steps before and the two after it. Joints outside the body, such as
+    a root on the floor, do not pop, and no joint pops at a cut of the source between `shots`, (frames,), or where the
+    source itself jumps.
     """
     scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
     pops, going_on = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
@@ -50,7 +51,7 @@ def _write_pops(copy: F3, result: F3, joints: I1, going_on: B1, scale: float, po
     """Write the steps that are pops, in % of leg length in `INSTANT`."""
     last = len(pops) - 1
     for frame in range(len(pops)):
-        if not going_on[frame]:
+        if not going_on[frame] or _jumps(copy, frame, joints, scale, last):
             continue
         for joint in joints:
             step = _step(result, copy, frame, joint, 0.0) * scale
@@ -59,10 +60,17 @@ def _write_pops(copy: F3, result: F3, joints: I1, going_on: B1, scale: float, po
                 continue
             step = _step(result, copy, frame, joint, 1.0) * scale
             if step > FAR and step > SUDDEN * scale * _usual_step(result, copy, frame, joint, 1.0, last):
-                of_copy = _step(copy, copy, frame, joint, 0.0)
-                usual = _usual_step(copy, copy, frame, joint, 0.0, last)
-                if of_copy * scale < CALM or of_copy < SUDDEN * usual:
-                    pops[frame, joint] = step
+                pops[frame, joint] = step
+
+
+@inlined()
+def _jumps(copy: Array, frame: int, joints: Array, scale: float, last: int) -> bool:
+    """Whether a joint of the copy goes far, and `JUMP` times its usual way: so the source does."""
+    for joint in joints:  # noqa: SIM110 - compiled
+        step = _step(copy, copy, frame, joint, 0.0) * scale
+        if step > FAR and step > JUMP * scale * _usual_step(copy, copy, frame, joint, 0.0, last):
+            return True
+    return False
 
 
 @inlined()
