@@ -39,8 +39,9 @@ from distretarget import Motion, RetargetResult, load_target, read_motion
 from distretarget.body.anatomy import SIDES
 from distretarget.body.limbs import raised
 from distretarget.errors import DistretargetError
-from distretarget.measure.comparison import Reference
+from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import clip_metrics
+from distretarget.measure.needless import find_needless
 from distretarget.measure.skin import find_skin
 from distretarget.numerics.vectors import lengths
 from distretarget.target import Target
@@ -166,13 +167,13 @@ def measure(names: tuple[str, str], clip: Path, body: Path, average: Path, sampl
         find_skin(run.matching.source, run.skins.source.capsules),
         find_skin(run.matching.target, run.skins.target.capsules, run.mesh),
     )
-    reference = Reference(run.source, run.matching, run.world.up_vector, own)
+    of_copy = (reference := Reference(run.source, run.matching, run.world.up_vector, own)).compare(run.rotation_copy)
     rows = []
     for contestant in contestants():
         if not contestant.missing:
             motion = contestant.motion(case)
             skin = skin_metrics(hero, motion, frames, of_source)
-            metrics = skin | {"direction": direction_error(run, motion)} | _of_motion(reference, motion)
+            metrics = skin | {"direction": direction_error(run, motion)} | _of_motion(reference, run, of_copy, motion)
             rows.append(Row(*names, contestant.name, metrics))
     return rows
 
@@ -192,11 +193,12 @@ def skin_metrics(hero: Character, motion: Motion, frames: NDArray[np.intp], of_s
     }
 
 
-def _of_motion(reference: Reference, motion: Motion) -> dict[str, float]:
-    """The project's metrics of a motion."""
+def _of_motion(reference: Reference, run: RetargetResult, of_copy: Comparison, motion: Motion) -> dict[str, float]:
+    """The project's metrics of a motion, against the rotation copy's."""
     comparison = reference.compare(motion)
-    metrics, source = clip_metrics(comparison.tracks), clip_metrics(comparison.source_tracks)
-    names = ("foot_skate", "foot_height", "jerk", "turn", *TOUCHES)
+    needless = find_needless(run.rotation_copy, motion, run.matching.target, of_copy, comparison)
+    metrics, source = clip_metrics({**comparison.tracks, "needless": needless}), clip_metrics(comparison.source_tracks)
+    names = ("foot_skate", "foot_height", "jerk", "turn", "hips_acceleration", *FURTHER)
     values = {name: metrics[name] for name in names} | {"foot_skate_source": source["foot_skate"]}
     return {name: np.nan if value is None else float(value) for name, value in values.items()}
 
@@ -256,12 +258,16 @@ COLUMNS = {
     "foot_skate": "foot skate over the source's",
     "foot_height": "feet off their height, % of leg",
     "direction": "direction error, degrees",
+    "floor": "lowest point off the floor, % of leg",
+    "sole_tilt": "soles tilted, degrees",
+    "needless": "arms turned without need, degrees, 99th percentile",
     "jerk": "jerk over the copy's",
+    "hips_acceleration": "acceleration of the hips, 99th percentile, over the copy's",
     "turn": "turn, largest, degrees",
     "speed": "frames/s",
     "conversion": "frames/s, from file to file",
 }
-TOUCHES = ("touch_missed", "touch_place", "touch_time", "part_depth")
+FURTHER = ("touch_missed", "touch_place", "touch_time", "part_depth", "floor", "sole_tilt", "needless")
 SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the metric behind a column's first
 
 
@@ -286,11 +292,11 @@ def _summed(rows: Sequence[Row], copies: Mapping[tuple[str, str], dict[str, floa
         "above_copy": float(sum(row.metrics["inside"] > copy["inside"] for row, copy in zip(rows, own, strict=True))),
         "gap": _mean(np.array([row.metrics["gap"] for row in rows if "/" not in row.clip])),
         "gap_all": _mean(of("gap")),
-        **{key: _mean(of(key)) for key in TOUCHES},
+        **{key: _mean(of(key)) for key in FURTHER},
         "foot_skate": _mean(of("foot_skate")) / _mean(of("foot_skate_source")),
         "foot_height": _mean(of("foot_height")),
         "direction": _mean(of("direction")),
-        "jerk": _mean(of("jerk") / [copy["jerk"] for copy in own]),
+        **{key: _mean(of(key) / [copy[key] for copy in own]) for key in ("jerk", "hips_acceleration")},
         "turn": float(np.nanmax(of("turn"))),
     }
 

@@ -98,13 +98,15 @@ def line(name: str, rows: Array) -> str:
     seen, told = share > VISIBLE, found > VISIBLE
     counts = f"{(seen & told).sum()} | {(seen & ~told).sum()} | {(~seen & told).sum()}"
     means = f"{share.mean():.1f} | {found.mean():.1f} | {depth.mean():.2f} | {deepest.mean():.2f}"
-    agreement = np.corrcoef(depth, deepest)[0, 1] if depth.any() and deepest.any() else 1.0
-    return f"| {name} | {len(rows)} | {counts} | {means} | {agreement:.3f} | {time.mean():.0f} |"
+    off = np.abs(depth - deepest)
+    return f"| {name} | {len(rows)} | {counts} | {means} | {off.mean():.2f} / {off.max():.2f} | {time.mean():.0f} |"
 
 
 def main() -> None:
     """Print a row for each character, and one for all."""
-    print("| character | frames | found | missed | false | % inside | metric | depth | metric | corr. | us/frame |")
+    print(
+        "| character | frames | found | missed | false | % inside | metric | depth | metric | off, mean / largest | us/frame |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     every = []
     for path in map(Path, sys.argv[1:]):
