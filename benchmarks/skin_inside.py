@@ -104,9 +104,8 @@ def line(name: str, rows: Array) -> str:
 
 def main() -> None:
     """Print a row for each character, and one for all."""
-    print(
-        "| character | frames | found | missed | false | % inside | metric | depth | metric | off, mean / largest | us/frame |"
-    )
+    depths = "depth | metric | off, mean / largest"
+    print(f"| character | frames | found | missed | false | % inside | metric | {depths} | us/frame |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     every = []
     for path in map(Path, sys.argv[1:]):

@@ -54,7 +54,13 @@ from distretarget.motion import MovingBones as MovingBones
 from distretarget.numerics.kinematics import forward_kinematics as forward_kinematics
 from distretarget.objectives.activation import ContactSettings as ContactSettings
 from distretarget.objectives.supports import Supports as Supports
+from distretarget.pipeline.edits import Edits as Edits
+from distretarget.pipeline.edits import at_speed as at_speed
+from distretarget.pipeline.edits import looped as looped
+from distretarget.pipeline.edits import trimmed as trimmed
+from distretarget.pipeline.edits import turned as turned
 from distretarget.pipeline.found_contacts import find_contacts as find_contacts
+from distretarget.pipeline.mirror import mirrored as mirrored
 from distretarget.pipeline.options import Options as Options
 from distretarget.pipeline.result import RetargetResult as RetargetResult
 from distretarget.pipeline.retargeting import retarget as retarget

@@ -36,6 +36,7 @@ from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
+from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import target_capsules
 from distretarget.report.diff_document import About
@@ -252,6 +253,7 @@ def convert_folder(
     reports: int | None = 10,
     table: str | Path | None = None,
     joints: str | Path | None = None,
+    edits: Edits = NO_EDITS,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
 
@@ -283,6 +285,7 @@ def convert_folder(
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
         joints: the skeleton for clips that are arrays, which folders are searched for then; see `read_motion`.
+        edits: what is cut out of each clip, and how it is mirrored, turned, sped up or made a loop.
 
     Returns:
         The numbers of clips converted, skipped and failed, and `lines` to print.
@@ -294,6 +297,7 @@ def convert_folder(
     """
     check_kind("options", options, Options)
     check_kind("builds", builds, Builds)
+    check_kind("edits", edits, Edits)
     check_kind("include", include, Sequence)
     check_kind("exclude", exclude, Sequence)
     check_kind("formats", formats, Sequence)
@@ -314,7 +318,7 @@ def convert_folder(
     batch = Batch(
         clips,
         Results(Path(folder), overwrite),
-        Recipe(options, load_map(map_file, rest), clip, fps, writing, builds),
+        Recipe(options, load_map(map_file, rest), clip, fps, writing, builds, edits),
         Pages(
             lambda clip, result: About(a=clip.name, b=result.name),
             Path(report) if report else None,

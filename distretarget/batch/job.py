@@ -33,6 +33,7 @@ from distretarget.io.target_file import TargetFile, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit
+from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
@@ -53,6 +54,7 @@ class Recipe:
     fps: float | None = None
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
+    edits: Edits = NO_EDITS
 
     @cached_property
     def settings(self) -> dict[str, object]:
@@ -64,8 +66,8 @@ class Recipe:
             pairs["rest"] = dict(self.map_file.rest.rotations)
         sides = {"source_build": self.builds.source, "target_build": self.builds.target}
         hashes = {side: build.hash for side, build in sides.items() if build is not None}
-        usual = {"clip": None, "fps": None, **asdict(DEFAULT_OUTPUT)}
-        given = {"clip": self.clip, "fps": self.fps, **asdict(self.writing)}
+        usual = {"clip": None, "fps": None, **asdict(DEFAULT_OUTPUT), **asdict(NO_EDITS)}
+        given = {"clip": self.clip, "fps": self.fps, **asdict(self.writing), **asdict(self.edits)}
         others = {key: value for key, value in given.items() if value != usual[key]}
         return asdict(self.options) | pairs | hashes | others
 
@@ -130,6 +132,7 @@ def convert(job: Job) -> Result:
 def _converted(job: Job) -> Result:
     recipe, target = job.recipe, unpacked(job.target)
     motion, lost = parse_motion(job.source, recipe.clip, recipe.fps)
+    motion = recipe.edits.of_file(motion, job.source.path)
     result = retarget_onto(
         motion,
         target,

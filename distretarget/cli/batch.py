@@ -27,6 +27,7 @@ from distretarget.cli.options import (
     PATH,
     Skins,
     contacts_option,
+    editing,
     file_option,
     load_builds,
     of_formats,
@@ -45,6 +46,7 @@ from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, Outp
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
+from distretarget.pipeline.edits import Edits
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
@@ -80,6 +82,7 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
     help="Read the paths of clips from this file, one per line; - is standard input.",
 )
 @reading
+@editing
 @retargeting
 @contacts_option(
     help="Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, "
@@ -145,6 +148,7 @@ def batch_command(
     clip: str | None,
     fps: float | None,
     joints_path: Path | None,
+    edits: Edits,
     kinds: tuple[str, ...] | None,
     npz: bool,
     settings: OutputSettings,
@@ -213,7 +217,7 @@ def batch_command(
     batch = Batch(
         clips,
         Results(results, overwrite and not merge, read_only=dry_run),
-        Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, load_builds(skins)),
+        Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, load_builds(skins), edits),
         Pages(about, index, reports, table),
         contacts_path,
         load_file(joints_path) if joints_path else None,

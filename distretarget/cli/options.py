@@ -15,11 +15,13 @@ from click.core import ParameterSource
 
 from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
+from distretarget.errors import SettingsError
 from distretarget.io.gltf_writer import Mode
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, Precision
 from distretarget.io.target_file import load_build
 from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
+from distretarget.pipeline.edits import FARTHEST, SPEEDS, Edits
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
 from distretarget.skeleton import LARGEST, SMALLEST
 
@@ -83,6 +85,15 @@ def of_rate(text: str) -> float:
     if (rate := _number(text, SLOWEST, FASTEST)) is None:
         raise click.BadParameter(f"expected frames per second, from {SLOWEST:g} to {FASTEST:g}, found {text!r}")
     return rate
+
+
+def of_time(text: str) -> str:
+    """The time or the frame in the text."""
+    try:
+        Edits(start=text)
+    except SettingsError as error:
+        raise click.BadParameter(f"expected seconds, or a frame such as 90f, found {text!r}") from error
+    return text
 
 
 def of_formats(text: str) -> tuple[str, ...]:
@@ -221,6 +232,27 @@ READING = (
         "file, BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
     ),
 )
+EDITING = (
+    click.option(
+        "--start",
+        type=of_time,
+        metavar="TIME",
+        help="Leave out what is before: seconds, or the number of a frame, as in 90f.",
+    ),
+    click.option("--end", type=of_time, metavar="TIME", help="Leave out what is after: seconds or a frame."),
+    click.option(
+        "--speed", type=click.FloatRange(*SPEEDS), metavar="FACTOR", default=1.0, help="How many times as fast it is."
+    ),
+    click.option("--mirror", is_flag=True, help="Exchange left and right."),
+    click.option(
+        "--turn",
+        type=click.FloatRange(-FARTHEST, FARTHEST),
+        metavar="DEGREES",
+        default=0.0,
+        help="Turn the motion to the left, about the vertical through the origin.",
+    ),
+    click.option("--loop", is_flag=True, help="Bend the motion about its ends so that the end leads to the start."),
+)
 WRITING = (
     _choice(
         "animations",
@@ -251,6 +283,15 @@ def _with(options: Sequence[Decorator], command: Command) -> Command:
 
 
 reading = functools.partial(_with, READING)
+
+
+def editing(command: Command) -> Command:
+    """Add the edits of a clip to a command, which receives them as `edits`."""
+
+    def with_edits(**given: Any) -> None:
+        command(edits=Edits(**{field.name: given.pop(field.name) for field in fields(Edits)}), **given)
+
+    return _with(EDITING, functools.update_wrapper(with_edits, command))
 
 
 def writing(command: Command) -> Command:

@@ -18,6 +18,7 @@ from distretarget.cli.options import (
     FileOrStandard,
     Skins,
     contacts_option,
+    editing,
     file_option,
     load_builds,
     quiet,
@@ -50,6 +51,7 @@ from distretarget.io.motion_writer import OUTPUTS, OutputSettings, as_written, c
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in, with_source
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
+from distretarget.pipeline.edits import Edits
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
@@ -69,6 +71,7 @@ from distretarget.report.diff_document import metrics_json, metrics_line, summar
 )
 @OVERWRITE_OPTION
 @reading
+@editing
 @retargeting
 @contacts_option(
     help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget contacts' "
@@ -94,6 +97,7 @@ def retarget_command(
     clip: str | None,
     fps: float | None,
     joints_path: Path | None,
+    edits: Edits,
     settings: OutputSettings,
     map_path: Path | None,
     rest_path: Path | None,
@@ -135,6 +139,7 @@ def retarget_command(
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, clip, fps)
+    motion = edits.of_file(motion, source_file.path)
     if source_file.kind == "BVH":
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)

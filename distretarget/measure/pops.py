@@ -8,7 +8,7 @@ import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import B1, F2, F3, I1, Array
+from distretarget.numerics.vectors import B1, F2, F3, I1, Array, Numbers
 
 if TYPE_CHECKING:  # they need scipy, which the build does without
     from distretarget.body.body import Body
@@ -64,9 +64,9 @@ def _write_pops(copy: F3, result: F3, joints: I1, going_on: B1, scale: float, po
 
 
 @inlined()
-def _jumps(copy: Array, frame: int, joints: Array, scale: float, last: int) -> bool:
+def _jumps(copy: Array, frame: int, joints: Numbers, scale: float, last: int) -> bool:
     """Whether a joint of the copy goes far, and `JUMP` times its usual way: so the source does."""
-    for joint in joints:  # noqa: SIM110 - compiled
+    for joint in joints:
         step = _step(copy, copy, frame, joint, 0.0) * scale
         if step > FAR and step > JUMP * scale * _usual_step(copy, copy, frame, joint, 0.0, last):
             return True

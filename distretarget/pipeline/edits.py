@@ -1,0 +1,202 @@
+"""Edits of a clip before it is retargeted: cut out, at another speed, mirrored, turned, and as a loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.body import Body
+from distretarget.checks import brief, check_kind, check_number
+from distretarget.errors import MotionError, SettingsError
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array, lengths
+from distretarget.pipeline.mirror import mirrored
+
+SEAM = 0.3  # a loop is bent for so long before and after its seam, or for a third of it if that is less [s]
+# A body that ends this near to where it began, and facing so, has not gone anywhere: its path closes, too.
+STAYS = 0.5  # [leg lengths]
+FACES = 45.0  # [degrees]
+SAME_TIME = 0.1  # times that differ by less are the same, as files round the time between frames [frames]
+LONGEST = 1e6  # [s]
+SPEEDS = (1e-3, 1e3)  # the lowest and the highest
+FARTHEST = 3600.0  # ten times round [degrees]
+
+Time = float | str
+"""A time of a clip [s], or the number of a frame, from 0 on, as in "90f"."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Edits:
+    """Edits of a clip, in the order in which they are made.
+
+    Attributes:
+        start: of what is cut out; None for that of the clip.
+        end: the same.
+        speed: how many times as fast it is.
+        mirror: whether left and right are exchanged.
+        turn: to the left about the vertical through the origin [degrees].
+        loop: whether its end leads to its start.
+
+    Raises:
+        SettingsError: a value has the wrong type, or is out of bounds.
+    """
+
+    start: Time | None = None
+    end: Time | None = None
+    speed: float = 1.0
+    mirror: bool = False
+    turn: float = 0.0
+    loop: bool = False
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end"):
+            if getattr(self, name) is not None:
+                _seconds(name, getattr(self, name), 1.0)
+        check_number("speed", self.speed, *SPEEDS)
+        check_number("turn", self.turn, -FARTHEST, FARTHEST)
+        for name in ("mirror", "loop"):
+            check_kind(name, getattr(self, name), bool)
+
+    def of_file(self, motion: Motion, path: str | Path) -> Motion:
+        """Return the edited motion of a file, which errors name."""
+        try:
+            return self.of(motion)
+        except MotionError as error:
+            raise error.in_file(path) from None
+
+    def of(self, motion: Motion) -> Motion:
+        """Return the edited motion; errors as in the functions."""
+        motion = trimmed(motion, self.start, self.end)
+        motion = motion if self.speed == 1.0 else at_speed(motion, self.speed)
+        motion = mirrored(motion) if self.mirror else motion
+        motion = turned(motion, self.turn) if self.turn else motion
+        return looped(motion) if self.loop else motion
+
+
+NO_EDITS = Edits()
+
+
+def trimmed(motion: Motion, start: Time | None = None, end: Time | None = None) -> Motion:
+    """Return the frames of a motion from one time to another, both of them included; None for its own.
+
+    Raises:
+        MotionError: it has no frame there.
+        SettingsError: a time is none.
+    """
+    if start is None and end is None:
+        return motion
+    last = (len(motion) - 1) * motion.frame_time
+    first = 0.0 if start is None else _seconds("start", start, motion.frame_time)
+    stop = last if end is None else _seconds("end", end, motion.frame_time)
+    frames = np.array([first, stop]) / motion.frame_time + np.array([-SAME_TIME, SAME_TIME])
+    some = motion[max(int(np.ceil(frames[0])), 0) : int(np.floor(frames[1])) + 1]
+    if not len(some):
+        raise MotionError(f"has no frame from {first:g} to {stop:g} s; it lasts {max(last, 0.0):g} s")
+    return some
+
+
+def _seconds(name: str, time: Time, frame_time: float) -> float:
+    """A time of a clip [s]."""
+    text = str(time).strip()
+    is_frame = text.endswith("f") and text[:-1].isdecimal()
+    try:
+        seconds = int(text[:-1]) * frame_time if is_frame else float(text)
+    except ValueError:
+        seconds = np.nan
+    if isinstance(time, bool) or not 0.0 <= seconds <= LONGEST:
+        raise SettingsError(f"{name} is {time!r}; expected seconds from 0, or the number of a frame, such as '90f'")
+    return seconds
+
+
+def at_speed(motion: Motion, factor: float) -> Motion:
+    """Return a motion that is `factor` times as fast, with the same time between frames.
+
+    Raises:
+        MotionError: it would have far more frames than it has.
+        SettingsError: the factor is out of bounds.
+    """
+    check_number("factor", factor, *SPEEDS)
+    faster = replace(motion, frame_time_text=f"{motion.frame_time / factor:.9g}")
+    return faster.resampled(motion.frame_time_text)
+
+
+def turned(motion: Motion, degrees: float) -> Motion:
+    """Return a motion turned to the left about the vertical through the origin."""
+    turn = Rotation.from_rotvec(np.radians(degrees) * Body.of_motion(motion).up_vector)
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+    return replace(motion, root_positions=turn.apply(np.array(motion.root_positions)), rotations=rotations)
+
+
+def looped(motion: Motion) -> Motion:
+    """Return a motion whose last frame leads to its first without a jump: poses and speeds about the seam are bent to
+    what is between them.
+
+    The path along the floor and the heading go on from round to round, unless the body ends about where it began.
+
+    Raises:
+        MotionError: it has under four frames.
+    """
+    if len(motion) < 4:
+        raise MotionError(f"has {len(motion)} frames; a loop takes at least 4")
+    body = Body.of_motion(motion)
+    on = _carry(motion, body)
+    seam = min(round(SEAM / motion.frame_time), len(motion) // 3)
+    count = len(motion)
+    rotations = [Rotation.from_quat(motion.rotations[:, joint]) for joint in range(len(motion.skeleton))]
+    translations = np.swapaxes(motion.translations, 0, 1).copy()
+    for joint, turns in enumerate(rotations):
+        carry = on[0] if joint == 0 else Rotation.identity()
+        ahead = carry * turns[[0, 1]]  # the next round
+        off = (turns[-1].inv() * ahead[0]).as_rotvec()
+        speeds = np.stack([(turns[-2].inv() * turns[-1]).as_rotvec(), (ahead[0].inv() * ahead[1]).as_rotvec()])
+        bend = _bends(off, speeds, seam, count)
+        rotations[joint] = turns * Rotation.from_rotvec(bend)
+        moves = translations[joint]
+        next_round = on[0].apply(moves[:2]) + on[1] if joint == 0 else moves[:2]
+        steps = np.stack([moves[-1] - moves[-2], next_round[1] - next_round[0]])
+        bend = _bends(next_round[0] - moves[-1], steps, seam, count)
+        if joint == 0:
+            bend[: count // 2] = on[0].inv().apply(bend[: count // 2])
+        translations[joint] = moves + bend
+    quaternions = np.stack([turns.as_quat() for turns in rotations], axis=1)
+    return Motion.of_translations(motion.skeleton, np.swapaxes(translations, 0, 1), quaternions, motion.frame_time_text)
+
+
+def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
+    """(frames, 3), by how much to bend values so that from the last frame to the next round there is one usual step.
+
+    `off`, (3,), leads from the last frame to the first of the next round, and `speeds`, (2, 3), are the steps before
+    and after. Each side takes half of what is too much, and half of the change of speed, and both fade smoothly.
+    """
+    usual = speeds.mean(axis=0)
+    gap, jump = 0.5 * (off - usual), 0.5 * (speeds[1] - speeds[0])
+    t = np.arange(seam) / max(seam, 1)
+    place = (1.0 - t) ** 3 * (1.0 + 3.0 * t + 6.0 * t**2)  # 1 at the seam, and 0 with its derivatives at its end
+    speed = seam * t * (1.0 - t) ** 3 * (1.0 + 3.0 * t)  # of slope 1 a frame at the seam
+    fades = np.outer(place, gap), np.outer(speed, jump)
+    bends = np.zeros((frames, 3))
+    bends[:seam] = -fades[0] - fades[1]
+    bends[frames - seam :] = (fades[0] - fades[1])[::-1]
+    return bends
+
+
+def _carry(motion: Motion, body: Body) -> tuple[Rotation, Array]:
+    """The turn and the shift that carry one round of a loop to the next: about the vertical, and along the floor."""
+    up = body.up_vector
+    first, last = (Rotation.from_quat(motion.rotations[frame, 0]) for frame in (0, -1))
+    vector = (last * first.inv()).as_rotvec()
+    heading = vector @ up
+    shift = motion.root_positions[-1] - motion.root_positions[0]
+    shift = shift - (shift @ up) * up
+    leg = 0.5 * body.unit
+    if lengths(shift) < STAYS * leg and abs(np.degrees(heading)) < FACES:
+        return Rotation.identity(), np.zeros(3)
+    turn = Rotation.from_rotvec(heading * up)
+    place = np.array(motion.root_positions[0])
+    return turn, place + shift - turn.apply(place)

@@ -1,0 +1,193 @@
+"""Edits of clips: cut out, faster, mirrored, turned, and as loops."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, paths_of, person, swaying
+from click.testing import CliRunner
+from scipy.spatial.transform import Rotation
+
+from distretarget import (
+    Edits,
+    MotionError,
+    Options,
+    SettingsError,
+    at_speed,
+    load_target,
+    looped,
+    mirrored,
+    read_bvh,
+    retarget,
+    trimmed,
+    turned,
+    write_bvh,
+)
+from distretarget.cli import cli
+from distretarget.skeleton import Skeleton
+
+SIDES = re.compile("Left|Right")
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return read_bvh(SAMPLES / "walk.bvh")
+
+
+def size(motion):
+    return np.ptp(motion.positions[0], axis=0).max()
+
+
+def other_side(skeleton: Skeleton):
+    """The joint of the other name for each joint."""
+    names = [SIDES.sub(lambda found: "Right" if found[0] == "Left" else "Left", name) for name in skeleton.names]
+    return [skeleton.index(name) for name in names]
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "frames"),
+    [
+        (None, None, (0, 249)),
+        (1.0, 2.0, (60, 121)),
+        ("60f", "120f", (60, 121)),
+        ("10f", None, (10, 249)),
+        (None, "3f", (0, 4)),
+        (0.0, 0.0, (0, 1)),
+        (None, 100.0, (0, 249)),
+    ],
+)
+def test_frames_from_one_time_to_another_are_kept(walk, start, end, frames):
+    part = trimmed(walk, start, end)
+    np.testing.assert_array_equal(part.rotations, walk.rotations[slice(*frames)])
+    assert part.frame_time_text == walk.frame_time_text
+
+
+@pytest.mark.parametrize(("start", "end"), [(2.0, 1.0), (100.0, None), ("400f", None)])
+def test_where_there_is_no_frame_an_error_says_how_long_the_clip_is(walk, start, end):
+    with pytest.raises(MotionError, match=r"has no frame from .* s; it lasts 4\.13"):
+        trimmed(walk, start, end)
+
+
+@pytest.mark.parametrize("edit", [{"start": "x"}, {"end": -1.0}, {"speed": 0.0}, {"turn": np.nan}, {"mirror": 1}])
+def test_values_that_are_none_are_refused(edit):
+    with pytest.raises(SettingsError, match=next(iter(edit))):
+        Edits(**edit)
+
+
+def test_twice_as_fast_takes_half_the_time_and_ends_alike(walk):
+    fast = at_speed(walk, 2.0)
+    assert fast.frame_time_text == walk.frame_time_text
+    np.testing.assert_allclose(fast.positions, walk.positions[::2], atol=1e-6 * size(walk))
+
+
+def test_a_mirrored_body_is_where_the_mirror_shows_it(walk):
+    sides = other_side(walk.skeleton)
+    np.testing.assert_allclose(
+        mirrored(walk).positions, walk.positions[:, sides] * [-1.0, 1.0, 1.0], atol=1e-9 * size(walk)
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_mirrored_twice_is_the_same_also_where_sides_differ(seed):
+    body = person()
+    lengths = body.lengths * np.random.default_rng(seed).uniform(0.7, 1.4, len(body))
+    motion = swaying(body.with_lengths(lengths), seed=seed)
+    np.testing.assert_allclose(mirrored(mirrored(motion)).positions, motion.positions, atol=1e-9 * paths_of(body).max())
+
+
+@pytest.mark.parametrize("target", ["child.json", "rigs/unreal_a.json", "rigs/mixamo_t.json"])
+def test_mirror_and_turn_may_come_before_or_after_retargeting(walk, target):
+    body = load_target(SAMPLES / target)
+    skeleton = body.skeleton
+    seen = [joint for joint, name in enumerate(skeleton.names) if not name.startswith("ik_")]
+    for edit in (mirrored, lambda motion: turned(motion, 73.0)):
+        before, after = retarget(edit(walk), body).motion, edit(retarget(walk, body).motion)
+        off = np.abs(before.positions - after.positions)[:, seen].max()
+        assert off < 1e-3 * size(after)
+
+
+def test_a_turned_body_goes_another_way(walk):
+    expected = Rotation.from_euler("Y", 90, degrees=True).apply(walk.positions.reshape(-1, 3))
+    np.testing.assert_allclose(turned(walk, 90.0).positions.reshape(-1, 3), expected, atol=1e-9 * size(walk))
+
+
+def test_a_loop_of_a_body_that_stays_closes():
+    squat = read_bvh(SAMPLES / "squat.bvh")
+    loop = looped(squat)
+    steps = np.linalg.norm(np.diff(loop.positions, axis=0), axis=2)
+    assert np.linalg.norm(loop.positions[0] - loop.positions[-1], axis=1).max() < 1.5 * steps[[0, -1]].max()
+    middle = slice(len(squat) // 3, -len(squat) // 3)
+    np.testing.assert_allclose(loop.positions[middle], squat.positions[middle], atol=1e-9 * size(squat))
+
+
+def test_a_walk_goes_on_from_round_to_round(walk):
+    part = trimmed(walk, "60f", "130f")
+    loop = looped(part)
+    on = (part.positions[-1, 0] - part.positions[0, 0]) * [1.0, 0.0, 1.0]
+    turn = Rotation.from_quat(part.rotations[-1, 0]) * Rotation.from_quat(part.rotations[0, 0]).inv()
+    heading = Rotation.from_rotvec(turn.as_rotvec() * [0.0, 1.0, 0.0])
+    place = part.root_positions[0]
+    following = heading.apply(loop.positions[:2].reshape(-1, 3) - place).reshape(2, -1, 3) + place + on
+    seam = np.concatenate([loop.positions[-2:], following])
+    speeds = np.diff(seam, axis=0)
+    usual = np.linalg.norm(np.diff(part.positions, axis=0), axis=2).max()
+    assert np.linalg.norm(speeds, axis=2).max() < 1.5 * usual
+    jolts = np.linalg.norm(np.diff(speeds, axis=0), axis=2).max()
+    assert jolts < 2.0 * np.linalg.norm(np.diff(part.positions, 2, axis=0), axis=2).max()
+
+
+def test_a_loop_takes_four_frames_and_a_mirror_a_human_body(walk):
+    with pytest.raises(MotionError, match="at least 4"):
+        looped(walk[:3])
+    chain = Skeleton(
+        names=("a", "b", "c"),
+        parents=np.array([-1, 0, 1]),
+        offsets=np.eye(3),
+        channels=walk.skeleton.channels[:3],
+        end_sites=np.zeros(3, bool),
+    )
+    motion = swaying(chain, 5)
+    with pytest.raises(MotionError, match="left and right"):
+        mirrored(motion)
+
+
+def test_the_command_makes_what_the_functions_make(tmp_path, walk):
+    path, out = tmp_path / "walk.bvh", tmp_path / "out.bvh"
+    write_bvh(path, walk)
+    target = str(SAMPLES / "child.json")
+    edits = ["--start", "20f", "--end", "2.5", "--mirror", "--turn", "40", "--speed", "0.8", "--loop"]
+    ran = CliRunner().invoke(cli, ["retarget", str(path), target, "-o", str(out), *edits])
+    assert ran.exit_code == 0, ran.output
+    edited = looped(turned(mirrored(at_speed(trimmed(read_bvh(path), "20f", 2.5), 0.8)), 40.0))
+    expected = retarget(edited, load_target(target), Options()).motion
+    np.testing.assert_allclose(read_bvh(out).positions, expected.positions, atol=1e-4 * size(walk))
+
+
+def test_a_batch_retargets_again_what_is_edited_otherwise(tmp_path, walk):
+    (tmp_path / "in").mkdir()
+    write_bvh(tmp_path / "in" / "walk.bvh", walk[:40])
+    command = ["batch", str(tmp_path / "in"), str(SAMPLES / "child.json"), "-o", str(tmp_path / "out"), "--jobs", "1"]
+    for edits, converted in (([], 1), (["--mirror"], 1), (["--mirror"], 0)):
+        ran = CliRunner().invoke(cli, [*command, *edits])
+        assert ran.exit_code == 0, ran.output
+        assert f"{converted} converted" in ran.output, json.dumps(ran.output)
+
+
+@pytest.mark.parametrize("given", ["x", "-1", "f", "nan"])
+def test_a_time_that_is_none_is_told_in_a_line(tmp_path, given):
+    ran = CliRunner().invoke(
+        cli,
+        [
+            "retarget",
+            str(SAMPLES / "walk.bvh"),
+            str(SAMPLES / "child.json"),
+            "-o",
+            str(tmp_path / "o.bvh"),
+            "--start",
+            given,
+        ],
+    )
+    assert ran.exit_code != 0
+    assert "expected seconds, or a frame such as 90f" in ran.output
+    assert not (tmp_path / "o.bvh").exists()
