@@ -28,6 +28,7 @@ LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
 # Beside an upper arm that is all soft, a forearm gives way to the trunk by so much at the elbow, and less and less down
 # to the wrist [radii]: of stout bodies the meshes sink in by 2 % of the height at most, with 0.5 by more.
 ELBOW = 0.4
+MOST = 0.012  # so does that of a thick arm by no more than an average one [body units]
 IS_FOREARM = np.array(["forearm" in name for name in SEGMENTS])
 IS_TRUNK = np.array([name in ("chest", "belly", "pelvis") for name in SEGMENTS])
 
@@ -68,7 +69,8 @@ class BodySkin:
         is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
         moving[is_leg[of_capsule[on]], 1] = 0.0  # feet stay
         forearms = np.repeat(IS_FOREARM, np.diff(balls.of_ball))
-        give = np.outer(ELBOW * balls.radii * forearms * (1.0 - moving[:, 1]), IS_TRUNK[capsules.segments])
+        give = np.minimum(ELBOW * balls.radii, MOST) * forearms * (1.0 - moving[:, 1])
+        give = np.outer(give, IS_TRUNK[capsules.segments])
         balls.spare[...] -= np.where(balls.spare < NEVER, give, 0.0)
         balls.spare[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
         mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms give way to arms and legs to legs, but legs not to arms
