@@ -33,7 +33,23 @@ class Stack:
     span: tuple = (0.0, 1000.0)
 
 
-def fbx(nodes, stacks=(), skin=None, pose=None, settings=None):
+@dataclass
+class MeshOfNodes:
+    """A mesh whose vertices each move with one node, bound where the nodes are in the world, {node: (4, 4)}. Each
+    corner has a normal and a place on the image of its material.
+    """
+
+    binds: dict
+    vertices: np.ndarray  # (vertices, 3), in the world
+    of_vertex: np.ndarray  # (vertices,), the node of each
+    triangles: np.ndarray  # (triangles, 3)
+    normals: np.ndarray  # (triangles, 3, 3)
+    uv: np.ndarray  # (triangles, 3, 2)
+    colour: tuple = (0.2, 0.4, 0.6)
+    image: str = ""  # the name of a file beside this one
+
+
+def fbx(nodes, stacks=(), skin=None, pose=None, settings=None, mesh=None):
     """The bytes of a file; `skin` and `pose` give nodes their world matrices, {node: (4, 4)}."""
     settings = {"UnitScaleFactor": 1.0, **Y_UP, **FPS_30} if settings is None else settings
     objects, links = [], []
@@ -50,6 +66,8 @@ def fbx(nodes, stacks=(), skin=None, pose=None, settings=None):
         _add_stack(objects, links, 1_000_000 * (number + 1), stack, nodes)
     if skin is not None:
         _add_skin(objects, links, skin)
+    if mesh is not None:
+        _add_mesh(objects, links, mesh)
     if pose is not None:
         entries = " ".join(f"PoseNode: {{ Node: {_id(node)} Matrix: {_array(m.T)} }}\n" for node, m in pose.items())
         objects.append(f'Pose: 8000, "Pose::", "BindPose" {{ Type: "BindPose"\nVersion: 100\n{entries} }}')
@@ -136,6 +154,41 @@ def _add_skin(objects, links, skin):
         objects.append(
             f'Deformer: {cluster}, "SubDeformer::", "Cluster" {{ Version: 100\n'
             " Indexes: *1 { a: 0 }\n Weights: *1 { a: 1 }\n"
+            f" Transform: {_array(np.linalg.inv(matrix).T)}\n TransformLink: {_array(matrix.T)}\n }}"
+        )
+        links += [f'C: "OO",{cluster},7002', f'C: "OO",{_id(node)},{cluster}']
+
+
+def _add_mesh(objects, links, mesh):
+    corners = np.array(mesh.triangles)
+    ends = np.where(np.arange(3) == 2, -corners - 1, corners)  # of a face
+    layers = "".join(
+        f'LayerElement{kind}: 0 {{ Version: 101\n MappingInformationType: "ByPolygonVertex"\n'
+        f' ReferenceInformationType: "Direct"\n {name}: {_array(values)}\n }}\n'
+        for kind, name, values in (("Normal", "Normals", mesh.normals), ("UV", "UV", mesh.uv))
+    )
+    listed = "".join(f'LayerElement: {{ Type: "LayerElement{kind}"\n TypedIndex: 0\n }}\n' for kind in ("Normal", "UV"))
+    objects += [
+        f'Geometry: 7000, "Geometry::", "Mesh" {{ Vertices: {_array(mesh.vertices)}\n'
+        f" PolygonVertexIndex: {_array(ends)}\n {layers} Layer: 0 {{ Version: 100\n {listed} }}\n }}",
+        'Model: 7001, "Model::Mesh", "Mesh" { Version: 232\n }',
+        'Deformer: 7002, "Deformer::", "Skin" { Version: 101\n }',
+        f'Material: 7003, "Material::Skin", "" {{ Version: 102\n ShadingModel: "phong"\n '
+        f"{_properties({'DiffuseColor': mesh.colour})} }}".replace('"Vector3D"', '"Color"'),
+    ]
+    links += ['C: "OO",7001,0', 'C: "OO",7000,7001', 'C: "OO",7002,7000', 'C: "OO",7003,7001']
+    if mesh.image:
+        objects.append(
+            f'Texture: 7004, "Texture::Skin", "" {{ Type: "TextureVideoClip"\n FileName: "{mesh.image}"\n'
+            f' RelativeFilename: "{mesh.image}"\n }}'
+        )
+        links.append('C: "OP",7004,7003, "DiffuseColor"')
+    for node, matrix in mesh.binds.items():
+        moved = np.flatnonzero(mesh.of_vertex == node)
+        cluster = 7100 + node
+        objects.append(
+            f'Deformer: {cluster}, "SubDeformer::", "Cluster" {{ Version: 100\n'
+            f" Indexes: {_array(moved)}\n Weights: {_array(np.ones(len(moved)))}\n"
             f" Transform: {_array(np.linalg.inv(matrix).T)}\n TransformLink: {_array(matrix.T)}\n }}"
         )
         links += [f'C: "OO",{cluster},7002', f'C: "OO",{_id(node)},{cluster}']

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.character.character import Character
 from distretarget.character.nodes import Nodes
 from distretarget.errors import FileError
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, normalised
 from distretarget.skeleton import LARGEST
 from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 
@@ -35,6 +35,7 @@ class MeshPart:
     triangles: NDArray[np.intp]  # (triangles, 3), the vertices of each
     materials: NDArray[np.intp]  # (triangles,), the material of each, -1 for none
     uv: Array  # (vertices, 2), their places on the images of materials
+    normals: Array | None = None  # (vertices, 3), in the space of the mesh
 
 
 def skinned_mesh(
@@ -52,6 +53,13 @@ def skinned_mesh(
     if mesh is None or step == 1 or count > MOST_SHOWN:
         return mesh
     return replace(mesh, whole=_assembled(character, nodes, parts, materials, 1))
+
+
+def whole_mesh(
+    character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...]
+) -> SkinnedMesh | None:
+    """Return the same with all its triangles."""
+    return _assembled(character, nodes, parts, materials, 1)
 
 
 def _assembled(
@@ -77,6 +85,7 @@ def _assembled(
             materials,
             np.concatenate([part.looks.of_triangle for part in found if part.looks]),
             np.concatenate([part.looks.uv for part in found if part.looks]),
+            _normals(found),
         ),
     )
 
@@ -97,16 +106,26 @@ def _bound(
         return None
     numbers = np.cumsum(moved) - 1
     kept = moved[chosen].all(axis=1)
-    triangles, looks = chosen[kept], Looks((), part.materials[::step][kept], part.uv[moved])
+    triangles, own = chosen[kept], None if part.normals is None else part.normals[moved]
     local, weights = part.joints[moved], weights[moved] / sums[moved, None]
     to_world = np.stack([transform for _, transform in placed]) @ part.to_bones
     vertices, points = np.zeros((len(local), 3)), part.vertices[moved]
+    normals = None if own is None else np.zeros(own.shape)
     for place in range(local.shape[1]):
         used = np.flatnonzero(weights[:, place])
         by_bone = to_world[local[used, place]]
         reached = np.einsum("vij,vj->vi", by_bone[:, :, :3], points[used]) + by_bone[:, :, 3]
         vertices[used] += weights[used, place, None] * reached
+        if normals is not None and own is not None:
+            normals[used] += weights[used, place, None] * np.einsum("vij,vj->vi", by_bone[:, :, :3], own[used])
+    looks = Looks((), part.materials[::step][kept], part.uv[moved], None if normals is None else normalised(normals))
     return SkinnedMesh(vertices, np.maximum(joint_of[local], 0), weights, numbers[triangles], looks)
+
+
+def _normals(parts: Sequence[SkinnedMesh]) -> Array | None:
+    """The normals of parts; None where one has none."""
+    normals = [part.looks.normals for part in parts if part.looks and part.looks.normals is not None]
+    return np.concatenate(normals) if len(normals) == len(parts) else None
 
 
 def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> tuple[int, Array]:

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -24,6 +25,7 @@ from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, METRES, SMALLEST
+from distretarget.skin.mesh import Material
 
 Content = TypeVar("Content")
 Read = dict[str, Any]
@@ -65,6 +67,36 @@ def parse_fbx(
 def fbx_mesh(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart]]:
     """Return the nodes of an FBX file and the meshes at them; errors as in `parse_fbx`."""
     return _parsed(content, path, {"with_mesh": True}, _mesh)
+
+
+def fbx_looks(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
+    """Return the same with normals, places on images, the materials, and the file of each image that is not in it;
+    errors as in `parse_fbx`.
+    """
+    return _parsed(content, path, {"with_mesh": True, "with_looks": True}, _looks)
+
+
+def _looks(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
+    """What `fbx_looks` returns of the arrays that were read."""
+    nodes, parts = _mesh(path, read)
+    if not parts:
+        return nodes, [], (), ()
+    vertices, triangles = (np.cumsum(read["sizes"][:, column])[:-1] for column in (0, 1))
+    normals, uv = (np.split(read[name], vertices) for name in ("normals", "uv"))
+    if not all(np.isfinite(read[name]).all() for name in ("normals", "uv", "colours")):
+        raise FileError(path, "has a mesh with numbers that are not finite; export it again")
+    materials = np.split(read["materials"], triangles)
+    whole = [
+        replace(part, normals=own if own.any() else None, uv=places, materials=chosen)
+        for part, own, places, chosen in zip(parts, normals, uv, materials, strict=True)
+    ]
+    images = [part.tobytes() for part in np.split(read["images"], np.cumsum(read["image_sizes"])[:-1])]
+    files = tuple("" if on < 0 or images[on] else read["image_names"][on] for on in read["images_on"].tolist())
+    found = [
+        Material(colour=tuple(colour), image=b"" if on < 0 else images[on])
+        for colour, on in zip(read["colours"].clip(0.0, 1.0).tolist(), read["images_on"].tolist(), strict=True)
+    ]
+    return nodes, whole, tuple(found), files
 
 
 def _parsed(
@@ -128,6 +160,8 @@ def _nodes(path: str | Path, read: Read) -> Nodes:
 
 def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart]]:
     """The nodes and the parts of the mesh in the arrays that were read."""
+    if not len(read["sizes"]):
+        return _nodes(path, read), []
     ends = np.cumsum(read["sizes"], axis=0)[:-1].T
     names = (("vertices",), ("triangles",), ("mesh_bones", "to_bones"), ("moved", "movers", "weights"))
     columns = {name: np.split(read[name], at) for at, group in zip(ends, names, strict=True) for name in group}

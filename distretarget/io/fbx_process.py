@@ -82,11 +82,12 @@ def _content(
     fps: float | None = None,
     with_animation: bool = False,
     with_mesh: bool = False,
+    with_looks: bool = False,
 ) -> dict[str, Any]:
     """The arrays, and the values of the header, of a file, or a FileError: it is not valid, its animation is not
     chosen, or has too many frames.
     """
-    scene = _load(data, with_mesh)
+    scene = _load(data, with_mesh, with_looks)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if next(_curves(stack), None) is not None]
     names = [stack.name for stack in stacks]
@@ -95,10 +96,10 @@ def _content(
     if chosen is not None:
         most = max(FREE_SAMPLES, len(data))
         content |= {"chosen": chosen} | _sampled(scene, nodes, stacks[chosen], fps, most)
-    return content | (_meshes(nodes) if with_mesh else {})
+    return content | (_meshes(nodes, with_looks) if with_mesh else {}) | (_materials(scene) if with_looks else {})
 
 
-def _load(data: bytes, with_mesh: bool) -> ufbx.Scene:
+def _load(data: bytes, with_mesh: bool, with_images: bool) -> ufbx.Scene:
     """Return the scene; where nodes do not inherit scale as usual, helper nodes or scales make up for it."""
     import ufbx
 
@@ -107,7 +108,7 @@ def _load(data: bytes, with_mesh: bool) -> ufbx.Scene:
             data,
             file_format=ufbx.FileFormat.FBX,
             ignore_geometry=not with_mesh,
-            ignore_embedded=True,
+            ignore_embedded=not with_images,
             inherit_mode_handling=ufbx.InheritModeHandling.COMPENSATE,
         )
     except ufbx.OutOfMemoryError as error:
@@ -165,16 +166,26 @@ def _clusters(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int
     return [(number[bone.typed_id], each) for bone, each in pairs if bone is not None and bone.typed_id in number]
 
 
-def _meshes(nodes: list[ufbx.Node]) -> dict[str, Any]:
+def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
     """Return the meshes at nodes, one after the other, with what moves their vertices.
 
     A mesh has as many vertices, triangles, bones (its node, where it has no skin) and influences of bones on vertices
-    as its row of "sizes" says.
+    as its row of "sizes" says. With looks, vertices that have several normals or places on images are as many, and
+    there are normals and places of all, and the materials of triangles.
     """
     number = {node.typed_id: index for index, node in enumerate(nodes)}
-    rows = [row for node in nodes if (row := _mesh(node, number)) is not None]
-    names = ("vertices", "triangles", "mesh_bones", "to_bones", "moved", "movers", "weights")
-    empty = (np.empty((0, 3)), np.empty((0, 3), np.int64), *[np.empty(0, np.int64)] * 4, np.empty(0))
+    found = [(node, row) for node in nodes if (row := _mesh(node, number)) is not None]
+    rows = [_split(row, node) if with_looks else row for node, row in found]
+    names: tuple[str, ...] = ("vertices", "triangles", "mesh_bones", "to_bones", "moved", "movers", "weights")
+    empty: tuple[NDArray[Any], ...] = (
+        np.empty((0, 3)),
+        np.empty((0, 3), np.int64),
+        *[np.empty(0, np.int64)] * 4,
+        np.empty(0),
+    )
+    if with_looks:
+        names += ("normals", "uv", "materials")
+        empty += (np.empty((0, 3)), np.empty((0, 2)), np.empty(0, np.int64))
     columns = zip(*rows, strict=True) if rows else ([each] for each in empty)
     arrays = {name: np.concatenate(list(column)) for name, column in zip(names, columns, strict=True)}
     sizes = [[len(row[0]), len(row[1]), len(row[2]), len(row[4])] for row in rows]
@@ -205,14 +216,80 @@ def _mesh(node: ufbx.Node, number: dict[int, int]) -> tuple[Any, ...] | None:
     return vertices, _triangles(mesh), bones, _matrices(matrices), *influences
 
 
+def _split(row: tuple[Any, ...], node: ufbx.Node) -> tuple[Any, ...]:
+    """What `_mesh` returned with as many vertices as there are different corners, their normals and places on images,
+    and the materials of triangles.
+    """
+    mesh = _held(node.mesh)
+    vertices, _, bones, matrices, moved, movers, weights = row
+    corners, faces = _corners(mesh)
+    keys = [np.array(list(mesh.vertex_indices), np.int64)]
+    for values in (mesh.vertex_normal, mesh.vertex_uv):
+        keys.append(np.array(list(values.indices), np.int64) if values.exists else np.zeros(len(keys[0]), np.int64))
+    different, of_corner = np.unique(np.stack(keys), axis=1, return_inverse=True)
+    of_vertex, of_normal, of_uv = different
+    normals = _values(mesh.vertex_normal, 3)[of_normal]
+    uv = _values(mesh.vertex_uv, 2)[of_uv]
+    order = np.argsort(moved, kind="stable")
+    moved, movers, weights = moved[order], movers[order], weights[order]
+    begins, ends = np.searchsorted(moved, of_vertex), np.searchsorted(moved, of_vertex, side="right")
+    counts = ends - begins
+    rows = np.repeat(begins, counts) + np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    numbers = np.array([_held(material).typed_id for material in _each(node.materials)], np.int64)
+    of_face = np.array(list(mesh.face_material), np.int64) if len(numbers) else np.zeros(0, np.int64)
+    chosen = numbers[np.minimum(of_face[faces], len(numbers) - 1)] if len(of_face) else np.full(len(faces), -1)
+    influences = np.repeat(np.arange(len(of_vertex)), counts), movers[rows], weights[rows]
+    triangles = of_corner.ravel()[corners]
+    return vertices[of_vertex], triangles, bones, matrices, *influences, normals, uv, chosen
+
+
+def _values(attribute: Any, size: int) -> Array:
+    """The values of an attribute of vertices, (values, size); one of zeros where there is none."""
+    if not attribute.exists or not len(attribute.values):
+        return np.zeros((1, size))
+    return np.array([list(value) for value in _each_part(attribute.values)], float).reshape(-1, size)
+
+
+def _materials(scene: ufbx.Scene) -> dict[str, Any]:
+    """The colours of materials, (materials, 4), which of the images is laid on each, -1 for none; the images one after
+    the other, with their sizes, or the names of their files.
+    """
+    colours, on = [], []
+    images: list[bytes] = []
+    names: list[str] = []
+    for material in _each(scene.materials):
+        base = material.pbr.base_color if material.pbr.base_color.has_value else material.fbx.diffuse_color
+        colour = [*base.value_vec4][:3] if base.has_value else [0.8] * 3
+        opacity = material.pbr.opacity
+        colours.append([*colour, opacity.value_vec4[0] if opacity.has_value else 1.0])
+        texture = _held(base.texture)
+        on.append(-1 if texture is None else len(names))
+        if texture is not None:
+            colours[-1][:3] = [1.0] * 3
+            images.append(bytes(texture.content))
+            names.append(texture.relative_filename or texture.filename)
+    return {
+        "colours": np.array(colours, float).reshape(-1, 4),
+        "images_on": np.array(on, np.int64),
+        "images": np.frombuffer(b"".join(images), np.uint8),
+        "image_sizes": np.array([len(image) for image in images], np.int64),
+        "image_names": names,
+    }
+
+
 def _triangles(mesh: ufbx.Mesh) -> NDArray[np.int64]:
     """(triangles, 3), the vertices of the triangles that fan out over the faces of a mesh."""
-    corners = np.array(list(mesh.vertex_indices), np.int64)
+    return np.asarray(np.array(list(mesh.vertex_indices), np.int64)[_corners(mesh)[0]])
+
+
+def _corners(mesh: ufbx.Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The corners of the faces of a mesh that these triangles have, (triangles, 3), and the face of each."""
     faces = np.array([(face.index_begin, face.num_indices) for face in _each_part(mesh.faces)], np.int64).reshape(-1, 2)
-    begins, counts = faces[faces[:, 1] > 2].T
+    whole = np.flatnonzero(faces[:, 1] > 2)
+    begins, counts = faces[whole].T
     first = np.repeat(begins, counts - 2)
     place = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
-    return np.asarray(corners[np.stack([first, first + place + 1, first + place + 2], axis=1)])
+    return np.stack([first, first + place + 1, first + place + 2], axis=1), np.repeat(whole, counts - 2)
 
 
 def _pivot(node: ufbx.Node) -> Array:

@@ -74,15 +74,18 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
         endings = ", ".join(OUTPUTS)
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
-    if kind == "character" and (target is None or target.kind != "glTF"):
+    if kind == "character" and (target is None or target.kind not in ("glTF", "FBX")):
         what = f"{suffix} is the target's own file with the motion"
         if target is None:
             raise FileError(path, f"{what}; give the character's file")
-        advice = "open it in Blender and export it as GLB, or write .bvh" if target.kind == "FBX" else "write .bvh"
-        raise FileError(path, f"{what}, but {str(target.path)!r} is {NAMES[target.kind]}; {advice}")
-    if suffix == ".vrm" and target and {"VRM", "VRMC_vrm"}.isdisjoint(target.gltf.document.inner("extensions")):
+        raise FileError(path, f"{what}, but {str(target.path)!r} is {NAMES[target.kind]}; write .bvh")
+    if suffix == ".vrm" and target and not _is_vrm(target):
         raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
     return kind
+
+
+def _is_vrm(file: InputFile) -> bool:
+    return file.kind == "glTF" and not {"VRM", "VRMC_vrm"}.isdisjoint(file.gltf.document.inner("extensions"))
 
 
 def suffix_of(target: TargetFile, kind: str | None = None) -> str:
@@ -296,6 +299,9 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
     """
     assert target.file is not None
     file, folder = target.file, Path(target.file.path).parent
+    if file.kind == "FBX":
+        assert isinstance(target.target, CharacterTarget)
+        return animated(target.target.mesh.as_gltf[0], animations, mode, Path(path).suffix.lower() != ".gltf")
     as_binary = Path(path).suffix.lower() != ".gltf"
     stays = not file.has_folder or (not as_binary and Path(path).parent.resolve() == folder.resolve())
 

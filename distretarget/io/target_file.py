@@ -17,6 +17,8 @@ from distretarget.character.nodes import Scene
 from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonFileError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.fbx import fbx_mesh, parse_fbx
+from distretarget.io.gltf import Gltf
+from distretarget.io.gltf_character import gltf_character
 from distretarget.io.gltf_mesh import gltf_materials, gltf_parts
 from distretarget.io.gltf_scene import animation_names, gltf_scene
 from distretarget.io.input_file import InputFile, Source, load_file
@@ -63,8 +65,16 @@ class CharacterMesh:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line that says why the mesh could not be read, if that was tried."""
-        return self._read[1] if "_read" in vars(self) else ()
+        """Lines that say why the mesh could not be read, and what of it is not written, if that was tried."""
+        unread = self._read[1] if "_read" in vars(self) else ()
+        return *unread, *(self.as_gltf[1] if "as_gltf" in vars(self) else ())
+
+    @cached_property
+    def as_gltf(self) -> tuple[Gltf, tuple[str, ...]]:
+        """The character of an FBX file as glTF, and what of it is left out, a line each; errors as in
+        `gltf_character`.
+        """
+        return gltf_character(self.file, self.character)
 
     @cached_property
     def _read(self) -> tuple[SkinnedMesh | None, tuple[str, ...]]:

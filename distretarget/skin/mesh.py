@@ -32,6 +32,7 @@ class Looks:
     materials: tuple[Material, ...]
     of_triangle: Numbers  # (triangles,), the material of each; -1 for none
     uv: Array  # (vertices, 2), the places of its vertices on the images
+    normals: Array | None = None  # (vertices, 3), unit vectors out of the surface, if its file says so
 
 
 MeshReader = Callable[[], "SkinnedMesh | None"]
