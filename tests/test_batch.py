@@ -10,7 +10,7 @@ from program import last_records
 from distretarget.batch import batch as batch_module
 from distretarget.batch.batch import Batch
 from distretarget.batch.database import Database
-from distretarget.batch.job import Recipe, Result, unpacked
+from distretarget.batch.job import Result, unpacked
 from distretarget.batch.pages import MARK, OF, Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.results import Results
@@ -20,6 +20,7 @@ from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.metrics import COLUMNS
+from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import Options
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")

@@ -16,7 +16,6 @@ from program import last_records
 
 from distretarget.batch import database as database_module
 from distretarget.batch.database import Database
-from distretarget.batch.job import Recipe
 from distretarget.batch.packed import packed, unpacked
 from distretarget.batch.plan import DATABASE, Clip
 from distretarget.batch.record import new_record
@@ -24,6 +23,7 @@ from distretarget.batch.results import Results
 from distretarget.errors import FileError
 from distretarget.io.map_json import MapFile
 from distretarget.measure.metrics import COLUMNS
+from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import Options
 
 OPTIONS = Options()

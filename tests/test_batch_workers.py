@@ -15,7 +15,7 @@ from input_files import file_of, target_of
 from distretarget import retarget
 from distretarget.batch import job as batch_job
 from distretarget.batch import processes as processes_module
-from distretarget.batch.job import Job, Recipe, convert
+from distretarget.batch.job import Job, run
 from distretarget.batch.plan import Clip
 from distretarget.batch.processes import Processes
 from distretarget.batch.record import new_record
@@ -23,6 +23,8 @@ from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.pipeline import conversion
+from distretarget.pipeline.conversion import Recipe
 from distretarget.report.diff_document import About
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
@@ -35,18 +37,18 @@ def job_of(text, target=TARGET, about=None):
 
 def test_a_worker_does_what_retargeting_does():
     text = format_bvh(swaying(person()))
-    result = convert(job_of(text))
+    result = run(job_of(text))
     record = result.record
     assert (record["status"], record["error"], record["frames"]) == ("done", "", 20)
     expected = format_bvh(retarget(parse_bvh(text, "in.bvh"), other_lengths(person())).motion)
     assert result.outputs == {"out.bvh": expected.encode()}
     assert record["metrics"]["bone_error"] < 1e-9
-    assert "<title>" in convert(job_of(text, about=About(a="a", b="b", command="", version="1"))).report
-    assert convert(replace(job_of(text), threads=2)).outputs == result.outputs
+    assert "<title>" in run(job_of(text, about=About(a="a", b="b", command="", version="1"))).report
+    assert run(replace(job_of(text), threads=2)).outputs == result.outputs
 
 
 def error_of(job):
-    record = convert(job).record
+    record = run(job).record
     assert (record["status"], record["output_hash"]) == ("failed", "")
     return record["error"]
 
@@ -57,7 +59,7 @@ def test_a_worker_says_what_went_wrong(monkeypatch):
     def fail(*_):
         raise ZeroDivisionError("two\nlines")
 
-    monkeypatch.setattr(batch_job, "parse_motion", fail)
+    monkeypatch.setattr(conversion, "parse_motion", fail)
     assert error_of(job_of("")) == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
 
 
@@ -65,7 +67,7 @@ def test_a_clip_too_large_for_the_memory_fails_alone(monkeypatch):
     def fill(*_):
         raise MemoryError
 
-    monkeypatch.setattr(batch_job, "parse_motion", fill)
+    monkeypatch.setattr(conversion, "parse_motion", fill)
     assert error_of(job_of("")) == "in.bvh: out of memory"
 
 
@@ -105,7 +107,7 @@ def test_processes_do_what_they_are_given(processes):
         processes.submit(job)
     done = results_of(processes, 3)
     assert [job for job, _ in done] == jobs
-    assert [result.outputs for _, result in done] == [convert(job).outputs for job in jobs]
+    assert [result.outputs for _, result in done] == [run(job).outputs for job in jobs]
 
 
 def test_a_clip_that_takes_longer_than_its_limit_is_ended(processes):

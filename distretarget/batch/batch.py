@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from types import NoneType
 
-from distretarget.batch.job import TIME_LIMITS, Job, Output, Recipe, Result
+from distretarget.batch.job import TIME_LIMITS, Job, Output, Result
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import Clip, find_clips, plan
 from distretarget.batch.processes import Processes
@@ -36,6 +36,7 @@ from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
+from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import target_capsules

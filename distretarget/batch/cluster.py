@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import suppress
 
-from distretarget.batch.job import Job, Result, convert
+from distretarget.batch.job import Job, Result, run
 from distretarget.errors import BatchError
 
 CHECK_INTERVAL = 5.0  # after this time without a result, check whether there are workers [s]
@@ -51,7 +51,7 @@ class Cluster:
 
     def submit(self, job: Job) -> None:
         """Give a clip to the cluster."""
-        self._running[self._executor.submit(convert, job)] = job
+        self._running[self._executor.submit(run, job)] = job
 
     def finished(self) -> Iterator[tuple[Job, Result]]:
         """Wait until a clip is finished, and yield those that are, with their results.

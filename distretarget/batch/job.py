@@ -5,71 +5,36 @@ from __future__ import annotations
 import pickle
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import PurePath
 
 from distretarget.batch.record import VERSION, BatchRecord
 from distretarget.batch.summary import alignment_text
-from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
 from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
-from distretarget.io.map_json import MapFile
-from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import (
-    DEFAULT_OUTPUT,
     OUTPUTS,
     NamedClip,
     OutputSettings,
-    as_written,
     character_animation,
     content_of,
 )
-from distretarget.io.target_file import TargetFile, with_source
+from distretarget.io.target_file import TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit
-from distretarget.pipeline.edits import NO_EDITS, Edits
-from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.retargeting import retarget_onto
+from distretarget.pipeline.conversion import Recipe, convert
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 
 TIME_LIMITS = (0.001, 1e6)  # the shortest and the longest [s]
 
 Output = bytes | Animation
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """How clips are read, retargeted and written; `clip` and `fps` are those of `read_motion`."""
-
-    options: Options = DEFAULT_OPTIONS
-    map_file: MapFile = field(default_factory=lambda: MapFile({}, ""))
-    clip: str | None = None
-    fps: float | None = None
-    writing: OutputSettings = DEFAULT_OUTPUT
-    builds: Builds = OWN_BUILDS
-    edits: Edits = NO_EDITS
-
-    @cached_property
-    def settings(self) -> dict[str, object]:
-        """What decides an output, as JSON values: the fields of `Options`, `map` (None for no map), hashes of builds,
-        and of how clips are read and written what is not as usual.
-        """
-        pairs: dict[str, object] = {"map": dict(self.map_file.pairs) or None}
-        if self.map_file.rest:
-            pairs["rest"] = dict(self.map_file.rest.rotations)
-        sides = {"source_build": self.builds.source, "target_build": self.builds.target}
-        hashes = {side: build.hash for side, build in sides.items() if build is not None}
-        usual = {"clip": None, "fps": None, **asdict(DEFAULT_OUTPUT), **asdict(NO_EDITS)}
-        given = {"clip": self.clip, "fps": self.fps, **asdict(self.writing), **asdict(self.edits)}
-        others = {key: value for key, value in given.items() if value != usual[key]}
-        return asdict(self.options) | pairs | hashes | others
 
 
 @dataclass(frozen=True)
@@ -110,7 +75,7 @@ def unpacked(target: bytes) -> TargetFile:
     return file
 
 
-def convert(job: Job) -> Result:
+def run(job: Job) -> Result:
     """Retarget a clip; the result has the error, if any."""
     started = time.perf_counter()
     path = job.source.path
@@ -131,21 +96,11 @@ def convert(job: Job) -> Result:
 
 def _converted(job: Job) -> Result:
     recipe, target = job.recipe, unpacked(job.target)
-    motion, lost = parse_motion(job.source, recipe.clip, recipe.fps)
-    motion = recipe.edits.of_file(motion, job.source.path)
-    result = retarget_onto(
-        motion,
-        target,
-        source=job.source.path,
-        map_file=recipe.map_file,
-        options=recipe.options,
-        builds=recipe.builds if recipe.options.skin == "none" else with_source(recipe.builds, job.source),
-        contacts=job.contacts,
-    )
+    motion, lost = recipe.read(job.source)
     kinds = {name: OUTPUTS[PurePath(name).suffix] for name in job.outputs}
-    name, main = next(iter(kinds.items()))
-    clip = recipe.writing.clip(result.motion, PurePath(name).stem, result.world.up_vector)
-    result = replace(result, motion=as_written(result.motion, main, recipe.writing.precision, target))
+    name = PurePath(next(iter(kinds))).stem
+    done = convert(motion, job.source, target, recipe, name=name, kinds=(*kinds.values(),), contacts=job.contacts)
+    result = done.result
     body = result.motion.skeleton
     refused = (*refusals(body), *python_refusals(body)) if "BVH" in kinds.values() else ()
     record: BatchRecord = {
@@ -159,8 +114,7 @@ def _converted(job: Job) -> Result:
         "alignment": alignment_text(result.matching),
     }
     report = run_page(result, job.about, target.target, job.source) if job.about else ""
-    clip = replace(clip, labels=result.labels) if "arrays" in kinds.values() else clip
-    return Result(record, _outputs(kinds, recipe.writing, target, clip), report)
+    return Result(record, _outputs(kinds, recipe.writing, target, done.clip), report)
 
 
 def _outputs(

@@ -19,7 +19,7 @@ from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from queue import SimpleQueue
 
-from distretarget.batch.job import Job, Result, convert
+from distretarget.batch.job import Job, Result, run
 from distretarget.errors import BatchError
 from distretarget.numerics.compiled import loaded
 from distretarget.numerics.interrupts import interrupts_held
@@ -166,7 +166,7 @@ def _work(pipe: connection.Connection[Result | None, Job], temporary: str) -> No
     try:
         pipe.send(None)
         while True:
-            pipe.send(convert(jobs.get()))
+            pipe.send(run(jobs.get()))
     except OSError:
         receiving.join()
 

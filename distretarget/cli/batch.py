@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
 from distretarget.batch.cluster import Cluster
-from distretarget.batch.job import TIME_LIMITS, Recipe
+from distretarget.batch.job import TIME_LIMITS
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.processes import Processes
@@ -46,6 +46,7 @@ from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, Outp
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
+from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import Edits
 from distretarget.pipeline.options import Options
 

@@ -46,15 +46,15 @@ from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content, is_folder
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import OUTPUTS, OutputSettings, as_written, content_of, output_kind
-from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in, with_source
+from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
+from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
+from distretarget.pipeline.conversion import Recipe, convert
 from distretarget.pipeline.edits import Edits
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import argument, retarget_onto
+from distretarget.pipeline.retargeting import argument
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
 
@@ -138,30 +138,20 @@ def retarget_command(
     contacts = load_contacts(contacts_path) if contacts_path else NO_CONTACTS
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
-    motion, lost = _source_motion(source_file, target_file, clip, fps)
-    motion = edits.of_file(motion, source_file.path)
+    recipe = Recipe(options, map_file, clip, fps, settings, load_builds(skins), edits)
+    motion, lost = _source_motion(source_file, target_file, recipe)
     if source_file.kind == "BVH":
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
-    builds = load_builds(skins) if options.skin == "none" else with_source(load_builds(skins), source_file)
-    with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
-        result = retarget_onto(
-            motion,
-            body,
-            source=source_file.path,
-            map_file=map_file,
-            options=options,
-            builds=builds,
-            contacts=contacts,
-            progress=bar.update,
-        )
-    written = result.motion
-    if strip_namespace and kind == "BVH":
-        written = replace(written, skeleton=written.skeleton.without_namespaces)
     name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
-    named = settings.clip(written, name, result.world.up_vector)
-    result = replace(result, motion=as_written(result.motion, kind, settings.precision, body))
-    named = replace(named, labels=result.labels) if kind == "arrays" else named
+    with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
+        done = convert(
+            motion, source_file, body, recipe, name=name, kinds=(kind,), contacts=contacts, progress=bar.update
+        )
+    result, named = done.result, done.clip
+    if strip_namespace and kind == "BVH":
+        plain = replace(named.motion, skeleton=named.motion.skeleton.without_namespaces)
+        named = replace(named, motion=plain)
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
@@ -177,7 +167,8 @@ def retarget_command(
     warnings = (*parts_without_source(result.matching), *lost, *left_out, *result.warnings)
     say(*(f"warning: {warning}" for warning in warnings), err=True)
     if kind == "BVH":
-        say(*refusals(written.skeleton), *(python_refusals(written.skeleton) if verbose else ()), err=True)
+        body_of = named.motion.skeleton
+        say(*refusals(body_of), *(python_refusals(body_of) if verbose else ()), err=True)
     say(summary_line(result, seconds))
 
 
@@ -191,9 +182,7 @@ def _check_order(source: InputFile, target: InputFile, output: Path) -> None:
         raise FileError(target.path, f"{why}; if {str(source.path)!r} is the target, it comes last: {swapped}")
 
 
-def _source_motion(
-    source: InputFile, target: InputFile, clip: str | None, fps: float | None
-) -> tuple[Motion, tuple[str, ...]]:
+def _source_motion(source: InputFile, target: InputFile, recipe: Recipe) -> tuple[Motion, tuple[str, ...]]:
     """The motion of the source, and what is left out; an error says so if source and target are swapped."""
     usual = ".glb" if source.kind == "glTF" else ".bvh"
     swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT{usual}"
@@ -203,7 +192,7 @@ def _source_motion(
     if source.kind == target.kind == "BVH" and declared_frames(source.text) == 0 and declared_frames(target.text):
         raise FileError(source.path, f"has no frames, expected a BVH file with motion as SOURCE; {order}")
     try:
-        return parse_motion(source, clip, fps)
+        return recipe.read(source)
     except FileError:
         is_character = source.kind in ("glTF", "FBX") and target.kind != "skeleton"
         if is_character and not animations_in(source):

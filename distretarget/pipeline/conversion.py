@@ -1,0 +1,114 @@
+"""A clip from its file to what is written of it on a target: one way for the command line, batches and the studio."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+
+from distretarget.body.build import OWN_BUILDS, Builds
+from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.ik.poses import Mapper, Progress, ignore_progress
+from distretarget.io.input_file import InputFile
+from distretarget.io.map_json import MapFile
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, NamedClip, OutputKind, OutputSettings, as_written
+from distretarget.io.target_file import TargetFile, with_source
+from distretarget.motion import Motion
+from distretarget.numerics.parallel import in_threads
+from distretarget.pipeline.edits import NO_EDITS, Edits
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.retargeting import retarget_onto
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How clips are read, retargeted and written; `clip` and `fps` are those of `read_motion`."""
+
+    options: Options = DEFAULT_OPTIONS
+    map_file: MapFile = field(default_factory=lambda: MapFile({}, ""))
+    clip: str | None = None
+    fps: float | None = None
+    writing: OutputSettings = DEFAULT_OUTPUT
+    builds: Builds = OWN_BUILDS
+    edits: Edits = NO_EDITS
+
+    @cached_property
+    def settings(self) -> dict[str, object]:
+        """What decides an output, as JSON values: the fields of `Options`, `map` (None for no map), hashes of builds,
+        and of how clips are read and written what is not as usual.
+        """
+        pairs: dict[str, object] = {"map": dict(self.map_file.pairs) or None}
+        if self.map_file.rest:
+            pairs["rest"] = dict(self.map_file.rest.rotations)
+        sides = {"source_build": self.builds.source, "target_build": self.builds.target}
+        hashes = {side: build.hash for side, build in sides.items() if build is not None}
+        usual = {"clip": None, "fps": None, **asdict(DEFAULT_OUTPUT), **asdict(NO_EDITS)}
+        given = {"clip": self.clip, "fps": self.fps, **asdict(self.writing), **asdict(self.edits)}
+        others = {key: value for key, value in given.items() if value != usual[key]}
+        return asdict(self.options) | pairs | hashes | others
+
+    def read(self, source: InputFile) -> tuple[Motion, tuple[str, ...]]:
+        """Return the edited motion of a clip, and what of its file is left out, a line each; errors as in
+        `parse_motion` and `Edits.of_file`.
+        """
+        motion, lost = parse_motion(source, self.clip, self.fps)
+        return self.edits.of_file(motion, source.path), lost
+
+
+@dataclass(frozen=True, eq=False)
+class Converted:
+    """A clip on its target.
+
+    Attributes:
+        result: with the motion as its file holds it.
+        clip: what is written of it.
+    """
+
+    result: RetargetResult
+    clip: NamedClip
+
+
+def convert(
+    motion: Motion,
+    source: InputFile,
+    target: TargetFile,
+    recipe: Recipe,
+    *,
+    name: str,
+    kinds: tuple[OutputKind, ...],
+    contacts: ContactList = NO_CONTACTS,
+    mapper: Mapper = in_threads,
+    progress: Progress = ignore_progress,
+) -> Converted:
+    """Retarget the motion of a clip as a recipe says.
+
+    Args:
+        motion: what `Recipe.read` returned.
+        source: the clip's file; its mesh says how thick the performer is, unless the recipe does.
+        target: the body.
+        recipe: how.
+        name: of the animation.
+        kinds: of what is to be written; the first is that whose motion is measured.
+        contacts: what is said of them.
+        mapper: as in `retarget`.
+        progress: the same.
+
+    Raises:
+        DistretargetError: as in `retarget`; it names the file at fault.
+    """
+    has_skin = recipe.options.skin != "none"
+    result = retarget_onto(
+        motion,
+        target,
+        source=source.path,
+        map_file=recipe.map_file,
+        options=recipe.options,
+        builds=with_source(recipe.builds, source) if has_skin else recipe.builds,
+        contacts=contacts,
+        mapper=mapper,
+        progress=progress,
+    )
+    clip = recipe.writing.clip(result.motion, name, result.world.up_vector)
+    result = replace(result, motion=as_written(result.motion, kinds[0], recipe.writing.precision, target))
+    return Converted(result, replace(clip, labels=result.labels) if "arrays" in kinds else clip)
