@@ -20,6 +20,7 @@ FLOORS = (
     "cli",
     "__init__",
     "public",
+    "studio",
     "batch",
     "report",
     "scene",

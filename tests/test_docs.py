@@ -146,4 +146,4 @@ def test_the_front_page_fits_on_a_screen():
 def test_pictures_are_small():
     pictures = [path for path in (ROOT / "docs" / "pictures").rglob("*") if path.is_file()]
     assert max(path.stat().st_size for path in pictures) < 2e6
-    assert sum(path.stat().st_size for path in pictures) < 6e6
+    assert sum(path.stat().st_size for path in pictures) < 6.1e6

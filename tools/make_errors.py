@@ -34,6 +34,7 @@ HEADINGS = {  # the headings, and the beginnings of the paths of files whose mes
     "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",
     "Scenes": "scene/ report/scene measure/scene",
     "The command line": "cli/ batch/",
+    "The studio": "studio/",
     "Installation": "numerics/compiled.py",
     "Arguments of Python functions": "checks.py numerics/",
 }

@@ -115,6 +115,23 @@ def report_on(clip: str, target: Path, folder: Path) -> Path:
     return report
 
 
+def write_studio(path: Path, running: Browser) -> None:
+    """Write a picture of the studio with a clip on a character."""
+    files = map(str, (ROOT / "sample_bvh" / "clap.bvh", CHARACTERS / "hero.glb"))
+    command = [sys.executable, "-m", "distretarget", "studio", *files, "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
+        assert studio.stdout
+        page = running.new_page(viewport=WINDOW)
+        page.goto(studio.stdout.readline().strip())
+        page.get_by_test_id("command").wait_for()
+        page.wait_for_timeout(10 * SHARP)
+        page.frames[1].evaluate(GO_TO, REPORT_FRAME)
+        page.wait_for_timeout(5 * SHARP)
+        Image.open(io.BytesIO(page.screenshot())).convert("RGB").quantize(COLOURS).save(path, optimize=True)
+        page.close()
+        studio.terminate()
+
+
 @click.command(help=__doc__)
 @click.argument("folder", type=Path, default=ROOT / "docs" / "pictures")
 @click.option("--only", default="*", help="Only films whose names match, as 'gallery/*'.")
@@ -136,6 +153,8 @@ def main(folder: Path, only: str, anny: Path | None, browser: Path) -> None:
             report = report_on("clap", ROOT / "sample_bvh" / "long_arms.json", place)
             for scheme in ("light", "dark"):
                 write_window(folder / f"report_{scheme}.png", scheme, REPORT_FRAME, running, report)
+        if fnmatch("studio", only):
+            write_studio(folder / "studio.png", running)
         running.close()
 
 

@@ -29,6 +29,7 @@ COMMANDS = {  # by name, with their short help; each is the function NAME_comman
     "diff": "Measure the motion of B against that of A, the reference.",
     "retarget": "Retarget the motion of SOURCE to the body of TARGET.",
     "scene": "Retarget performers who share a world.",
+    "studio": "Retarget on a page in the browser.",
     "skeleton": "Show, edit and match skeletons, and write skeleton files.",
     "view": "Look at motions and characters in the browser.",
 }

@@ -1,0 +1,60 @@
+"""`distretarget studio`: retarget on a local page."""
+
+from __future__ import annotations
+
+import importlib.util
+import secrets
+import socket
+import webbrowser
+from pathlib import Path
+
+import click
+
+from distretarget.cli.options import PATH, quiet
+from distretarget.cli.outputs import say
+from distretarget.errors import FileError, MissingPackageError
+from distretarget.io.files import read_bytes
+
+NEEDED = ("starlette", "uvicorn")
+HOST = "127.0.0.1"
+
+
+@click.command("studio")
+@click.argument("files", nargs=-1, type=PATH)
+@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="The port. Default: a free one.")
+@click.option("--no-browser", is_flag=True, help="Open no browser; the address is printed.")
+@quiet
+def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None:
+    """Retarget on a page in the browser: drop clips and a character, see, change, take away.
+
+    FILES are dropped on the page at once. The page is served by this machine to itself alone, at an address that only
+    the page knows. Nothing that is dropped is kept on disk. Ctrl+C ends it.
+
+    \b
+    distretarget studio
+    distretarget studio walk.bvh hero.glb
+    """  # noqa: D301
+    if any(importlib.util.find_spec(name) is None for name in NEEDED):
+        raise MissingPackageError("the studio needs starlette and uvicorn; pip install 'distretarget[studio]'")
+    import uvicorn
+
+    from distretarget.studio.bench import Bench
+    from distretarget.studio.server import studio_app
+
+    bench, dropped = Bench(), []
+    for path in files:
+        dropped.append(str(bench.add(path.name, read_bytes(path))["id"]))
+    try:
+        listening = socket.create_server((HOST, port))
+    except OSError as error:
+        raise FileError(f"port {port}", f"cannot be used: {error.strerror}; give another, or --port 0") from None
+    port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
+    address = f"http://{HOST}:{port}/{token}/"
+    say(address)
+    app = studio_app(token, port, bench)
+    server = uvicorn.Server(
+        uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=1)
+    )
+    if not no_browser:
+        webbrowser.open(address)
+    server.run(sockets=[listening])

@@ -1,0 +1,299 @@
+"""What the studio works on: the files that were dropped, and how a clip is to be on a character."""
+
+from __future__ import annotations
+
+import io
+import json
+import shlex
+import threading
+import uuid
+import zipfile
+from collections import OrderedDict
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import PurePath
+from typing import Any
+
+from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.errors import DistretargetError, FileError, SettingsError
+from distretarget.io.contacts_file import contacts_to_json, entry_to_json, parse_contacts
+from distretarget.io.files import encoded_parts, hash_of
+from distretarget.io.input_file import InputFile
+from distretarget.io.map_json import MapFile
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.motion_writer import FORMATS, OUTPUTS, OutputSettings, content_of, output_kind, suffix_of
+from distretarget.io.target_file import TargetFile, animations_in
+from distretarget.motion import Motion
+from distretarget.pipeline.conversion import Converted, Recipe, convert
+from distretarget.pipeline.edits import NO_EDITS, Edits
+from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+from distretarget.report.clip_page import run_page
+from distretarget.report.diff_document import About
+
+KEPT = 4  # so many results are kept, so that undo shows them at once
+EDITS = tuple(field.name for field in fields(Edits))
+CHOSEN = ("objective", "supports", "skin")  # the options that the page has
+
+
+class OvertakenError(Exception):
+    """A later order took the place of this one."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """How a clip is to be on a character, as the page has it.
+
+    Attributes:
+        clip: the number of the clip's file.
+        character: that of the character's.
+        animation: which of several; None for the only one.
+        edits, options, in_place: as in the command line.
+        contacts: entries of a contact file.
+        pairs: the joints that drive those of the character, as in a map file.
+    """
+
+    clip: str
+    character: str
+    animation: str | None
+    edits: Edits
+    options: Options
+    in_place: bool
+    contacts: ContactList
+    pairs: tuple[tuple[str, str | None], ...]
+    key: str  # what it was made from
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Order:
+        """Return the order that the page sent; a SettingsError, FileError or ContactsError where it has no sense."""
+        known = {"clip", "character", "animation", "edits", "options", "in_place", "contacts", "map"}
+        if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {"clip", "character"}:
+            raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
+        entries, pairs = given.get("contacts") or [], given.get("map") or {}
+        text = json.dumps({"format": "distretarget-contacts", "version": 1, "contacts": entries})
+        wrong = [pair for pair in pairs.items() if not isinstance(pair[1], str | None)]
+        if wrong or not isinstance(given.get("animation"), str | None):
+            raise SettingsError("the map and the animation of an order are names of joints and of an animation")
+        try:
+            edits, options = Edits(**given.get("edits") or {}), Options(**given.get("options") or {})
+        except TypeError as error:
+            raise SettingsError(f"an order has a setting that is not known: {error}") from None
+        return cls(
+            clip=str(given["clip"]),
+            character=str(given["character"]),
+            animation=given.get("animation"),
+            edits=edits,
+            options=options,
+            in_place=bool(given.get("in_place")),
+            contacts=parse_contacts(text, "contacts.json") if entries else NO_CONTACTS,
+            pairs=tuple(pairs.items()),
+            key=json.dumps(given, sort_keys=True),
+        )
+
+    @property
+    def recipe(self) -> Recipe:
+        """The same for a conversion."""
+        writing, map_file = OutputSettings(in_place=self.in_place), MapFile(dict(self.pairs), "map.json")
+        return Recipe(self.options, map_file, self.animation, writing=writing, edits=self.edits)
+
+
+@dataclass(frozen=True, eq=False)
+class Done:
+    """An order that was carried out."""
+
+    order: Order
+    converted: Converted
+    target: TargetFile
+    source: InputFile
+
+    @property
+    def id(self) -> str:
+        """What it is called in addresses."""
+        return hash_of(self.order.key.encode())[:24]
+
+    @cached_property
+    def report(self) -> str:
+        """The HTML of its report."""
+        about = About(a=str(self.source.path), b=str(self.target.path))
+        return run_page(self.converted.result, about, self.target.target, self.source)
+
+    @cached_property
+    def contacts(self) -> tuple[MarkedContact, ...]:
+        """The contacts of the clip: found, dropped and added."""
+        return marked_contacts(self.converted.result)
+
+    @property
+    def as_data(self) -> dict[str, object]:
+        """What the page shows of it."""
+        result = self.converted.result
+        regions = result.matching.target.regions.names
+        return {
+            "id": self.id,
+            "verdict": result.verdict,
+            "warnings": list(result.warnings),
+            "frames": len(result.motion),
+            "seconds": (len(result.motion) - 1) * result.motion.frame_time,
+            "contacts": [
+                {"mark": each.mark, "entry": json.loads(entry_to_json(each.entry)), "parts": list(each.entry.parts)}
+                for each in self.contacts
+            ],
+            "parts": sorted(regions),
+            "pairs": [
+                [result.motion.skeleton.keys[joint], result.source.skeleton.keys[driver] if driver >= 0 else None]
+                for joint, driver in enumerate(result.drivers.tolist())
+                if not result.motion.skeleton.end_sites[joint]
+            ],
+            "joints": list(result.source.skeleton.keys),
+            "formats": self.formats,
+            "command": self.command,
+        }
+
+    @property
+    def formats(self) -> list[str]:
+        """The endings of the files that it can be written as, the usual one first."""
+        return formats_of(self.target)
+
+    def file(self, kind: str) -> tuple[str, bytes]:
+        """Return the name and the content of a file to take away: of a format, the "contacts", the "map", the "report"
+        or, as a "zip", the first of the formats with all that its command needs.
+        """
+        stem = f"{PurePath(self.source.path).stem}_{PurePath(self.target.path).stem}"
+        match kind:
+            case "contacts":
+                return f"{self._clip}.contacts.json", contacts_to_json(self.order.contacts).encode()
+            case "map":
+                pairs = json.dumps(dict(self.order.pairs), indent=2, ensure_ascii=False)
+                return f"{self._clip}.map.json", f"{pairs}\n".encode()
+            case "report":
+                return f"{stem}.html", self.report.encode()
+            case "zip":
+                return f"{stem}.zip", self._zip()
+        if kind not in self.formats:
+            raise SettingsError(f"kind is {kind!r:.40}; expected one of {', '.join(self.formats)}")
+        name = f"{stem}.{kind}"
+        content = content_of(name, self.converted.clip, self.target, self.order.recipe.writing)
+        return name, b"".join(encoded_parts(content))
+
+    def _zip(self) -> bytes:
+        kinds = [self.formats[0], *["contacts"] * bool(self.order.contacts.entries), *["map"] * bool(self.order.pairs)]
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, data in map(self.file, kinds):
+                archive.writestr(name, data)
+            archive.writestr("command.txt", f"{self.command}\n")
+        return content.getvalue()
+
+    @property
+    def _clip(self) -> str:
+        return PurePath(self.source.path).stem
+
+    @property
+    def command(self) -> str:
+        """The command line that makes the same bytes, in a folder with the files."""
+        order, words = self.order, ["distretarget", str(self.source.path), str(self.target.path)]
+        words += ["-o", f"{self._clip}_{PurePath(self.target.path).stem}.{self.formats[0]}"]
+        words += ["--clip", order.animation] if order.animation else []
+        for given, usual, names in ((order.edits, NO_EDITS, EDITS), (order.options, DEFAULT_OPTIONS, CHOSEN)):
+            for name in names:
+                value, flag = getattr(given, name), f"--{name}"
+                if value != getattr(usual, name):
+                    words += [flag] if value is True else [flag, str(value)]
+        words += ["--in-place"] if order.in_place else []
+        words += ["--contacts", f"{self._clip}.contacts.json"] if order.contacts.entries else []
+        words += ["--map", f"{self._clip}.map.json"] if order.pairs else []
+        return shlex.join(words)
+
+
+def formats_of(target: TargetFile) -> list[str]:
+    """Return the endings of the files that a result on a target can be written as, the usual one first."""
+    own = target.file is not None and target.file.kind == "FBX"
+    usual = "glb" if own else suffix_of(target).removeprefix(".")
+    can = []
+    for kind in dict.fromkeys((usual, *FORMATS[1:])):
+        with suppress(DistretargetError):
+            output_kind(f"out.{kind}", target.file)
+            can.append(kind)
+    return can
+
+
+class Bench:
+    """The files that were dropped, in memory, and the orders that were carried out last."""
+
+    def __init__(self) -> None:
+        self.dropped: list[dict[str, object]] = []  # what each file is, in their order
+        self._files: dict[str, InputFile] = {}
+        self._targets: dict[str, TargetFile] = {}
+        self._motions: OrderedDict[str, tuple[Motion, tuple[str, ...]]] = OrderedDict()
+        self._done: OrderedDict[str, Done] = OrderedDict()
+        self._latest = 0
+        self._lock = threading.Lock()
+
+    def add(self, name: str, content: bytes) -> dict[str, object]:
+        """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use."""
+        file = InputFile(content, PurePath(name.replace("\\", "/")).name or "file", has_folder=False)
+        number = uuid.uuid4().hex
+        names = animations_in(file)
+        about: dict[str, object] = {"id": number, "name": str(file.path), "animations": list(names)}
+        faults = []
+        try:
+            target = TargetFile.of(file)
+            self._targets[number] = target
+            about["character"] = True
+        except DistretargetError as error:
+            faults.append(error)
+        try:
+            if len(names) > 1:
+                about["clip"] = True
+            else:
+                motion, lost = parse_motion(file, None, None)
+                about |= {"clip": len(motion) > 0, "frames": len(motion), "notes": list(lost)}
+                about["seconds"] = max(len(motion) - 1, 0) * motion.frame_time
+        except DistretargetError as error:
+            faults.append(error)
+        if len(faults) == 2:
+            raise faults[0]
+        self._files[number] = file
+        self.dropped.append(about)
+        return about
+
+    def found(self, number: str) -> Done:
+        """Return what was carried out last under a number; a FileError where there is none."""
+        for done in self._done.values():
+            if done.id == number:
+                return done
+        raise FileError("report", "is no longer kept; change something and back")
+
+    def carry_out(self, order: Order) -> Done:
+        """Retarget as an order says, unless that was done; an `OvertakenError` if a later order comes in between."""
+        with self._lock:
+            self._latest += 1
+            turn = self._latest
+        if order.key not in self._done:
+            source, target = self._file(order.clip), self._targets.get(order.character)
+            if target is None:
+                raise FileError(self._file(order.character).path, "has no character; drop one as TARGET")
+
+            def go_on(_frames: int) -> None:
+                if turn != self._latest:
+                    raise OvertakenError
+
+            recipe = order.recipe
+            motion, _ = recipe.read(source)
+            name = order.animation or PurePath(source.path).stem
+            kind = OUTPUTS[f".{formats_of(target)[0]}"]
+            go_on(0)
+            done = convert(
+                motion, source, target, recipe, name=name, kinds=(kind,), contacts=order.contacts, progress=go_on
+            )
+            self._done[order.key] = Done(order, done, target, source)
+            while len(self._done) > KEPT:
+                self._done.popitem(last=False)
+        self._done.move_to_end(order.key)
+        return self._done[order.key]
+
+    def _file(self, number: str) -> InputFile:
+        if number not in self._files:
+            raise FileError("file", "was not dropped here; drop it again")
+        return self._files[number]

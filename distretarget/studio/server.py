@@ -1,0 +1,130 @@
+"""The server of the studio: for this machine alone, and for the one page that knows its token."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Awaitable, Callable
+from importlib.resources import files
+from typing import Any
+from urllib.parse import unquote
+
+import anyio.to_thread
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from distretarget.errors import DistretargetError, SettingsError
+from distretarget.studio.bench import Bench, Done, Order, OvertakenError
+
+LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
+LARGEST_ORDER = 10_000_000  # [bytes]
+ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript"}
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
+    "frame-src 'self'; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+
+
+def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
+    """Return the application that answers at /TOKEN/ on a port of this machine, and nothing else."""
+    bench = bench or Bench()
+    hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost")}
+
+    async def page(_request: Request) -> Response:
+        text = _asset("studio.html")
+        return HTMLResponse(text, headers={"Content-Security-Policy": POLICY})
+
+    async def asset(request: Request) -> Response:
+        name = request.path_params["name"]
+        return Response(_asset(name), media_type=ASSETS[name]) if name in ASSETS else _refused(404)
+
+    async def drop(request: Request) -> Response:
+        content = await _body(request, LARGEST)
+        name = unquote(request.headers.get("x-name", "file"))
+        return JSONResponse(await anyio.to_thread.run_sync(bench.add, name, content))
+
+    async def solve(request: Request) -> Response:
+        done = await _done(request)
+        return JSONResponse(await anyio.to_thread.run_sync(lambda: done.as_data))
+
+    async def dropped(_request: Request) -> Response:
+        return JSONResponse(bench.dropped)
+
+    async def report(request: Request) -> Response:
+        done = bench.found(request.path_params["id"])
+        return HTMLResponse(await anyio.to_thread.run_sync(lambda: done.report))
+
+    async def take(request: Request) -> Response:
+        done = await _done(request)
+        name, content = await anyio.to_thread.run_sync(done.file, request.path_params["kind"])
+        return Response(content, media_type="application/octet-stream", headers={"X-Name": json.dumps(name)[1:-1]})
+
+    async def _done(request: Request) -> Done:
+        order = Order.of(_parsed(await _body(request, LARGEST_ORDER)))
+        return await anyio.to_thread.run_sync(bench.carry_out, order)
+
+    def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
+        async def answered(request: Request) -> Response:
+            origin = request.headers.get("origin")
+            right = secrets.compare_digest(request.path_params["token"].encode(), token.encode())
+            if not right or request.headers.get("host") not in hosts:
+                return _refused(404)
+            if origin is not None and origin.removeprefix("http://") not in hosts:
+                return _refused(403)
+            try:
+                response = await answer(request)
+            except OvertakenError:
+                response = JSONResponse({"overtaken": True}, 409)
+            except DistretargetError as error:
+                response = JSONResponse({"error": str(error)}, 422)
+            response.headers.update(HEADERS)
+            return response
+
+        return answered
+
+    routes = [
+        ("", page, "GET"),
+        ("assets/{name}", asset, "GET"),
+        ("files", drop, "POST"),
+        ("files", dropped, "GET"),
+        ("solve", solve, "POST"),
+        ("report/{id}", report, "GET"),
+        ("take/{kind}", take, "POST"),
+    ]
+    return Starlette(
+        routes=[Route(f"/{{token}}/{path}", guarded(answer), methods=[method]) for path, answer, method in routes]
+    )
+
+
+def _asset(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+async def _body(request: Request, largest: int) -> bytes:
+    """The content of a request; a SettingsError if it is too large."""
+    content = bytearray()
+    async for chunk in request.stream():
+        content += chunk
+        if len(content) > largest:
+            raise SettingsError(f"it is larger than {largest:,} bytes; use the command line")
+    return bytes(content)
+
+
+def _parsed(content: bytes) -> Any:
+    try:
+        return json.loads(content)
+    except (ValueError, RecursionError):
+        raise SettingsError("an order is no JSON") from None
+
+
+def _refused(status: int) -> Response:
+    return PlainTextResponse("", status)

@@ -1,0 +1,265 @@
+"""The studio: files in, a result out that is the command line's to the byte, and nobody else let in."""
+
+import json
+import shlex
+import threading
+import time
+
+import numpy as np
+import pytest
+from bodies import SAMPLES
+from click.testing import CliRunner
+
+from distretarget.cli import cli
+from distretarget.errors import DistretargetError, SettingsError
+from distretarget.studio.bench import Bench, Order, OvertakenError
+
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
+TOKEN, PORT = "secret", 8123
+
+
+@pytest.fixture(scope="module")
+def dropped():
+    """A bench with two files on it, and the numbers of these."""
+    bench = Bench()
+    return bench, *(bench.add(path.name, path.read_bytes())["id"] for path in (SAMPLES / "wave.bvh", HERO))
+
+
+@pytest.fixture
+def client():
+    testing = pytest.importorskip("starlette.testclient", reason="the package httpx is not installed")
+    from distretarget.studio.server import studio_app
+
+    return testing.TestClient(studio_app(TOKEN, PORT), base_url=f"http://127.0.0.1:{PORT}")
+
+
+def by_command(folder, done):
+    """The bytes that the command of an order makes in a folder with its files."""
+    folder.mkdir(exist_ok=True)
+    for path in (SAMPLES / "wave.bvh", HERO):
+        (folder / path.name).write_bytes(path.read_bytes())
+    for kind in ("contacts", "map"):
+        name, content = done.file(kind)
+        (folder / name).write_bytes(content)
+    words = shlex.split(done.command)
+    assert words[0] == "distretarget"
+    here = [str(folder / word) if (folder / word).exists() or word == words[4] else word for word in words[1:]]
+    ran = CliRunner().invoke(cli, ["retarget", *here])
+    assert ran.exit_code == 0, ran.output
+    return (folder / words[4]).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"edits": {"mirror": True, "start": "10f", "end": 2.0, "speed": 0.5}, "in_place": True},
+        {"options": {"supports": "free", "skin": "none"}},
+        {"contacts": [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}]},
+        {"contacts": [{"plant": "left foot", "keep": False}], "map": {"LeftHand": None}},
+    ],
+)
+def test_what_is_taken_away_is_what_its_command_makes(tmp_path, dropped, more):
+    bench, clip, character = dropped
+    done = bench.carry_out(Order.of({"clip": clip, "character": character, **more}))
+    name, content = done.file("glb")
+    assert name == "wave_hero.glb"
+    assert content == by_command(tmp_path, done)
+
+
+def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(dropped):
+    bench, clip, character = dropped
+    order = {"clip": clip, "character": character}
+    found = bench.carry_out(Order.of(order)).as_data["contacts"]
+    assert {each["mark"] for each in found} == {"found"}
+    gone = found[0]["entry"]
+    key = "plant" if "plant" in gone else "between"
+    entries = [
+        {key: gone[key], "frames": gone["frames"], "keep": False},
+        {"between": ["left hand", "right hand"], "frames": [5, 9], "gap": 1},
+    ]
+    marked = bench.carry_out(Order.of({**order, "contacts": entries})).as_data["contacts"]
+    marks = {(each["mark"], tuple(each["parts"]), *each["entry"]["frames"]) for each in marked}
+    assert ("dropped", tuple(found[0]["parts"]), *gone["frames"]) in marks
+    assert ("added", ("left hand", "right hand"), 5, 9) in marks
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        [],
+        {},
+        {"clip": "a", "character": "b", "path": "/etc/passwd"},
+        {"clip": "a", "character": "b", "edits": {"speed": -1}},
+        {"clip": "a", "character": "b", "edits": {"colour": 1}},
+        {"clip": "a", "character": "b", "options": {"skin": "thick"}},
+        {"clip": "a", "character": "b", "contacts": [{"between": "hands"}]},
+        {"clip": "a", "character": "b", "map": {"Hips": 3}},
+        {"clip": "a", "character": "b", "animation": 3},
+    ],
+)
+def test_orders_without_sense_are_refused(given):
+    with pytest.raises(DistretargetError):
+        Order.of(given)
+
+
+def test_a_file_is_what_it_holds_and_nothing_to_use_is_refused():
+    bench = Bench()
+    assert bench.add("hero.glb", HERO.read_bytes())["character"]
+    walk = bench.add("..\\..\\walk.bvh", (SAMPLES / "walk.bvh").read_bytes())
+    assert (walk["name"], walk["clip"], walk["frames"]) == ("walk.bvh", True, 249)
+    for content in (b"", b"\0" * 100, b"HIERARCHY", b"{}", np.random.default_rng(0).bytes(1000)):
+        with pytest.raises(DistretargetError):
+            bench.add("file.bvh", content)
+    assert len(bench.dropped) == 2
+
+
+def test_an_order_that_is_overtaken_ends_early():
+    bench = Bench()
+    numbers = [bench.add(path.name, path.read_bytes())["id"] for path in (SAMPLES / "walk.bvh", SAMPLES / "child.json")]
+    order, outcomes = {"clip": numbers[0], "character": numbers[1]}, []
+
+    def carry_out(turn):
+        try:
+            bench.carry_out(Order.of({**order, "edits": {"turn": float(turn + 1)}}))
+            outcomes.append("done")
+        except OvertakenError:
+            outcomes.append("overtaken")
+
+    threads = [threading.Thread(target=carry_out, args=(turn,)) for turn in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(outcomes) == 8
+    assert outcomes.count("done") >= 1
+    assert "overtaken" in outcomes
+
+
+def test_only_who_knows_the_token_gets_an_answer(client):
+    page = client.get(f"/{TOKEN}/")
+    assert page.status_code == 200
+    assert "script-src 'self'" in page.headers["content-security-policy"]
+    assert "unsafe" not in page.headers["content-security-policy"]
+    inside = (f"/{TOKEN}/assets/{name}" for name in ("../bench.py", "server.py", "%2e%2e/bench.py"))
+    for path in ("/", "/wrong/", "/wrong/assets/studio.js", *inside):
+        assert client.get(path).status_code == 404
+    assert client.get(f"/{TOKEN}/", headers={"Host": "evil.example"}).status_code == 404
+    assert client.get(f"/{TOKEN}/", headers={"Host": f"evil.example:{PORT}"}).status_code == 404
+    assert client.post(f"/{TOKEN}/files", content=b"x", headers={"Origin": "http://evil.example"}).status_code == 403
+    assert client.post(f"/{TOKEN}/files", content=b"x", headers={"Origin": "null"}).status_code == 403
+
+
+def test_faults_are_one_line(client):
+    def said(path, content):
+        answer = client.post(f"/{TOKEN}/{path}", content=content, headers={"X-Name": "a%20b.bvh"})
+        assert answer.status_code == 422
+        assert "\n" not in answer.json()["error"]
+        return answer.json()["error"]
+
+    assert said("files", b"nonsense").startswith("a b.bvh:1: found 'nonsense'")
+    assert "no JSON" in said("solve", b"{")
+    assert "was not dropped here" in said("solve", json.dumps({"clip": "a", "character": "b"}))
+    assert "no JSON" in said("solve", b"[" * 100_000)
+
+
+def test_a_file_that_is_too_large_is_refused(client, monkeypatch):
+    from distretarget.studio import server
+
+    monkeypatch.setattr(server, "LARGEST", 1000)
+    answer = client.post(f"/{TOKEN}/files", content=b"x" * 2000)
+    assert (answer.status_code, "larger" in answer.json()["error"]) == (422, True)
+
+
+def test_a_kind_of_file_that_is_none_is_refused(dropped):
+    bench, clip, character = dropped
+    done = bench.carry_out(Order.of({"clip": clip, "character": character}))
+    for kind in ("vrm", "exe", "../x"):
+        with pytest.raises(SettingsError):
+            done.file(kind)
+
+
+# ---- in a browser
+
+
+@pytest.fixture(scope="module")
+def studio():
+    """The address of a studio that answers."""
+    import socket
+
+    uvicorn = pytest.importorskip("uvicorn")
+    from distretarget.studio.server import studio_app
+
+    listening = socket.create_server(("127.0.0.1", 0))
+    port = listening.getsockname()[1]
+    server = uvicorn.Server(uvicorn.Config(studio_app(TOKEN, port), log_level="warning", timeout_graceful_shutdown=1))
+    server.install_signal_handlers = lambda: None
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    yield f"http://127.0.0.1:{port}/{TOKEN}/"
+    server.should_exit = True
+    thread.join(10)
+
+
+DROPS = """async ([base, name]) => {
+  const bytes = Uint8Array.from(atob(base), (character) => character.charCodeAt(0));
+  const data = new DataTransfer();
+  data.items.add(new File([bytes], name));
+  document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+}"""
+
+
+def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tmp_path):
+    from base64 import b64encode
+
+    from playwright.sync_api import expect
+
+    tab, problems = browser.new_page(viewport={"width": 1440, "height": 950}), []
+    tab.on("pageerror", lambda error: problems.append(str(error)))
+    tab.goto(studio)
+    state, contacts = tab.get_by_test_id("solve-state"), tab.get_by_test_id("contact")
+    expect(state).to_have_text("idle")
+
+    def solved(words):
+        expect(tab.get_by_test_id("command")).to_have_text(words, timeout=30_000)
+        expect(state).to_have_text("done", timeout=30_000)
+
+    for path in (SAMPLES / "wave.bvh", HERO):
+        tab.evaluate(DROPS, [b64encode(path.read_bytes()).decode(), path.name])
+        expect(tab.locator("body")).to_contain_text(path.name, timeout=30_000)
+    plain = "distretarget wave.bvh hero.glb -o wave_hero.glb"
+    solved(plain)
+    assert tab.get_by_test_id("verdict").inner_text()
+    count = contacts.count()
+    first = contacts.first
+    assert first.get_attribute("data-between")
+    assert first.get_attribute("data-frames").count("-") == 1
+    tab.get_by_test_id("drop-contact").first.click()
+    solved(f"{plain} --contacts wave.contacts.json")
+    assert contacts.count() == count
+    tab.get_by_test_id("undo").click()
+    solved(plain)
+    tab.get_by_test_id("mirror").check()
+    solved(f"{plain} --mirror")
+    tab.get_by_test_id("end").fill("60f")
+    tab.get_by_test_id("end").blur()
+    solved(f"{plain} --end 60f --mirror")
+    with tab.expect_download() as taken:
+        tab.get_by_test_id("download").click()
+    taken.value.save_as(tmp_path / "taken.glb")
+    ran = CliRunner().invoke(
+        cli,
+        ["retarget", str(SAMPLES / "wave.bvh"), str(HERO), "-o", str(tmp_path / "x.glb"), "--end", "60f", "--mirror"],
+    )
+    assert ran.exit_code == 0
+    assert (tmp_path / "taken.glb").read_bytes() == (tmp_path / "x.glb").read_bytes()
+    for _ in range(2):
+        tab.keyboard.press("Control+z")
+    solved(plain)
+    tab.set_input_files("[data-testid=clip]", {"name": "bad.bvh", "mimeType": "text/plain", "buffer": b"nonsense"})
+    expect(tab.locator("#clip-what")).to_contain_text("bad.bvh")
+    expect(tab.get_by_test_id("command")).to_have_text(plain)
+    assert not problems
+    tab.close()
