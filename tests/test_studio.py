@@ -1,9 +1,12 @@
 """The studio: files in, a result out that is the command line's to the byte, and nobody else let in."""
 
+import http.client
 import json
 import shlex
+import socket
 import threading
 import time
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ from distretarget.errors import DistretargetError, SettingsError
 from distretarget.studio.bench import Bench, Order, OvertakenError
 
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
-TOKEN, PORT = "secret", 8123
+TOKEN = "secret"
 
 
 @pytest.fixture(scope="module")
@@ -25,12 +28,34 @@ def dropped():
     return bench, *(bench.add(path.name, path.read_bytes())["id"] for path in (SAMPLES / "wave.bvh", HERO))
 
 
-@pytest.fixture
-def client():
-    testing = pytest.importorskip("starlette.testclient", reason="the package httpx is not installed")
+@pytest.fixture(scope="module")
+def studio():
+    """The address of a studio that answers."""
+    uvicorn = pytest.importorskip("uvicorn")
     from distretarget.studio.server import studio_app
 
-    return testing.TestClient(studio_app(TOKEN, PORT), base_url=f"http://127.0.0.1:{PORT}")
+    listening = socket.create_server(("127.0.0.1", 0))
+    port = listening.getsockname()[1]
+    server = uvicorn.Server(uvicorn.Config(studio_app(TOKEN, port), log_level="warning", timeout_graceful_shutdown=1))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.01)
+    yield f"http://127.0.0.1:{port}/{TOKEN}/"
+    server.should_exit = True
+    thread.join(10)
+
+
+def answer(studio, path, content=None, **headers):
+    """Status, headers and text of what the studio answers to a request for a path from its root."""
+    host = urlsplit(studio).netloc
+    connection = http.client.HTTPConnection(host)
+    headers = {"Host": host} | {name.replace("_", "-"): value for name, value in headers.items()}
+    connection.request("GET" if content is None else "POST", path, content, headers)
+    response = connection.getresponse()
+    found = response.status, response.headers, response.read().decode()
+    connection.close()
+    return found
 
 
 def by_command(folder, done):
@@ -136,39 +161,40 @@ def test_an_order_that_is_overtaken_ends_early():
     assert "overtaken" in outcomes
 
 
-def test_only_who_knows_the_token_gets_an_answer(client):
-    page = client.get(f"/{TOKEN}/")
-    assert page.status_code == 200
-    assert "script-src 'self'" in page.headers["content-security-policy"]
-    assert "unsafe" not in page.headers["content-security-policy"]
+def test_only_who_knows_the_token_gets_an_answer(studio):
+    status, headers, _ = answer(studio, f"/{TOKEN}/")
+    assert status == 200
+    assert "script-src 'self'" in headers["content-security-policy"]
+    assert "unsafe" not in headers["content-security-policy"]
     inside = (f"/{TOKEN}/assets/{name}" for name in ("../bench.py", "server.py", "%2e%2e/bench.py"))
     for path in ("/", "/wrong/", "/wrong/assets/studio.js", *inside):
-        assert client.get(path).status_code == 404
-    assert client.get(f"/{TOKEN}/", headers={"Host": "evil.example"}).status_code == 404
-    assert client.get(f"/{TOKEN}/", headers={"Host": f"evil.example:{PORT}"}).status_code == 404
-    assert client.post(f"/{TOKEN}/files", content=b"x", headers={"Origin": "http://evil.example"}).status_code == 403
-    assert client.post(f"/{TOKEN}/files", content=b"x", headers={"Origin": "null"}).status_code == 403
+        assert answer(studio, path)[0] == 404
+    port = urlsplit(studio).port
+    for host in ("evil.example", f"evil.example:{port}", "127.0.0.1"):
+        assert answer(studio, f"/{TOKEN}/", Host=host)[0] == 404
+    for origin in ("http://evil.example", "null", f"https://127.0.0.1:{port}"):
+        assert answer(studio, f"/{TOKEN}/files", b"x", Origin=origin)[0] == 403
 
 
-def test_faults_are_one_line(client):
+def test_faults_are_one_line(studio):
     def said(path, content):
-        answer = client.post(f"/{TOKEN}/{path}", content=content, headers={"X-Name": "a%20b.bvh"})
-        assert answer.status_code == 422
-        assert "\n" not in answer.json()["error"]
-        return answer.json()["error"]
+        status, _, text = answer(studio, f"/{TOKEN}/{path}", content, X_Name="a%20b.bvh")
+        assert status == 422
+        assert "\n" not in json.loads(text)["error"]
+        return json.loads(text)["error"]
 
     assert said("files", b"nonsense").startswith("a b.bvh:1: found 'nonsense'")
     assert "no JSON" in said("solve", b"{")
-    assert "was not dropped here" in said("solve", json.dumps({"clip": "a", "character": "b"}))
+    assert "was not dropped here" in said("solve", json.dumps({"clip": "a", "character": "b"}).encode())
     assert "no JSON" in said("solve", b"[" * 100_000)
 
 
-def test_a_file_that_is_too_large_is_refused(client, monkeypatch):
+def test_a_file_that_is_too_large_is_refused(studio, monkeypatch):
     from distretarget.studio import server
 
     monkeypatch.setattr(server, "LARGEST", 1000)
-    answer = client.post(f"/{TOKEN}/files", content=b"x" * 2000)
-    assert (answer.status_code, "larger" in answer.json()["error"]) == (422, True)
+    status, _, text = answer(studio, f"/{TOKEN}/files", b"x" * 2000)
+    assert (status, "larger" in json.loads(text)["error"]) == (422, True)
 
 
 def test_a_kind_of_file_that_is_none_is_refused(dropped):
@@ -180,27 +206,6 @@ def test_a_kind_of_file_that_is_none_is_refused(dropped):
 
 
 # ---- in a browser
-
-
-@pytest.fixture(scope="module")
-def studio():
-    """The address of a studio that answers."""
-    import socket
-
-    uvicorn = pytest.importorskip("uvicorn")
-    from distretarget.studio.server import studio_app
-
-    listening = socket.create_server(("127.0.0.1", 0))
-    port = listening.getsockname()[1]
-    server = uvicorn.Server(uvicorn.Config(studio_app(TOKEN, port), log_level="warning", timeout_graceful_shutdown=1))
-    server.install_signal_handlers = lambda: None
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
-    thread.start()
-    while not server.started:
-        time.sleep(0.01)
-    yield f"http://127.0.0.1:{port}/{TOKEN}/"
-    server.should_exit = True
-    thread.join(10)
 
 
 DROPS = """async ([base, name]) => {

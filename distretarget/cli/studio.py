@@ -25,10 +25,11 @@ HOST = "127.0.0.1"
 @click.option("--no-browser", is_flag=True, help="Open no browser; the address is printed.")
 @quiet
 def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None:
-    """Retarget on a page in the browser: drop clips and a character, see, change, take away.
+    """Retarget on a page in the browser.
 
-    FILES are dropped on the page at once. The page is served by this machine to itself alone, at an address that only
-    the page knows. Nothing that is dropped is kept on disk. Ctrl+C ends it.
+    Drop clips and a character on the page, see and change the result, and take it away. FILES are dropped at once. The
+    page is served by this machine to itself alone, at an address that only the page knows. Nothing that is dropped is
+    kept on disk. Ctrl+C ends it.
 
     \b
     distretarget studio
