@@ -55,7 +55,8 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import TargetFile, parse_target
-from distretarget.pipeline.retargeting import retarget_onto
+from distretarget.pipeline.conversion import Recipe
+from distretarget.pipeline.conversion import convert as convert_clip
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
@@ -127,9 +128,9 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
     """Retarget a clip, write the result, parse it, and compare."""
     (source, target), joint_map, options = case
     chosen = Options(**{key: value for key, value in options.items() if key not in ("jobs", "q")})
-    clip, pairs = parse_bvh(source, "clip.bvh"), parse_map(joint_map, "map.json")
+    clip, recipe = _file(source, "clip.bvh"), Recipe(chosen, parse_map(joint_map, "map.json"))
     body = TargetFile.of(_file(target, "target"))
-    result = retarget_onto(clip, body, source="clip.bvh", map_file=pairs, options=chosen)
+    result = convert_clip(recipe.read(clip)[0], clip, body, recipe, name="clip", kinds=("BVH",)).result
     text = format_bvh(result.motion)
     again = _again(lambda: parse_bvh(text, "again.bvh"))
     _same_motion(result.motion, again)

@@ -33,7 +33,8 @@ def check_choice(name: str, value: object, choices: Collection[str | None]) -> N
 def check_number(name: str, value: object, least: float, most: float) -> None:
     """Check that an argument is a number within bounds."""
     number: Any = value
-    if isinstance(value, bool | str) or not hasattr(value, "__float__") or not least <= number <= most:
+    several = getattr(value, "ndim", 0) != 0
+    if several or isinstance(value, bool | str) or not hasattr(value, "__float__") or not least <= number <= most:
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a number from {least:g} to {most:g}")
 
 

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.checks import check_kind
+from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, counted, quoted
 from distretarget.numerics.kinematics import joint_positions, line_rotations, make_local, world_rotations
 from distretarget.numerics.parallel import in_blocks, over_blocks
 from distretarget.numerics.quaternions import first_not_unit
 from distretarget.numerics.rotations import RotationKind, represented
 from distretarget.numerics.vectors import Array, extent, lengths, normalised, read_only
-from distretarget.skeleton import HALF_TURN, LARGEST, Skeleton
+from distretarget.skeleton import HALF_TURN, LARGEST, SMALLEST, Skeleton
 from distretarget.stick_figures import likely_up, stick_figures
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
@@ -32,6 +32,13 @@ FREE_SAMPLES = 1_000_000  # ... that is not as short as this, resampled [frames 
 SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
 SHOWN = 7  # frames in a picture of a motion
 NUMERALS = frozenset("0123456789.+-eE")
+
+
+def _check_frame_time(text: object) -> None:
+    """Raise a MotionError if an argument is no frame time."""
+    if not isinstance(text, str) or not is_frame_time(text):
+        wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
+        raise MotionError(f"frame_time_text is {text!r}; expected {wanted}")
 
 
 def is_frame_time(text: str) -> bool:
@@ -147,9 +154,7 @@ class Motion:
             raise MotionError(f"the rotation {where} is not a unit quaternion: {self.rotations[frame, joint].tolist()}")
         if first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), ROUNDING) >= 0:
             object.__setattr__(self, "rotations", read_only(normalised(self.rotations)))
-        if not isinstance(self.frame_time_text, str) or not is_frame_time(self.frame_time_text):
-            wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
-            raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")
+        _check_frame_time(self.frame_time_text)
 
     @classmethod
     def of_translations(cls, skeleton: Skeleton, translations: Array, rotations: Array, frame_time_text: str) -> Motion:
@@ -282,7 +287,10 @@ class Motion:
         return Motion(self.skeleton.turned_round(), path, rotations, self.frame_time_text, moving)
 
     def scaled(self, factor: float) -> Motion:
-        """Return the motion of a body that is larger by a factor, along a path that is."""
+        """Return the motion of a body that is larger by a factor, along a path that is; a SettingsError if the factor
+        is not above 0.
+        """
+        check_number("factor", factor, SMALLEST, LARGEST)
         moving = self.moving and MovingBones(self.moving.joints, factor * self.moving.translations)
         skeleton = self.skeleton.with_offsets(factor * self.skeleton.offsets)
         return Motion(skeleton, factor * self.root_positions, self.rotations, self.frame_time_text, moving)
@@ -300,8 +308,10 @@ class Motion:
         Only the first `most` frames are made if that is given.
 
         Raises:
-            MotionError: `most` is not given, and there would be far more frames than the motion has.
+            MotionError: `most` is not given, and there would be far more frames than the motion has; or the frame time
+                is none.
         """
+        _check_frame_time(frame_time_text)
         step = float(frame_time_text)
         if same_time(self.frame_time, step):
             return self if most is None or most >= len(self) else self[:most]
@@ -357,7 +367,10 @@ class Motion:
 
 def check_reach(motion: Motion, name: str) -> None:
     """Raise a MotionError if positions of a motion are too large to compute with."""
-    if not extent(motion.positions) <= LARGEST:
+    reach = extent(motion.positions)
+    if not np.isfinite(reach):
+        raise MotionError(f"{name} has positions that are not finite; every number has to be")
+    if reach > LARGEST:
         raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
 
 

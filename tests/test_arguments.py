@@ -146,6 +146,12 @@ OTHER_KINDS = {
     "frames of forward_kinematics": lambda: d.forward_kinematics(
         BODY.parents, CLIP.translations, CLIP.world_rotations[:1]
     ),
+    "path of load_build": lambda: d.load_build(3),
+    "no path of load_build": lambda: d.load_build(None),
+    "text as factor of scaled": lambda: CLIP.scaled("2"),
+    "array as factor of scaled": lambda: CLIP.scaled(np.array([1.0, 2.0])),
+    "array as fps": lambda: d.read_motion(CLIPS[0], fps=np.array([30.0, 20.0])),
+    "empty array as fps": lambda: d.read_motion(CLIPS[0], fps=np.array([])),
     "sources": lambda: d.convert_folder(3, CLIPS[1], "out"),
     "folder": lambda: d.convert_folder(*CLIPS, None),
     "options": lambda: d.convert_folder(*CLIPS, "out", options={}),
@@ -165,3 +171,15 @@ def test_arguments_of_another_kind(call, tmp_path, monkeypatch):
 
 def test_numbers_of_numpy_are_numbers():
     assert d.Options(root_scale=np.float32(2)).root_scale == 2
+
+
+@pytest.mark.parametrize("text", ["x", "0", "nan", 0.05, None])
+def test_a_motion_is_resampled_to_a_frame_time_alone(text):
+    with pytest.raises(d.MotionError, match="frame_time_text is"):
+        CLIP.resampled(text)
+
+
+def test_a_motion_of_no_numbers_is_not_told_of_as_too_large():
+    motion = d.Motion(CLIP.skeleton, np.full_like(CLIP.root_positions, np.nan), CLIP.rotations, CLIP.frame_time_text)
+    with pytest.raises(d.MotionError, match="positions that are not finite"):
+        d.retarget(motion, CLIP.skeleton)

@@ -17,13 +17,7 @@ from distretarget.errors import DistretargetError
 from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import InputFile
-from distretarget.io.motion_writer import (
-    OUTPUTS,
-    NamedClip,
-    OutputSettings,
-    character_animation,
-    content_of,
-)
+from distretarget.io.motion_writer import OUTPUTS, character_animation, content_of
 from distretarget.io.target_file import TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
@@ -113,17 +107,10 @@ def _converted(job: Job) -> Result:
         "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "alignment": alignment_text(result.matching),
     }
-    report = run_page(result, job.about, target.target, job.source) if job.about else ""
-    return Result(record, _outputs(kinds, recipe.writing, target, done.clip), report)
-
-
-def _outputs(
-    kinds: Mapping[str, str], writing: OutputSettings, target: TargetFile, clip: NamedClip
-) -> dict[str, Output]:
-    """The contents of the results of a clip, by their names."""
-    return {
-        name: character_animation(target, clip)
+    outputs = {
+        name: character_animation(target, done.clip)
         if kind == "character"
-        else b"".join(encoded_parts(content_of(name, clip, target, writing)))
+        else b"".join(encoded_parts(content_of(name, done.clip, target, recipe.writing)))
         for name, kind in kinds.items()
     }
+    return Result(record, outputs, run_page(result, job.about, target.target, job.source) if job.about else "")

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TextIO
 
@@ -25,30 +26,22 @@ from distretarget.batch.summary import Tally
 from distretarget.batch.workers import Workers
 from distretarget.cli.options import (
     PATH,
-    Skins,
+    RecipeFiles,
     contacts_option,
-    editing,
+    converting,
     file_option,
-    load_builds,
     of_formats,
     of_reports,
     quiet,
-    reading,
-    retargeting,
-    writing,
 )
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, is_folder, read_bytes
 from distretarget.io.input_file import load_file
-from distretarget.io.map_json import load_map
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, OutputSettings, output_kind
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, output_kind
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import Recipe
-from distretarget.pipeline.edits import Edits
-from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
 LONGEST_PATH = 40_000  # more than any system takes [characters]
@@ -82,23 +75,21 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
     metavar="FILE",
     help="Read the paths of clips from this file, one per line; - is standard input.",
 )
-@reading
-@editing
-@retargeting
-@contacts_option(
-    help="Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, "
-    "such as walk.contacts.json beside walk.bvh."
+@converting(
+    contacts_option(
+        help="Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, "
+        "such as walk.contacts.json beside walk.bvh."
+    ),
+    click.option(
+        "--format",
+        "kinds",
+        type=of_formats,
+        metavar="KIND[,KIND...]",
+        help=f"What the results are, one file of each kind: {', '.join(FORMATS)}. Default: own, the kind of TARGET if "
+        "it is glTF or VRM, else bvh. npz has arrays: positions, rotations, and labels of frames.",
+    ),
+    click.option("--npz", is_flag=True, help="Write arrays beside each result, like --format own,npz."),
 )
-@click.option(
-    "--format",
-    "kinds",
-    type=of_formats,
-    metavar="KIND[,KIND...]",
-    help=f"What the results are, one file of each kind: {', '.join(FORMATS)}. Default: own, the kind of TARGET if it "
-    "is glTF or VRM, else bvh. npz has arrays: positions, rotations, and labels of frames.",
-)
-@click.option("--npz", is_flag=True, help="Write arrays beside each result, like --format own,npz.")
-@writing
 @click.option(
     "--merge",
     is_flag=True,
@@ -146,18 +137,10 @@ def batch_command(
     include: tuple[str, ...],
     exclude: tuple[str, ...],
     input_list: TextIO | None,
-    clip: str | None,
-    fps: float | None,
-    joints_path: Path | None,
-    edits: Edits,
+    recipe_files: RecipeFiles,
     kinds: tuple[str, ...] | None,
     npz: bool,
-    settings: OutputSettings,
     merge: bool,
-    map_path: Path | None,
-    rest_path: Path | None,
-    options: Options,
-    skins: Skins,
     contacts_path: Path | None,
     jobs: int | None,
     dask: str | None,
@@ -200,8 +183,7 @@ def batch_command(
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
-    found, unread = find_clips(sources, listed, include, exclude, arrays=joints_path is not None)
-    map_file = load_map(map_path, rest_path)
+    found, unread = find_clips(sources, listed, include, exclude, arrays=recipe_files.joints_path is not None)
     if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
     results = folder
@@ -212,16 +194,16 @@ def batch_command(
     elif npz:
         kinds = (*(kinds or ("own",)), "npz")
     try:
-        clips = plan(found, files, results, sources, kinds or (), clip)
+        clips = plan(found, files, results, sources, kinds or (), recipe_files.clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     batch = Batch(
         clips,
         Results(results, overwrite and not merge, read_only=dry_run),
-        Recipe(options, map_file, clip, fps, DEFAULT_OUTPUT if merge else settings, load_builds(skins), edits),
+        (replace(recipe_files, writing=DEFAULT_OUTPUT) if merge else recipe_files).read(),
         Pages(about, index, reports, table),
         contacts_path,
-        load_file(joints_path) if joints_path else None,
+        load_file(recipe_files.joints_path) if recipe_files.joints_path else None,
         time_limit,
         fail_fast,
     )
@@ -238,7 +220,7 @@ def batch_command(
     if stopped:
         complain(f"distretarget: {stopped}")
     elif merge:
-        count = write_merged(folder, files[0], batch.clips, settings, overwrite)
+        count = write_merged(folder, files[0], batch.clips, recipe_files.writing, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
 

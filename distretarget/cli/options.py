@@ -6,7 +6,7 @@ import contextlib
 import functools
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,17 +17,18 @@ from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.errors import SettingsError
 from distretarget.io.gltf_writer import Mode
+from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, Precision
 from distretarget.io.target_file import load_build
 from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
+from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import FARTHEST, SPEEDS, Edits
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Command = Callable[..., None]
 Decorator = Callable[[Command], Command]
-Skins = tuple[Path | None, Path | None]  # the builds, by name or file, of source and target; None for their own
 
 PATH = click.Path(path_type=Path)
 
@@ -117,11 +118,6 @@ def of_reports(text: str) -> int | None:
 def of_skin(text: str) -> SkinMode | Path:
     """How thick a body is, in the text: a mode, or a build by its name or file."""
     return next((mode for mode in get_args(SkinMode) if mode == text), Path(text))
-
-
-def load_builds(skins: Skins) -> Builds:
-    """Read the builds of source and target; errors as in `load_build`."""
-    return Builds(*(load_build(skin) if skin else None for skin in skins))
 
 
 def _choice(
@@ -285,42 +281,64 @@ def _with(options: Sequence[Decorator], command: Command) -> Command:
 reading = functools.partial(_with, READING)
 
 
-def editing(command: Command) -> Command:
-    """Add the edits of a clip to a command, which receives them as `edits`."""
+@dataclass(frozen=True)
+class RecipeFiles:
+    """A recipe as the command line gives it, with files by their paths."""
 
-    def with_edits(**given: Any) -> None:
-        command(edits=Edits(**{field.name: given.pop(field.name) for field in fields(Edits)}), **given)
+    clip: str | None
+    fps: float | None
+    joints_path: Path | None
+    map_path: Path | None
+    rest_path: Path | None
+    source_skin: Path | None
+    skin: Path | None
+    options: Options
+    edits: Edits
+    writing: OutputSettings
 
-    return _with(EDITING, functools.update_wrapper(with_edits, command))
+    @property
+    def paths(self) -> list[Path | None]:
+        """The paths of its files."""
+        return [self.joints_path, self.map_path, self.rest_path, self.source_skin, self.skin]
+
+    def read(self) -> Recipe:
+        """Read its files; errors as in `load_map` and `load_build`."""
+        builds = Builds(*(load_build(path) if path else None for path in (self.source_skin, self.skin)))
+        map_file = load_map(self.map_path, self.rest_path)
+        return Recipe(self.options, map_file, self.clip, self.fps, self.writing, builds, self.edits)
 
 
-def writing(command: Command) -> Command:
-    """Add the options of writing to a command, which receives them as `settings`."""
-
-    def with_settings(**given: Any) -> None:
-        own = {field.name: given.pop(field.name) for field in fields(OutputSettings)}
-        command(settings=OutputSettings(**own), **given)
-
-    return _with(WRITING, functools.update_wrapper(with_settings, command))
-
-
-def retargeting(command: Command) -> Command:
-    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, the `skins` of source and
-    target, as `load_builds` takes them, and the others as `options`.
+def converting(*between: Decorator) -> Decorator:
+    """Add all options of a conversion to a command, which receives them as `recipe_files`; the options `between` those
+    of retargeting and of writing are its own.
     """
 
-    def with_options(skin: SkinMode | Path, source_skin: Path | None, **given: Any) -> None:
+    def with_recipe(command: Command, skin: SkinMode | Path, **given: Any) -> None:
         given["skin"] = "auto" if isinstance(skin, Path) else skin
-        skins = (source_skin, skin if isinstance(skin, Path) else None)
-        if skin == "none" and source_skin:
+        if skin == "none" and given["source_skin"]:
             raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
-        options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
+        options, edits, writing = (_taken(kind, given) for kind in (Options, Edits, OutputSettings))
         chosen = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
         if options.objective == "paper" and chosen and options.supports != "free":
             raise click.UsageError(
                 f"--supports {options.supports}: the paper's objective holds nothing in its place; use --objective "
                 "contact."
             )
-        command(options=options, skins=skins, **given)
+        paths = {
+            name: given.pop(name) for name in ("clip", "fps", "joints_path", "map_path", "rest_path", "source_skin")
+        }
+        recipe = RecipeFiles(
+            **paths, skin=skin if isinstance(skin, Path) else None, options=options, edits=edits, writing=writing
+        )
+        command(recipe_files=recipe, **given)
 
-    return _with(RETARGETING, functools.update_wrapper(with_options, command))
+    def decorate(command: Command) -> Command:
+        own = functools.update_wrapper(functools.partial(with_recipe, command), command)
+        return _with((*READING, *EDITING, *RETARGETING, *between, *WRITING), own)
+
+    return decorate
+
+
+def _taken(kind: type[Any], given: dict[str, Any]) -> Any:
+    """Some settings, from their fields, which are taken out of what is given."""
+    return kind(**{field.name: given.pop(field.name) for field in fields(kind)})

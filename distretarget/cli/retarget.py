@@ -16,15 +16,11 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     STRIP_NAMESPACE_OPTION,
     FileOrStandard,
-    Skins,
+    RecipeFiles,
     contacts_option,
-    editing,
+    converting,
     file_option,
-    load_builds,
     quiet,
-    reading,
-    retargeting,
-    writing,
 )
 from distretarget.cli.outputs import (
     LISTED,
@@ -45,14 +41,11 @@ from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content, is_folder
 from distretarget.io.input_file import InputFile
-from distretarget.io.map_json import load_map
-from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
+from distretarget.io.motion_writer import OUTPUTS, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Recipe, convert
-from distretarget.pipeline.edits import Edits
-from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument
 from distretarget.report.clip_page import run_page
@@ -70,14 +63,12 @@ from distretarget.report.diff_document import metrics_json, metrics_line, summar
     help="The file to write: .bvh, .vrma, or TARGET with its motion, .glb, .gltf or .vrm.",
 )
 @OVERWRITE_OPTION
-@reading
-@editing
-@retargeting
-@contacts_option(
-    help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget contacts' "
-    "lists what is found, and writes such a file to edit."
+@converting(
+    contacts_option(
+        help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget "
+        "contacts' lists what is found, and writes such a file to edit."
+    )
 )
-@writing
 @STRIP_NAMESPACE_OPTION
 @click.option("--json", "metrics", type=FileOrStandard(), help="Write the metrics of each frame to this file.")
 @file_option(
@@ -94,16 +85,8 @@ def retarget_command(
     target: Path,
     output: Path,
     overwrite: bool,
-    clip: str | None,
-    fps: float | None,
-    joints_path: Path | None,
-    edits: Edits,
-    settings: OutputSettings,
-    map_path: Path | None,
-    rest_path: Path | None,
+    recipe_files: RecipeFiles,
     contacts_path: Path | None,
-    options: Options,
-    skins: Skins,
     metrics: Path | None,
     report: Path | None,
     strip_namespace: bool,
@@ -130,20 +113,18 @@ def retarget_command(
     """  # noqa: D301
     if is_folder(source):
         raise click.UsageError(f"{source} is a folder; 'distretarget batch' retargets all clips of a folder.")
-    inputs = [source, target, joints_path, map_path, rest_path, contacts_path, *skins]
-    check_outputs([output, metrics, report], inputs, overwrite)
+    check_outputs([output, metrics, report], [source, target, contacts_path, *recipe_files.paths], overwrite)
     started = time.perf_counter()
-    source_file, target_file = read_source(source, joints_path), read_input(target)
-    map_file = load_map(map_path, rest_path)
+    source_file, target_file = read_source(source, recipe_files.joints_path), read_input(target)
+    recipe = recipe_files.read()
     contacts = load_contacts(contacts_path) if contacts_path else NO_CONTACTS
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
-    recipe = Recipe(options, map_file, clip, fps, settings, load_builds(skins), edits)
     motion, lost = _source_motion(source_file, target_file, recipe)
     if source_file.kind == "BVH":
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
-    name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
+    name = recipe.clip if recipe.clip and not recipe.clip.startswith("#") else Path(source_file.path).stem
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         done = convert(
             motion, source_file, body, recipe, name=name, kinds=(kind,), contacts=contacts, progress=bar.update
@@ -152,7 +133,7 @@ def retarget_command(
     if strip_namespace and kind == "BVH":
         plain = replace(named.motion, skeleton=named.motion.skeleton.without_namespaces)
         named = replace(named, motion=plain)
-    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
+    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, recipe.writing)
     seconds = time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,

@@ -14,6 +14,7 @@ from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of
 from distretarget.character.mesh import skinned_mesh
 from distretarget.character.nodes import Scene
+from distretarget.checks import check_path
 from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonFileError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.fbx import fbx_mesh, parse_fbx
@@ -176,7 +177,9 @@ def load_build(path: str | Path) -> Build:
         FileError: the file cannot be read, shows no thickness, or no human body is recognised in it; or no average
             build has this name.
         SkeletonFileError, BvhError: it is not valid.
+        SettingsError: `path` is neither a path nor a name.
     """
+    check_path("path", path)
     if str(path) in BUILDS:
         return average_build(str(path))
     if not Path(path).suffix and not Path(path).exists():

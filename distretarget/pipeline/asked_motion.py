@@ -138,10 +138,10 @@ def layered(asked: Sequence[Wishes], without: Motion, held: Motion) -> Motion:
 
 
 def _blended(without: Motion, held: Motion, share: Array, lead: Numbers, shots: Shots) -> Motion:
-    """Return the motion `held` where the share, (frames,), is 1, between the two where it is less, and elsewhere the
-    motion `without` it, into which the other fades over `lead` frames, (frames,): those of the frame nearest to it.
+    """Blend the motion `held` into the motion `without` by `share`, (frames,), 0 to 1. Outside, the difference at the
+    nearest frame that is held fades out over the `lead` of that frame, (frames,) [frames].
 
-    What is farther away does not change at all, nor what is across a cut between `shots`, (frames,).
+    Frames farther away do not change, nor do frames across a cut between `shots`, (frames,).
     """
     roots, rotations = np.array(without.root_positions), np.array(without.rotations)
     for shot in slices_of(shots):

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
+from typing import TypedDict
 
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.errors import ContactsError, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.io.input_file import InputFile
-from distretarget.io.map_json import MapFile
+from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, NamedClip, OutputKind, OutputSettings, as_written
 from distretarget.io.target_file import TargetFile, with_source
@@ -18,7 +21,17 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import retarget_onto
+from distretarget.pipeline.retargeting import needs_map, retarget
+from distretarget.skeleton import JointMap
+from distretarget.target import Target
+
+
+class MatchArguments(TypedDict):
+    """Arguments of `retarget` that files decide."""
+
+    joint_map: JointMap
+    rest: Motion | None
+    builds: Builds
 
 
 @dataclass(frozen=True)
@@ -54,6 +67,17 @@ class Recipe:
         """
         motion, lost = parse_motion(source, self.clip, self.fps)
         return self.edits.of_file(motion, source.path), lost
+
+    def match_arguments(self, motion: Motion, source: InputFile, target: Target, path: str | Path) -> MatchArguments:
+        """Return what files say of how a motion, of the file `source`, is matched to the target in the file `path`; an
+        error names the file that does not fit.
+        """
+        skeleton = motion.rigid_skeleton
+        return MatchArguments(
+            joint_map=joint_map(skeleton, target, path, self.map_file),
+            rest=self.map_file.rest.on(skeleton) if self.map_file.rest else None,
+            builds=self.builds if self.options.skin == "none" else with_source(self.builds, source),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,18 +121,18 @@ def convert(
     Raises:
         DistretargetError: as in `retarget`; it names the file at fault.
     """
-    has_skin = recipe.options.skin != "none"
-    result = retarget_onto(
-        motion,
-        target,
-        source=source.path,
-        map_file=recipe.map_file,
-        options=recipe.options,
-        builds=with_source(recipe.builds, source) if has_skin else recipe.builds,
-        contacts=contacts,
-        mapper=mapper,
-        progress=progress,
-    )
+    body = target.target.for_source(motion.rigid_skeleton)
+    arguments = recipe.match_arguments(motion, source, body, target.path)
+    try:
+        result = retarget(
+            motion, body, recipe.options, contacts=contacts, mapper=mapper, progress=progress, **arguments
+        )
+    except ContactsError as error:
+        raise error.in_file(error.path or source.path) from None
+    except MatchingError as error:
+        raise needs_map(error, source.path, target.path) from error
+    except DistretargetError as error:
+        raise error.in_file(source.path) from None
     clip = recipe.writing.clip(result.motion, name, result.world.up_vector)
     result = replace(result, motion=as_written(result.motion, kinds[0], recipe.writing.precision, target))
     return Converted(result, replace(clip, labels=result.labels) if "arrays" in kinds else clip)

@@ -13,11 +13,9 @@ from distretarget.baseline.world import on_own_soles
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
-from distretarget.errors import SAY_IN_A_MAP, ContactsError, DistretargetError, MatchingError
+from distretarget.errors import SAY_IN_A_MAP, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.io.files import STANDARD_INPUT
-from distretarget.io.map_json import MapFile, joint_map
-from distretarget.io.target_file import TargetFile
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
@@ -113,48 +111,6 @@ def _by_paper(
     posed = layered([wishes], performer.posed(poses), performer.posed(asked))
     result = performer.result(asked, postures, posed=posed)
     return replace(result, asked=contacts, unmet=tuple(unmet(performer, wishes, posed)))
-
-
-def retarget_onto(
-    motion: Motion,
-    target: TargetFile,
-    *,
-    source: str | Path,
-    map_file: MapFile,
-    options: Options,
-    builds: Builds = OWN_BUILDS,
-    contacts: ContactList = NO_CONTACTS,
-    mapper: Mapper = in_threads,
-    progress: Progress = ignore_progress,
-) -> RetargetResult:
-    """Retarget a motion to the target in a file, with the joint pairs and the rest pose of a map file.
-
-    `source` is the path of the motion's file, for error messages; the others are those of `retarget`.
-
-    Raises:
-        DistretargetError: the motion cannot be retargeted, or the target does not fit it; the error names the file.
-    """
-    whole_target = target.target.for_source(motion.rigid_skeleton)
-    pairs = joint_map(motion.rigid_skeleton, whole_target, target.path, map_file)
-    rest = map_file.rest.on(motion.rigid_skeleton) if map_file.rest else None
-    try:
-        return retarget(
-            motion,
-            whole_target,
-            options,
-            joint_map=pairs,
-            rest=rest,
-            builds=builds,
-            contacts=contacts,
-            mapper=mapper,
-            progress=progress,
-        )
-    except ContactsError as error:
-        raise error.in_file(error.path or source) from None
-    except MatchingError as error:
-        raise needs_map(error, source, target.path) from error
-    except DistretargetError as error:
-        raise error.in_file(source) from None
 
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:

@@ -1,9 +1,9 @@
 """Performers whose bodies would be in each other move apart, slowly, before they are solved.
 
 Balls along the capsules of trunk and head show how far two performers have to part in each frame: along the floor, or
-upwards where one sits or lies on the other in the source. As far as flesh gives way, and beside each other as far as
-the source's bodies overlap, they stay in each other. They part and come back slowly, mostly while somebody steps, and
-each resting foot stays where it is: its place moves by the mean over its rest.
+upwards where one sits or lies on the other in the source. Some overlap is allowed: the depth by which flesh gives way,
+and for performers side by side as much as the source's bodies overlap. They part and come back slowly, mostly while
+somebody steps, and each resting foot stays where it is: its place moves by the mean over its rest.
 """
 
 from __future__ import annotations

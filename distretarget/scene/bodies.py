@@ -1,7 +1,7 @@
 """Several bodies and props as one body with many limbs, whose surfaces meet.
 
-A prop meets each ball of a limb with a ball of its own, which touches the prop's surface from within at the place that
-is nearest to the limb's: the surface there, however large the prop and whatever its shape.
+For each ball of a limb, a prop has one ball that stands for it, inside its surface at the point nearest to the limb's
+ball. So the size and the shape of a prop do not matter.
 """
 
 from __future__ import annotations

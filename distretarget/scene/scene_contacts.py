@@ -68,8 +68,8 @@ class SceneContacts:
         return held_placement(prop.free, holds) if holds else prop.free
 
     def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
-        """The springs that draw each performer to the others and to props, from where it is `alone`; without that,
-        those to other performers have no stiffness.
+        """Return the springs from each performer to the others and to props; `alone` has the motions solved without
+        them. Without `alone`, in the first sweep, springs between performers have no stiffness.
         """
         start = alone or now
         springs = [no_springs(len(one.clip)) for one in self.performers]

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
-from distretarget.body.build import BUILDS, OWN_BUILDS, Builds
+from distretarget.body.build import BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import DistretargetError, MotionError, closest, counted
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text, safe_file_name
 from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
-from distretarget.io.map_json import joint_map, load_map
+from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.obj import parse_obj, parse_obj_mesh
-from distretarget.io.target_file import load_build, load_target, with_source
+from distretarget.io.target_file import load_build, load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.options import HoldMode, SkinMode
+from distretarget.pipeline.conversion import Recipe
+from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.scene.prop_surface import Surface
 from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
@@ -68,13 +69,15 @@ class PerformerFiles(SceneClip):
         builds = (self.skin, self.source_skin)
         return [path for path in builds if isinstance(path, Path) and str(path) not in BUILDS]
 
-    def builds(self, skin: SkinMode) -> Builds:
-        """Read how thick source and target are, where the performer has this skin; errors as in `load_build`."""
-        if skin == "none":
-            return OWN_BUILDS
+    def recipe(self, options: Options) -> Recipe:
+        """Read how it is retargeted in a scene with these options; errors as in `load_map` and `load_build`."""
+        if self.skin is not None:
+            options = replace(options, skin="auto" if isinstance(self.skin, Path) else self.skin)
+        if options.skin == "none":
+            return Recipe(options, load_map(self.map_path))
         source = load_build(self.source_skin) if self.source_skin else None
         target = load_build(self.skin) if isinstance(self.skin, Path) else None
-        return with_source(Builds(source, target), load_file(self.file))
+        return Recipe(options, load_map(self.map_path), builds=Builds(source, target))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,32 +147,31 @@ class SceneSetup:
     def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
         sources, props = self.read()
-        targets, maps, rests, skins, builds = [], [], [], list[SkinMode](), []
         contacts = [load_contacts(each.contacts) if each.contacts else NO_CONTACTS for each in self.performers]
-        for performer, source in zip(self.performers, sources, strict=True):
-            skins.append("auto" if isinstance(performer.skin, Path) else performer.skin or self.skin)
-            builds.append(performer.builds(skins[-1]))
-            skeleton, map_file = source.rigid_skeleton, load_map(performer.map_path)
-            targets.append(load_target(performer.target))
-            maps.append(joint_map(skeleton, targets[-1].for_source(skeleton), performer.target, map_file))
-            rests.append(map_file.rest.on(skeleton) if map_file.rest else None)
+        options = Options(supports=self.supports, environment=self.environment, skin=self.skin)
+        recipes = [performer.recipe(options) for performer in self.performers]
+        targets = [load_target(performer.target) for performer in self.performers]
+        arguments = [
+            recipe.match_arguments(source, load_file(each.file), target.for_source(source.rigid_skeleton), each.target)
+            for each, recipe, source, target in zip(self.performers, recipes, sources, targets, strict=True)
+        ]
         try:
             return retarget_scene(
                 sources,
                 targets,
                 props,
-                joint_maps=maps,
-                rests=rests,
+                joint_maps=[each["joint_map"] for each in arguments],
+                rests=[each["rest"] for each in arguments],
                 world_scale=self.world_scale,
                 supports=self.supports,
                 environment=self.environment,
-                skin=skins,
-                builds=builds,
+                skin=[recipe.options.skin for recipe in recipes],
+                builds=[each["builds"] for each in arguments],
                 contacts=contacts,
             )
         except DistretargetError as error:
-            files = self.performers[error.performer or 0]
-            raise error.in_file(error.path or (files.target if error.of_target else files.file)) from None
+            performer = self.performers[error.performer or 0]
+            raise error.in_file(error.path or (performer.target if error.of_target else performer.file)) from None
 
 
 def _read(clip: SceneClip) -> tuple[Motion, Surface | None]:

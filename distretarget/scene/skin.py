@@ -117,7 +117,7 @@ def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
 
 
 def _drawn(one: Performer, springs: Springs) -> Performer:
-    """The performer with springs to what it touches: there its own skin does not move it."""
+    """Return the performer with its scene springs; its own skin pass then leaves its limbs in scene contact alone."""
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 

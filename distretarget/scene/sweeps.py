@@ -64,8 +64,8 @@ def solve_scene(
     mapper: Mapper,
     progress: Callable[[int], object],
 ) -> SolvedScene:
-    """Solve a scene, of whose performers different things are asked; `skins` are what they are to each other. Raises a
-    ContactsError if what is asked does not suit the clip.
+    """Solve a scene. `asked` has the contacts that are asked of each performer; `skins` the surface of each that
+    collides with other performers. Raises a ContactsError if what is asked does not suit the clip.
     """
 
     def wishes_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Wishes]:
