@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES, person
 from program import run
 
-from distretarget import FileError, Skeleton, load_build, load_target
+from distretarget import FileError, Options, Skeleton, load_build, load_target
 from distretarget.body.body import Body
 from distretarget.body.build import AGES, BUILDS, age_of, average_build, average_for
 from distretarget.body.segments import proportions
@@ -135,5 +135,5 @@ def test_a_performer_of_a_scene_takes_builds_by_name(tmp_path):
     (found,) = load_scene(path).performers
     assert found.skin_files == []
     (tmp_path / "one.bvh").write_bytes((SAMPLES / "clap.bvh").read_bytes())
-    builds = found.builds("auto")
+    builds = found.recipe(Options()).builds
     assert (builds.source, builds.target) == (average_build("thin"), average_build("fat"))

@@ -18,18 +18,8 @@ from mathutils import Matrix
 
 sys.path.append(str(Path(__file__).parent))  # Blender does not look beside a script
 from bvh import Clip, read_clip
-from character import (
-    constraints_on,
-    drivers_on,
-    fail,
-    listed,
-    moved_bones,
-    open_character,
-    parse_arguments,
-    skeleton,
-    warn,
-    warn_of_rig,
-)
+from character import fail, listed, open_character, parse_arguments, warn, warn_of_rig
+from rig import constraints_on, drivers_on, moved_bones, skeleton
 
 USAGE = "blender --background --python apply_motion.py -- HERO.blend WALK.bvh HERO_WALK.blend [--armature NAME]"
 BODY = 1700.0  # height of the body on which distances are stated [mm]

@@ -15,7 +15,8 @@ import bpy
 from mathutils import Vector
 
 sys.path.append(str(Path(__file__).parent))  # Blender does not look beside a script
-from character import Joints, open_character, parse_arguments, skeleton, warn_of_rig
+from character import open_character, parse_arguments, warn_of_rig
+from rig import Joints, skeleton
 
 USAGE = "blender --background --python export_target.py -- HERO.blend HERO.json [--armature NAME]"
 CHANNELS = [kind + what for what in ("position", "rotation") for kind in "XYZ"]

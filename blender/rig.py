@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The armature of a character: the joints that its meshes need, and what else moves its bones."""
+
+import itertools
+from collections.abc import Collection, Iterator
+
+import bpy
+import numpy as np
+
+SAME = 1e-4  # largest difference between the rest matrices of bones that coincide, with a body of size 1
+MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones whose drivers move them
+Joints = dict[str, str | None]
+
+
+def skinned_meshes(armature: bpy.types.Object) -> list[bpy.types.Object]:
+    """The meshes that an armature deforms."""
+    meshes = [each for each in bpy.context.scene.objects if each.type == "MESH"]
+    return [each for each in meshes if any(one.type == "ARMATURE" and one.object == armature for one in each.modifiers)]
+
+
+def skeleton(armature: bpy.types.Object) -> Joints:
+    """The joints that meshes need, each with its parent, parents first.
+
+    These are the bones that deform or carry a mesh, the bones at which their lines meet, and the bones above them all.
+    A bone of a control rig counts as the deforming bone in the same place: in a Rigify rig, DEF-thigh.L hangs from
+    ORG-spine, and so from DEF-spine. Bones without a common root hang from the armature, a joint with its name.
+    """
+    needed = _needed_bones(armature)
+    parents = _parents(armature, needed)
+    lines = [[*_line(name, parents), None] for name in needed]
+    children: dict[str | None, set[str | None]] = {}
+    for child, parent in itertools.chain.from_iterable(map(itertools.pairwise, lines)):
+        children.setdefault(parent, set()).add(child)
+    meeting = {parent for parent, below in children.items() if len(below) > 1}
+    above = set.intersection(*map(set, lines)) - {None}
+    kept = [bone.name for bone in armature.data.bones if bone.name in {*needed, *meeting, *above}]
+    top = armature.name if None in meeting else None
+    joints: Joints = {} if top is None else {top: None}
+    for name in sorted(kept, key=lambda name: len(list(_line(name, parents)))):
+        line = itertools.islice(_line(name, parents), 1, None)
+        joints[name] = next((each for each in line if each in kept), top)
+    return joints
+
+
+def _needed_bones(armature: bpy.types.Object) -> dict[str, None]:
+    """The bones that carry or deform meshes; not those that have no weights and only steer other bones."""
+    bones, meshes = armature.data.bones, skinned_meshes(armature)
+    weighted = {group.name for mesh in meshes for group in mesh.vertex_groups}
+    carrying = {each.parent_bone for each in armature.children if each.parent_type == "BONE" and each.type == "MESH"}
+    steering = {
+        name
+        for bone in armature.pose.bones
+        for constraint in bone.constraints
+        for name in (getattr(constraint, "subtarget", ""), getattr(constraint, "pole_subtarget", ""))
+    }
+    needed = {bone.name for bone in bones if bone.use_deform} - (steering - weighted if meshes else set()) | carrying
+    return dict.fromkeys(bone.name for bone in bones if bone.name in needed or not needed)
+
+
+def _parents(armature: bpy.types.Object, needed: Collection[str]) -> Joints:
+    """The parent of each bone, replaced by a needed bone in the same place where it is not needed itself."""
+    bones = armature.data.bones
+    parents: Joints = {bone.name: bone.parent.name if bone.parent else None for bone in bones}
+    rests = {bone.name: np.array(bone.matrix_local) for bone in bones}
+    places = np.array([rests[name] for name in needed])
+    size = np.ones((4, 4))
+    size[:3, 3] = np.ptp(places[:, :3, 3], axis=0).max() or 1.0
+    for name, parent in parents.items():
+        if parent is not None and parent not in needed:
+            same = (abs(places - rests[parent]) < SAME * size).all(axis=(1, 2))
+            alike = (each for each in itertools.compress(needed, same) if name not in _line(each, parents))
+            parents[name] = next(alike, parent)
+    return parents
+
+
+def _line(name: str | None, parents: Joints) -> Iterator[str]:
+    """A bone and the bones above it."""
+    while name is not None:
+        yield name
+        name = parents[name]
+
+
+def moved_bones(armature: bpy.types.Object, joints: Collection[str]) -> list[bpy.types.PoseBone]:
+    """The bones of joints and the bones above them, parents first."""
+    bones = [armature.pose.bones[name] for name in joints if name in armature.pose.bones]
+    names = {each.name for bone in bones for each in (bone, *bone.parent_recursive)}
+    return [bone for bone in armature.pose.bones if bone.name in names]
+
+
+def constraints_on(
+    armature: bpy.types.Object, moved: Collection[bpy.types.PoseBone]
+) -> list[tuple[bpy.types.PoseBone, bpy.types.Constraint]]:
+    """The constraints that move some bones, each with the bone that has it."""
+    names = {bone.name for bone in moved}
+    found = []
+    for bone in armature.pose.bones:
+        for constraint in bone.constraints:
+            chain = [bone, *bone.parent_recursive]
+            reach = getattr(constraint, "chain_count", 1) or len(chain)
+            if not constraint.mute and names.intersection(each.name for each in chain[:reach]):
+                found.append((bone, constraint))
+    return found
+
+
+def drivers_on(
+    armature: bpy.types.Object, moved: Collection[bpy.types.PoseBone]
+) -> list[tuple[bpy.types.PoseBone, bpy.types.FCurve]]:
+    """The drivers of the transforms and constraints of some bones, each with its bone."""
+    paths = {f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].': bone for bone in moved}
+    curves = armature.animation_data.drivers if armature.animation_data else []
+    return [
+        (bone, curve)
+        for curve in curves
+        for path, bone in paths.items()
+        if not curve.mute and curve.data_path.startswith(path) and curve.data_path[len(path) :].startswith(MOVES)
+    ]

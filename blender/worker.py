@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Retarget a clip onto a character in a process of its own, which holds nothing of Blender.
+
+python worker.py FOLDER
+
+FOLDER has `character.npz`, as `character.arrays_of` returns it, and `job.json`: "clip", the path of the clip, its
+"animation", and "edits" and "options" for `distretarget.Edits` and `Options`. It gets `result.npz`: `places`, (frames,
+joints, 3), `turns`, (frames, joints, 4), rotations from the rest pose in the world, x y z w, and `frame_time`; and
+`result.json`: the verdict and the warnings, or an error.
+"""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+
+
+def main(folder: Path) -> None:
+    """Do the job in a folder."""
+    from distretarget.errors import DistretargetError
+
+    job, arrays = json.loads((folder / "job.json").read_text("utf-8")), dict(np.load(folder / "character.npz"))
+    try:
+        told = _retargeted(job, arrays, folder)
+    except DistretargetError as error:
+        told = {"error": str(error)}
+    (folder / "result.json").write_text(json.dumps(told), "utf-8")
+
+
+def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
+    from distretarget import Edits, Options, read_motion, retarget
+
+    motion = Edits(**job["edits"]).of(read_motion(job["clip"], clip=job["animation"] or None))
+    result = retarget(motion, _target(arrays), Options(**job["options"]))
+    moved = result.motion
+    np.savez(
+        folder / "result.npz",
+        places=moved.positions,
+        turns=moved.world_rotations,
+        frame_time=moved.frame_time,
+    )
+    flags = [[int(frame), text] for frame, text in _frames(result.warnings)]
+    return {"verdict": result.verdict, "warnings": list(result.warnings), "flags": flags}
+
+
+def _frames(warnings: tuple[str, ...]) -> list[tuple[int, str]]:
+    """The frame that each warning names, if it names one."""
+    found = ((re.search(r"\bframe (\d+)", warning), warning) for warning in warnings)
+    return [(int(frame[1]), warning) for frame, warning in found if frame]
+
+
+def _target(arrays: dict[str, np.ndarray]):
+    """The character as a target."""
+    from distretarget import Skeleton, Target
+    from distretarget.skin.mesh import SkinnedMesh
+
+    heads, parents = arrays["heads"], arrays["parents"]
+    offsets = heads - np.where((parents >= 0)[:, None], heads[parents], 0.0)
+    turning = ("Zrotation", "Xrotation", "Yrotation")
+    skeleton = Skeleton(
+        names=tuple(arrays["names"].tolist()),
+        parents=parents,
+        offsets=offsets,
+        channels=(("Xposition", "Yposition", "Zposition", *turning), *[turning] * (len(parents) - 1)),
+        end_sites=np.zeros(len(parents), bool),
+        up="Z",
+    )
+    count, moved = len(arrays["vertices"]), arrays["moved"].astype(int)
+    if not count or not len(moved):
+        return Target(skeleton, {}, "")
+    order = np.argsort(moved, kind="stable")
+    moved, movers, weights = moved[order], arrays["movers"][order].astype(int), arrays["weights"][order]
+    rank = np.arange(len(moved)) - np.searchsorted(moved, moved)
+    joints, shares = np.zeros((count, rank.max() + 1), int), np.zeros((count, rank.max() + 1))
+    joints[moved, rank], shares[moved, rank] = movers, weights
+    bound = shares.sum(axis=1) > 0.0
+    shares[~bound, 0] = 1.0  # what no bone moves stays with the root
+    triangles = arrays["triangles"].astype(int)
+    shares /= shares.sum(axis=1, keepdims=True)
+    mesh = SkinnedMesh(arrays["vertices"] - heads[0], joints, shares, triangles[bound[triangles].all(axis=1)])
+    return Target(skeleton, {}, "", mesh=lambda: mesh)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
