@@ -1,5 +1,6 @@
 """Scenes of thick bodies: limbs leave the other performers, and hands lie on those whom they touch."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,12 +8,15 @@ import pytest
 from bodies import SAMPLES, moved
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, load_target, retarget, retarget_scene
+from distretarget import Options, load_target, read_bvh, retarget, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
+from distretarget.measure.gaps import measure_overlap
+from distretarget.measure.skin import find_skin
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, FARTHEST, Bodies
 from distretarget.skin.capsules import SEGMENTS
 
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TOUCH = 0.005  # gaps of less in the source touch [body units]
 
 
@@ -108,3 +112,21 @@ def test_bodies_keep_their_own_gaps_among_others():
         near = np.minimum(both.gaps(motions)[:, own] * both.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
         expected = np.minimum(alone.gaps([motion]) * alone.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
         np.testing.assert_allclose(near, expected, atol=1e-6)
+
+
+def test_how_deep_performers_are_in_each_other_has_known_answers():
+    result = retarget(read_bvh(SAMPLES / "walk.bvh")[:3], load_target(HERO))
+    skin = find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
+    motion, height = result.motion, skin.height
+
+    def overlap(aside, order=(0, 1)):
+        path = motion.root_positions + np.array([aside * height, 0.0, 0.0])
+        pair = [motion, replace(motion, root_positions=path)]
+        return measure_overlap([pair[k] for k in order], [skin, skin])
+
+    assert overlap(1.0).depth == 0.0
+    assert overlap(0.2).depth > 2.0
+    assert overlap(0.2).depth > overlap(0.4).depth
+    one, other = overlap(0.2), overlap(0.2, (1, 0))
+    np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)
+    assert one.parts == other.parts[::-1]

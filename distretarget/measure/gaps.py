@@ -156,6 +156,34 @@ class SkinGap:
         )
 
 
+@dataclass(frozen=True)
+class Overlap:
+    """Where two performers are deepest in each other.
+
+    Attributes:
+        depth: how deep a point of one is beneath the surface of the other [% of height].
+        frame: of the clip.
+        parts: the parts of the first and the second performer.
+    """
+
+    depth: float
+    frame: int
+    parts: tuple[str, str]
+
+
+def measure_overlap(motions: Sequence[Motion], skins: Sequence[Skin]) -> Overlap:
+    """Measure how deep hands, forearms, upper arms, legs and heads of two performers are in each other."""
+    deepest = Overlap(0.0, 0, ("", ""))
+    for one, other in ((0, 1), (1, 0)):
+        for block in blocks_of(len(motions[0])):
+            depths = -_gaps(motions, skins, one, other, block, 0.0, len(PARTS))
+            frame, part, segment = np.unravel_index(depths.argmax(), depths.shape)
+            if (depth := float(depths[frame, part, segment])) > deepest.depth:
+                own, others = str(PARTS[part]), str(SEGMENTS[segment])
+                deepest = Overlap(depth, block.start + int(frame), (own, others) if one == 0 else (others, own))
+    return deepest
+
+
 def measure_skin_gap(
     sources: Sequence[Motion], results: Sequence[Motion], source_skins: Sequence[Skin], skins: Sequence[Skin]
 ) -> SkinGap | None:
@@ -179,10 +207,16 @@ def measure_skin_gap(
 
 
 def _gaps(
-    motions: Sequence[Motion], skins: Sequence[Skin], one: int, other: int, frames: slice, farthest: float
+    motions: Sequence[Motion],
+    skins: Sequence[Skin],
+    one: int,
+    other: int,
+    frames: slice,
+    farthest: float,
+    parts: int = len(LIMBS),
 ) -> Array:
-    """(frames, limbs, segments), the gaps between the hands and forearms of one performer and all of the other, up to
-    the `farthest` [% of the mean height]; infinite where there is none.
+    """(frames, parts, segments), the gaps between the first so many parts of one performer, hands and forearms, and all
+    of the other, up to the `farthest` [% of the mean height]; infinite where there is none.
     """
     solids, height = (
         skins[other].solids.of_second_body(len(motions[one].skeleton)),
@@ -190,11 +224,11 @@ def _gaps(
     )
     there = np.isin(np.arange(len(SEGMENTS)), solids.groups[:-1, 1])
     reach = np.full((1, len(PARTS), len(SEGMENTS)), -np.inf)
-    reach[:, : len(LIMBS), there] = farthest / 100.0 * height
+    reach[:, :parts, there] = farthest / 100.0 * height
     both = motions[one], motions[other]
     posed = (
         np.concatenate([each.positions[frames] for each in both], axis=1),
         np.concatenate([each.world_rotations_in(frames) for each in both], axis=1),
     )
-    depths = find_depths(skins[one].patches, solids, posed, reach)[0][:, : len(LIMBS)]
+    depths = find_depths(skins[one].patches, solids, posed, reach)[0][:, :parts]
     return np.where(there, -100.0 / height * depths, np.inf)

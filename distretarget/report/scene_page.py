@@ -99,9 +99,13 @@ def _skin_gaps_of(result: SceneResult, names: Sequence[str]) -> Table:
     rows: list[list[str | int]] = []
     for (i, j), gap in result.skin_gaps.items():
         told = [f"{gap.error:.1f}", gap.worst.frame, " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
-        rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told])
+        overlap = result.overlaps[i, j]
+        rows.append(
+            [f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told, f"{overlap.depth:.1f}", overlap.frame]
+        )
     title = "Gaps between skins that touch in the source: their difference from the source\u2019s, in % of the height"
-    return Table(title=title, columns=["between", "frames", "mean", "worst frame", "parts"], rows=rows)
+    columns = ["between", "frames", "mean", "worst frame", "parts", "in each other", "deepest frame"]
+    return Table(title=title, columns=columns, rows=rows)
 
 
 def _gaps_of(result: SceneResult, names: Sequence[str]) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -18,7 +18,16 @@ from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError, MatchingError, MotionError, SettingsError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.measure.diff import prop_in_world
-from distretarget.measure.gaps import Gap, ScenePart, SkinGap, body_part, measure_gaps, measure_skin_gap
+from distretarget.measure.gaps import (
+    Gap,
+    Overlap,
+    ScenePart,
+    SkinGap,
+    body_part,
+    measure_gaps,
+    measure_overlap,
+    measure_skin_gap,
+)
 from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
@@ -38,6 +47,7 @@ from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]
 Value = TypeVar("Value")
+Measured = TypeVar("Measured")
 
 SAME_UNITS = 5.0  # if root scales differ by more than this factor, the files have different units
 
@@ -58,6 +68,7 @@ class SceneResult:
         copy_gaps: the same in source and rotation copy.
         skin_gaps: how well the gaps between the skins of each two performers that have skins are kept; None if no
             skins touch.
+        overlaps: where each two performers that have skins are deepest in each other.
         sweeps: how many times all performers were solved.
         gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
         units: for each performer, how many units of its target's file one of the world is, which is that of the first.
@@ -70,6 +81,7 @@ class SceneResult:
     gaps: Gaps
     copy_gaps: Gaps
     skin_gaps: dict[tuple[int, int], SkinGap | None]
+    overlaps: dict[tuple[int, int], Overlap]
     sweeps: int
     gap_error: float
     units: tuple[float, ...]
@@ -186,7 +198,8 @@ def retarget_scene(
         longest_strides=tuple(longest),
         gaps=_gaps(touching, results, motions),
         copy_gaps=_gaps(touching, results, copies),
-        skin_gaps=_skin_gaps(results),
+        skin_gaps=_of_pairs(results, measure_skin_gap),
+        overlaps=_of_pairs(results, lambda _sources, motions, _skins, skins: measure_overlap(motions, skins)),
         sweeps=solved.sweeps,
         gap_error=solved.gap_error,
         units=units,
@@ -317,14 +330,14 @@ def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: S
     return dict(measure_gaps(bodies, props, contacts.performers[0].clip.scale.level))
 
 
-def _skin_gaps(results: Sequence[RetargetResult]) -> dict[tuple[int, int], SkinGap | None]:
-    """The gaps between the skins of performers that have skins."""
-    known, gaps = {}, {}
+def _of_pairs(results: Sequence[RetargetResult], measure: Callable[..., Measured]) -> dict[tuple[int, int], Measured]:
+    """What is measured of each two performers that have skins, by their sources, results and the skins of both."""
+    known, found = {}, {}
     for number, one in enumerate(results):
         if one.skins:
             of_source = find_skin(one.matching.source, one.skins.source.capsules, one.source_mesh)
             known[number] = of_source, find_skin(one.matching.target, one.skins.target.capsules, one.mesh)
     for i, j in combinations(known, 2):
         sources, motions = ([getattr(results[n], side) for n in (i, j)] for side in ("source", "motion"))
-        gaps[i, j] = measure_skin_gap(sources, motions, *zip(known[i], known[j], strict=True))
-    return gaps
+        found[i, j] = measure(sources, motions, *zip(known[i], known[j], strict=True))
+    return found
