@@ -137,6 +137,20 @@ def test_a_walk_goes_on_from_round_to_round(walk):
     assert jolts < 2.0 * np.linalg.norm(np.diff(part.positions, 2, axis=0), axis=2).max()
 
 
+@pytest.mark.parametrize("skew", [0.0, 0.02])
+def test_mirror_and_retargeting_commute_as_far_as_the_sides_of_the_source_are_alike(skew):
+    body, target = person(), load_target(SAMPLES / "child.json")
+    lengths = body.lengths * np.where([name.startswith("Left") for name in body.names], 1.0 + skew, 1.0)
+    motion = swaying(body.with_lengths(lengths), seed=1)
+    before, after = retarget(mirrored(motion), target).motion, mirrored(retarget(motion, target).motion)
+    off = np.abs(before.positions - after.positions).max() / size(after)
+    assert off < 2.0 * skew + 1e-6
+
+
+def test_no_frames_are_mirrored_to_none(walk):
+    assert len(mirrored(walk[:0])) == 0
+
+
 def test_a_loop_takes_four_frames_and_a_mirror_a_human_body(walk):
     with pytest.raises(MotionError, match="at least 4"):
         looped(walk[:3])

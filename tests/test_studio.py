@@ -10,8 +10,9 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import SAMPLES, person
 from click.testing import CliRunner
+from fbx_text import Node, fbx
 
 from distretarget.cli import cli
 from distretarget.errors import DistretargetError, SettingsError
@@ -82,13 +83,17 @@ def by_command(folder, done):
         {"options": {"supports": "free", "skin": "none"}},
         {"contacts": [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}]},
         {"contacts": [{"plant": "left foot", "keep": False}], "map": {"LeftHand": None}},
+        {"format": "npz", "in_place": True},
+        {"format": "bvh", "edits": {"turn": -90.0}},
+        {"format": "vrma"},
+        {"format": "gltf"},
     ],
 )
 def test_what_is_taken_away_is_what_its_command_makes(tmp_path, dropped, more):
     bench, clip, character = dropped
     done = bench.carry_out(Order.of({"clip": clip, "character": character, **more}))
-    name, content = done.file("glb")
-    assert name == "wave_hero.glb"
+    name, content = done.file(more.get("format", "glb"))
+    assert name == f"wave_hero.{more.get('format', 'glb')}"
     assert content == by_command(tmp_path, done)
 
 
@@ -120,6 +125,8 @@ def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(dropp
         {"clip": "a", "character": "b", "options": {"skin": "thick"}},
         {"clip": "a", "character": "b", "contacts": [{"between": "hands"}]},
         {"clip": "a", "character": "b", "map": {"Hips": 3}},
+        {"clip": "a", "character": "b", "map": ["Hips"]},
+        {"clip": "a", "character": "b", "format": 3},
         {"clip": "a", "character": "b", "animation": 3},
     ],
 )
@@ -195,6 +202,28 @@ def test_a_file_that_is_too_large_is_refused(studio, monkeypatch):
     monkeypatch.setattr(server, "LARGEST", 1000)
     status, _, text = answer(studio, f"/{TOKEN}/files", b"x" * 2000)
     assert (status, "larger" in json.loads(text)["error"]) == (422, True)
+
+
+def test_what_cannot_be_written_is_not_offered(dropped):
+    bench, clip, character = dropped
+    order = {"clip": clip, "character": character}
+    assert bench.carry_out(Order.of(order)).as_data["formats"] == ["glb", "bvh", "gltf", "vrma", "npz"]
+    for form in ("vrm", "exe", "../x"):
+        with pytest.raises(SettingsError, match="expected one of glb"):
+            bench.carry_out(Order.of({**order, "format": form}))
+
+
+def test_a_character_in_fbx_without_a_mesh_is_written_as_bvh():
+    pytest.importorskip("ufbx")
+    body = person()
+    joints = zip(body.names, body.parents, body.offsets, strict=True)
+    bones = fbx([Node(name, int(parent), T=tuple(100.0 * offset)) for name, parent, offset in joints])
+    bench = Bench()
+    character = bench.add("bones.fbx", bones)["id"]
+    clip = bench.add("wave.bvh", (SAMPLES / "wave.bvh").read_bytes())["id"]
+    done = bench.carry_out(Order.of({"clip": clip, "character": character}))
+    assert done.as_data["formats"] == ["bvh", "vrma", "npz"]
+    assert done.file("bvh")[1].startswith(b"HIERARCHY")
 
 
 def test_a_kind_of_file_that_is_none_is_refused(dropped):

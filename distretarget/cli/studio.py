@@ -7,6 +7,7 @@ import secrets
 import socket
 import webbrowser
 from pathlib import Path
+from types import FrameType
 
 import click
 
@@ -52,8 +53,14 @@ def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None
     port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
     address = f"http://{HOST}:{port}/{token}/"
     say(address)
+
+    class Server(uvicorn.Server):
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            bench.overtake()
+            super().handle_exit(sig, frame)
+
     app = studio_app(token, port, bench)
-    server = uvicorn.Server(
+    server = Server(
         uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=1)
     )
     if not no_browser:

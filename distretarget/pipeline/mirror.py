@@ -30,6 +30,8 @@ def mirrored(motion: Motion) -> Motion:
         MotionError: no human body is recognised, so that nothing shows what is left.
     """
     body, skeleton = Body.of_motion(motion), motion.skeleton
+    if not len(motion):
+        return motion
     roles = _roles(body, skeleton)
     left = _left(skeleton, roles)
     if left is None:

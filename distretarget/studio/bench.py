@@ -24,7 +24,7 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import FORMATS, OUTPUTS, OutputSettings, content_of, output_kind, suffix_of
-from distretarget.io.target_file import TargetFile, animations_in
+from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Converted, Recipe, convert
 from distretarget.pipeline.edits import NO_EDITS, Edits
@@ -53,6 +53,7 @@ class Order:
         edits, options, in_place: as in the command line.
         contacts: entries of a contact file.
         pairs: the joints that drive those of the character, as in a map file.
+        format: the ending of what is to be taken away; None for the character's usual one.
     """
 
     clip: str
@@ -63,19 +64,20 @@ class Order:
     in_place: bool
     contacts: ContactList
     pairs: tuple[tuple[str, str | None], ...]
+    format: str | None
     key: str  # what it was made from
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Order:
         """Return the order that the page sent; a SettingsError, FileError or ContactsError where it has no sense."""
-        known = {"clip", "character", "animation", "edits", "options", "in_place", "contacts", "map"}
+        known = {"clip", "character", "animation", "edits", "options", "in_place", "contacts", "map", "format"}
         if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {"clip", "character"}:
             raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
         entries, pairs = given.get("contacts") or [], given.get("map") or {}
         text = json.dumps({"format": "distretarget-contacts", "version": 1, "contacts": entries})
-        wrong = [pair for pair in pairs.items() if not isinstance(pair[1], str | None)]
-        if wrong or not isinstance(given.get("animation"), str | None):
-            raise SettingsError("the map and the animation of an order are names of joints and of an animation")
+        named = isinstance(pairs, Mapping) and all(isinstance(driver, str | None) for driver in pairs.values())
+        if not named or not all(isinstance(given.get(name), str | None) for name in ("animation", "format")):
+            raise SettingsError("the map, the animation and the format of an order are names")
         try:
             edits, options = Edits(**given.get("edits") or {}), Options(**given.get("options") or {})
         except TypeError as error:
@@ -89,6 +91,7 @@ class Order:
             in_place=bool(given.get("in_place")),
             contacts=parse_contacts(text, "contacts.json") if entries else NO_CONTACTS,
             pairs=tuple(pairs.items()),
+            format=given.get("format"),
             key=json.dumps(given, sort_keys=True),
         )
 
@@ -107,6 +110,7 @@ class Done:
     converted: Converted
     target: TargetFile
     source: InputFile
+    format: str
 
     @property
     def id(self) -> str:
@@ -146,18 +150,14 @@ class Done:
                 if not result.motion.skeleton.end_sites[joint]
             ],
             "joints": list(result.source.skeleton.keys),
-            "formats": self.formats,
+            "formats": formats_of(self.target),
+            "format": self.format,
             "command": self.command,
         }
 
-    @property
-    def formats(self) -> list[str]:
-        """The endings of the files that it can be written as, the usual one first."""
-        return formats_of(self.target)
-
     def file(self, kind: str) -> tuple[str, bytes]:
-        """Return the name and the content of a file to take away: of a format, the "contacts", the "map", the "report"
-        or, as a "zip", the first of the formats with all that its command needs.
+        """Return the name and the content of a file to take away: the motion in its format, the "contacts", the "map",
+        the "report" or, as a "zip", the motion with the contacts and the map that its command needs.
         """
         stem = f"{PurePath(self.source.path).stem}_{PurePath(self.target.path).stem}"
         match kind:
@@ -170,14 +170,14 @@ class Done:
                 return f"{stem}.html", self.report.encode()
             case "zip":
                 return f"{stem}.zip", self._zip()
-        if kind not in self.formats:
-            raise SettingsError(f"kind is {kind!r:.40}; expected one of {', '.join(self.formats)}")
+        if kind != self.format:
+            raise SettingsError(f"kind is {kind!r:.40}; expected {self.format}, the format of the order")
         name = f"{stem}.{kind}"
         content = content_of(name, self.converted.clip, self.target, self.order.recipe.writing)
         return name, b"".join(encoded_parts(content))
 
     def _zip(self) -> bytes:
-        kinds = [self.formats[0], *["contacts"] * bool(self.order.contacts.entries), *["map"] * bool(self.order.pairs)]
+        kinds = [self.format, *["contacts"] * bool(self.order.contacts.entries), *["map"] * bool(self.order.pairs)]
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, data in map(self.file, kinds):
@@ -193,7 +193,7 @@ class Done:
     def command(self) -> str:
         """The command line that makes the same bytes, in a folder with the files."""
         order, words = self.order, ["distretarget", str(self.source.path), str(self.target.path)]
-        words += ["-o", f"{self._clip}_{PurePath(self.target.path).stem}.{self.formats[0]}"]
+        words += ["-o", f"{self._clip}_{PurePath(self.target.path).stem}.{self.format}"]
         words += ["--clip", order.animation] if order.animation else []
         for given, usual, names in ((order.edits, NO_EDITS, EDITS), (order.options, DEFAULT_OPTIONS, CHOSEN)):
             for name in names:
@@ -213,9 +213,13 @@ def formats_of(target: TargetFile) -> list[str]:
     can = []
     for kind in dict.fromkeys((usual, *FORMATS[1:])):
         with suppress(DistretargetError):
-            output_kind(f"out.{kind}", target.file)
-            can.append(kind)
+            if output_kind(f"out.{kind}", target.file) != "character" or not own or _has_mesh(target):
+                can.append(kind)
     return can
+
+
+def _has_mesh(target: TargetFile) -> bool:
+    return isinstance(target.target, CharacterTarget) and target.target.mesh() is not None
 
 
 class Bench:
@@ -267,9 +271,7 @@ class Bench:
 
     def carry_out(self, order: Order) -> Done:
         """Retarget as an order says, unless that was done; an `OvertakenError` if a later order comes in between."""
-        with self._lock:
-            self._latest += 1
-            turn = self._latest
+        turn = self.overtake()
         if order.key not in self._done:
             source, target = self._file(order.clip), self._targets.get(order.character)
             if target is None:
@@ -279,19 +281,28 @@ class Bench:
                 if turn != self._latest:
                     raise OvertakenError
 
-            recipe = order.recipe
+            formats, recipe = formats_of(target), order.recipe
+            form = order.format or formats[0]
+            if form not in formats:
+                raise SettingsError(f"format is {form!r:.40}; expected one of {', '.join(formats)}")
             motion, _ = recipe.read(source)
             name = order.animation or PurePath(source.path).stem
-            kind = OUTPUTS[f".{formats_of(target)[0]}"]
             go_on(0)
+            kinds = (OUTPUTS[f".{form}"],)
             done = convert(
-                motion, source, target, recipe, name=name, kinds=(kind,), contacts=order.contacts, progress=go_on
+                motion, source, target, recipe, name=name, kinds=kinds, contacts=order.contacts, progress=go_on
             )
-            self._done[order.key] = Done(order, done, target, source)
+            self._done[order.key] = Done(order, done, target, source, form)
             while len(self._done) > KEPT:
                 self._done.popitem(last=False)
         self._done.move_to_end(order.key)
         return self._done[order.key]
+
+    def overtake(self) -> int:
+        """End what is carried out now as soon as may be, and return the number of the next."""
+        with self._lock:
+            self._latest += 1
+            return self._latest
 
     def _file(self, number: str) -> InputFile:
         if number not in self._files:

@@ -111,11 +111,16 @@ def _asset(name: str) -> str:
 
 async def _body(request: Request, largest: int) -> bytes:
     """The content of a request; a SettingsError if it is too large."""
-    content = bytearray()
-    async for chunk in request.stream():
-        content += chunk
-        if len(content) > largest:
-            raise SettingsError(f"it is larger than {largest:,} bytes; use the command line")
+    length, content = request.headers.get("content-length", "0"), bytearray()
+    too_large = length.isdecimal() and int(length) > largest
+    async for chunk in request.stream():  # to its end, since browsers hear no answer before
+        too_large = too_large or len(content) + len(chunk) > largest
+        if too_large:
+            content.clear()
+        else:
+            content += chunk
+    if too_large:
+        raise SettingsError(f"it is larger than {largest:,} bytes; use the command line")
     return bytes(content)
 
 

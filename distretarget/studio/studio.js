@@ -3,7 +3,7 @@
 const $ = (id) => document.getElementById(id);
 const EDITS = { start: "", end: "", speed: 1, turn: 0, mirror: false, loop: false };
 const OPTIONS = { supports: "hold", skin: "auto", objective: "contact" };
-const START = { clip: null, character: null, animation: null, in_place: false, contacts: [], map: {}, edits: {}, options: {} };
+const START = { clip: null, character: null, animation: null, in_place: false, contacts: [], map: {}, format: null, edits: {}, options: {} };
 
 const known = new Map(); // what each file is, by its number
 let order = structuredClone(START);
@@ -49,7 +49,7 @@ function take(about, role) {
   }
   const change = { [role]: about.id };
   if (role === "clip") Object.assign(change, { animation: about.animations.length > 1 ? about.animations[0] : null, contacts: [] });
-  if (role === "character") change.map = {};
+  if (role === "character") Object.assign(change, { map: {}, format: null });
   set(change);
 }
 
@@ -166,8 +166,7 @@ function showDone() {
   $("report").hidden = false;
   $("report").src = `report/${done.id}#frame=${frame}`;
   $("taking").hidden = false;
-  const chosen = $("format").value;
-  $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === chosen)));
+  $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
   $("command").textContent = done.command;
   $("parts").replaceChildren(...done.parts.map((part) => new Option(part)));
   $("contacts").replaceChildren(...done.contacts.map(contact));
@@ -222,6 +221,7 @@ $("in_place").onchange = (event) => set({ in_place: event.target.checked });
 $("animation").onchange = (event) => set({ animation: event.target.value, contacts: [] });
 $("undo").onclick = () => step(past, future);
 $("redo").onclick = () => step(future, past);
+$("format").onchange = (event) => set({ format: event.target.value });
 $("download").onclick = () => download($("format").value);
 for (const button of document.querySelectorAll("[data-take]")) button.onclick = () => download(button.dataset.take);
 $("copy").onclick = () => navigator.clipboard.writeText(done.command);
