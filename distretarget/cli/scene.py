@@ -301,8 +301,7 @@ def _say_how_it_went(setup: SceneSetup, outputs: Sequence[Path], result: SceneRe
             )
         overlap = result.overlaps.get((i, j))
         if overlap and overlap.depth > SEEN:
-            line += f"; up to {overlap.depth:.1f} % of height in each other in frame {overlap.frame} "
-            line += f"({' - '.join(overlap.parts)})"
+            line += f"; {overlap.sentence}"
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")
     if any(gap and both not in result.skin_gaps for both, gap in result.gaps.items()):
         error = 100.0 * result.gap_error

@@ -170,6 +170,12 @@ class Overlap:
     frame: int
     parts: tuple[str, str]
 
+    @property
+    def sentence(self) -> str:
+        """What is told of it."""
+        parts = " - ".join(self.parts)
+        return f"up to {self.depth:.1f} % of the height in each other, deepest in frame {self.frame} ({parts})"
+
 
 def measure_overlap(motions: Sequence[Motion], skins: Sequence[Skin]) -> Overlap:
     """Measure how deep hands, forearms, upper arms, legs and heads of two performers are in each other."""
