@@ -48,7 +48,6 @@ def test_frames_around_a_touch_are_those_that_are_near_in_time():
 
 
 def test_touches_on_the_same_body_begin_and_end_as_in_the_source():
-    """What a forearm touches, its hand may touch for it: but only as near as the forearm had to be."""
     hero, file = load_target(HERO), load_build(HERO)
     motion = retarget(read_bvh(SAMPLES / "clap.bvh")[40:160], hero).motion
     metrics = retarget(motion, hero, builds=Builds(source=file)).metrics["rotation_copy"]

@@ -82,6 +82,7 @@ def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
         (None, "The source has no self-contacts;"),
         (0.02, "Skin touches as in the source, within 0.1 % of the height;"),
         (0.5, "Skin touches as in the source, within 0.5 % of the height;"),
+        (0.6, "A hand or forearm misses what it touches by 0.6 % of the height on average;"),
         (1.6, "A hand or forearm misses what it touches by 1.6 % of the height on average;"),
     ],
 )
