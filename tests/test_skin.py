@@ -273,6 +273,55 @@ def test_forearms_that_touch_in_the_source_may_touch_by_their_hands():
     np.testing.assert_allclose(found.gap_error, 0, atol=0.3)
 
 
+def swinging(*bends):
+    """The left elbow bends by each of these angles [degrees]; at about 80 the hand is in the belly."""
+    motion = bending()
+    rotations = np.repeat(motion.rotations[:1], len(bends), axis=0)
+    rotations[:, ROLES["leftLowerArm"]] = Rotation.from_euler("Z", -np.array(bends)[:, None], degrees=True).as_quat()
+    return Motion(PERSON, np.repeat(motion.root_positions[:1], len(bends), axis=0), rotations, motion.frame_time_text)
+
+
+def thinner(capsules, by):
+    """The body of balls with a smaller belly [% of height]."""
+    radii = capsules.radii.copy()
+    radii[0] -= by * BODY.height / 100
+    return replace(capsules, radii=radii)
+
+
+def test_a_touch_holds_while_its_gap_is_as_far_off_as_a_touch_may_be():
+    """The source's hand comes within 0.8 % of the belly; that of the result is farther off by 0.7 %, which is still a
+    touch, in the same frames.
+    """
+    _, capsules = round_body()
+    motion = swinging(*np.arange(0, 60, 2.0), *np.arange(60, 0, -2.0))
+    nearest = -100 / BODY.height * known_depths(motion).max()
+    source_skin = find_skin(BODY, thinner(capsules, 0.8 - nearest))
+    skin = find_skin(BODY, thinner(capsules, 1.5 - nearest))
+    found = measured(skin, motion, source_skin, motion)
+    assert 0 < found.touching[:, 0].sum() < len(motion)
+    np.testing.assert_allclose(found.gap_error[found.touching > 0], 0.7, atol=0.05)
+    assert found.timed.sum() == 2
+    np.testing.assert_array_equal(found.time_error, 0)
+
+
+def test_a_hand_that_comes_before_the_forearm_of_the_source_is_early():
+    """In the source a forearm lies on the belly, in the result the hand of the same arm, three frames longer at both
+    ends and a little off it.
+    """
+    motion = bending()
+    gaps = -100 / BODY.height * known_depths(motion)
+    on = int(np.flatnonzero(gaps < 0)[0])
+    off = on - 3  # bent enough not to hang
+    forearms = with_forearms(1.0)
+    bare_hands = replace(forearms, radii=forearms.radii * [[1.0], [0.1], [0.1], [1.0], [1.0]])
+    source = motion[np.array([off] * 10 + [on] * 6 + [off] * 10)]
+    result = motion[np.array([off] * 7 + [on] * 12 + [off] * 7)]
+    skin = find_skin(BODY, thinner(with_forearms(0.2), 0.5 - gaps[on]))
+    found = measured(skin, result, find_skin(BODY, bare_hands), source)
+    assert (found.touching[10:16, 2] > 0).all()
+    np.testing.assert_allclose(found.time_error[found.timed > 0], 3 * 1000 / 30, rtol=1e-3)
+
+
 # ---- in a run
 
 
