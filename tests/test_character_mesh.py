@@ -60,6 +60,24 @@ def test_the_skin_moves_as_a_player_moves_it(tmp_path, rig):
     np.testing.assert_allclose(mesh.posed(motion), np.concatenate(shown, axis=1), atol=2e-5)
 
 
+def test_joints_without_weight_may_be_any_number(tmp_path):
+    """Exporters leave numbers beyond the skin's joints where the weight is 0."""
+    document, binary = chunks(hero().glb())
+    joints, weights = (
+        np.frombuffer(binary, kind, 4 * accessor["count"], document["bufferViews"][accessor["bufferView"]]["byteOffset"])
+        for accessor, kind in (
+            (document["accessors"][attributes(document)["JOINTS_0"]], "<u2"),
+            (document["accessors"][attributes(document)["WEIGHTS_0"]], "<f4"),
+        )
+    )
+    assert (weights == 0).any()
+    junk = np.where(weights == 0, 9999, joints).astype("<u2").tobytes()
+    path = tmp_path / "hero.glb"
+    path.write_bytes(glb(json.dumps(document), binary.replace(joints.tobytes(), junk)))
+    plain = hero().write(tmp_path / "plain.glb")
+    np.testing.assert_array_equal(read(path)[1].vertices, read(plain)[1].vertices)
+
+
 def changed(tmp_path, change):
     """A hero whose document is changed."""
     document, binary = chunks(hero().glb())

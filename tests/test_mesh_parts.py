@@ -9,7 +9,7 @@ PLACES = np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]])  # of two bones
 TRIANGLE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def bound(weights, to_bones=None, joints=None):
+def bound(weights, to_bones=None, joints=None, normals=None):
     """A triangle bound to two bones, of which the second has moved up by 2 since."""
     nodes = Nodes(("a", "b"), np.array([-1, -1]), PLACES, np.tile([0.0, 0, 0, 1], (2, 1)), np.ones((2, 3)))
     weights = np.broadcast_to(np.asarray(weights, float), (3, 2))
@@ -22,6 +22,7 @@ def bound(weights, to_bones=None, joints=None):
         triangles=np.array([[0, 1, 2]]),
         materials=np.array([-1]),
         uv=np.zeros((3, 2)),
+        normals=normals,
     )
     binds = dict(enumerate(nodes.transforms))
     return _bound(part, 1, nodes, binds, joints or {0: 0, 1: 1})
@@ -32,6 +33,13 @@ def test_vertices_are_the_mean_of_where_bones_bring_them_by_weight():
         mesh = bound(weights)
         np.testing.assert_allclose(mesh.vertices, TRIANGLE + np.array([0.0, up, 0.0]), atol=1e-12)
         np.testing.assert_allclose(mesh.weights.sum(axis=1), 1.0)
+
+
+def test_normals_turn_with_bones_by_weight():
+    turned = np.tile(np.eye(4), (2, 1, 1))
+    turned[1, :3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # X to Y
+    mesh = bound([0.75, 0.25], turned, normals=np.tile([1.0, 0.0, 0.0], (3, 1)))
+    np.testing.assert_allclose(mesh.looks.normals, np.tile([3.0, 1.0, 0.0], (3, 1)) / np.sqrt(10.0), atol=1e-12)
 
 
 def test_negative_weights_count_as_none():
