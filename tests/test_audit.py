@@ -67,6 +67,13 @@ def test_a_clip_in_another_unit_is_found(folder):
     assert faults(folder) == {"metres": {"unit"}}
 
 
+def test_of_two_clips_none_is_the_unusual_one(folder):
+    for name in CLEAN[1:]:
+        next(folder.glob(f"clips/**/{name}.bvh")).unlink()
+    write_bvh("clips/metres.bvh", scaled(read_bvh(SAMPLES / "wave.bvh"), 0.01))
+    assert faults(folder) == {}
+
+
 def test_another_frame_time_is_found(folder):
     text = (SAMPLES / "wave.bvh").read_text()
     Path("clips/slow.bvh").write_text(text.replace("Frame Time: 0.016667", "Frame Time: 0.033333"))
