@@ -64,7 +64,9 @@ def test_joints_without_weight_may_be_any_number(tmp_path):
     """Exporters leave numbers beyond the skin's joints where the weight is 0."""
     document, binary = chunks(hero().glb())
     joints, weights = (
-        np.frombuffer(binary, kind, 4 * accessor["count"], document["bufferViews"][accessor["bufferView"]]["byteOffset"])
+        np.frombuffer(
+            binary, kind, 4 * accessor["count"], document["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        )
         for accessor, kind in (
             (document["accessors"][attributes(document)["JOINTS_0"]], "<u2"),
             (document["accessors"][attributes(document)["WEIGHTS_0"]], "<f4"),

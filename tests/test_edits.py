@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import (
     Edits,
+    Motion,
     MotionError,
     Options,
     SettingsError,
@@ -135,6 +136,29 @@ def test_a_walk_goes_on_from_round_to_round(walk):
     assert np.linalg.norm(speeds, axis=2).max() < 1.5 * usual
     jolts = np.linalg.norm(np.diff(speeds, axis=0), axis=2).max()
     assert jolts < 2.0 * np.linalg.norm(np.diff(part.positions, 2, axis=0), axis=2).max()
+
+
+def hopping(heights):
+    """The body, whose root is at these heights."""
+    body = person()
+    places = body.rest_positions[0] + np.outer(heights, [0.0, 1.0, 0.0])
+    return Motion(body, places, np.tile(body.unturned, (len(heights), 1, 1)), "0.0333333")
+
+
+def test_what_is_a_loop_already_stays():
+    heights = 0.1 * np.sin(2 * np.pi * np.arange(60) / 60)
+    loop = looped(hopping(heights))
+    step = np.abs(np.diff(heights)).max()
+    np.testing.assert_allclose(loop.root_positions[:, 1] - person().rest_positions[0, 1], heights, atol=0.02 * step)
+
+
+def test_both_sides_of_a_seam_have_one_speed():
+    heights = 0.1 * np.abs(np.sin(np.pi * np.arange(60) / 60))  # down before the seam, up after it
+    made = looped(hopping(heights)).root_positions[:, 1]
+    before, after = ((each[-1] - each[-2], each[1] - each[0]) for each in (heights, made))
+    assert before[1] - before[0] > 0.009
+    assert abs(after[1] - after[0]) < 0.2 * (before[1] - before[0])
+    assert abs(made[0] - made[-1]) < 0.002
 
 
 @pytest.mark.parametrize("skew", [0.0, 0.02])
