@@ -9,6 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.objectives.part_axes import PARTS, Axes, rays
+from distretarget.objectives.skin import how_touching
+from distretarget.objectives.spots import Spots
+from distretarget.skin.capsules import PLACE, SEGMENTS
 
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
@@ -82,3 +85,12 @@ def test_landmarks_of_both_skins_are_upright_where_the_body_stands():
         trunk, head = (directions[:, [*PARTS].index(part)] for part in ("trunk", "head"))
         assert (trunk[:, 0, 1] > 0.9).all()
         assert ((trunk[:, 1] * head[:, 1]).sum(axis=1) > 0.7).all()  # both look to the front
+
+
+def test_only_hands_and_forearms_touch():
+    limbs = np.arange(len(SEGMENTS))
+    spots = Spots.of(limbs, PLACE[np.full(len(limbs), SEGMENTS.index("belly"))])
+    touching = how_touching(spots, np.zeros((2, len(limbs))))
+    names = [SEGMENTS[limb] for limb, touches in zip(spots.limbs, touching[0], strict=True) if touches == 1]
+    assert sorted(names) == ["left forearm", "left hand", "right forearm", "right hand"]
+    assert set(touching.ravel()) == {0.0, 1.0}

@@ -86,8 +86,6 @@ def find_partners(skeleton: Skeleton, roles: Mapping[str, int], reflection: Arra
             for k, b in enumerate(two):
                 if other.get(a, b) != b or other.get(b, a) != a:
                     off[i, k] = skeleton.longest_path * 1e3
-        if joint == partner:
-            off = off + off.T  # a child is the partner of its partner
         for own, others in zip(*linear_sum_assignment(off), strict=True):
             if off[own, others] < skeleton.longest_path:
                 partners[one[own]], partners[two[others]] = two[others], one[own]
