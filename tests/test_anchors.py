@@ -7,7 +7,9 @@ import pytest
 from bodies import SAMPLES
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import Options, load_target, read_bvh, retarget
+from distretarget.objectives.anchors import anchors
+from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.part_axes import PARTS, Axes, rays
 from distretarget.objectives.skin import how_touching
 from distretarget.objectives.spots import Spots
@@ -29,44 +31,85 @@ def axes(frames=5, seed=0, scale=1.0):
     return Axes(rng.normal(size=(*shape, 3)), turns, scale * rng.uniform(1.0, 2.0, shape))
 
 
-def off(hands, places, out):
-    """How far hands, (frames, hands, 3), are off rays, (frames, hands, parts)."""
-    by = hands[:, :, None] - places
-    return np.linalg.norm(by - (by * out).sum(axis=3, keepdims=True) * out, axis=3)
+def points(hands=2, seed=1):
+    """Points that touch, (frames, hands, parts, 3)."""
+    return np.random.default_rng(seed).normal(size=(5, hands, len(PARTS), 3))
 
 
-def test_on_the_same_body_hands_are_on_their_rays():
-    hands = np.random.default_rng(1).normal(size=(5, 2, 3))
-    same = axes()
-    assert off(hands, *rays(same, same, hands)).max() < 1e-12
+def test_on_the_same_body_touching_points_are_on_their_rays():
+    same, touching = axes(), points()
+    places, out, heights = rays(same, same, touching)
+    by = touching - places
+    np.testing.assert_allclose(np.linalg.norm(by, axis=3)[..., None] * out, by, atol=1e-12)
+    np.testing.assert_allclose(
+        heights[..., None] * same.lengths[:, None, :, None],
+        ((places - same.starts[:, None]) * same.directions[:, None, :, 0]).sum(axis=3, keepdims=True),
+        atol=1e-12,
+    )
 
 
 def test_rays_move_with_the_body_and_do_not_depend_on_its_thickness():
-    one, hands = axes(), np.random.default_rng(1).normal(size=(5, 2, 3))
+    one, touching = axes(), points()
     turn, shift = Rotation.from_rotvec([0.3, -1.0, 2.0]), np.array([3.0, -2.0, 1.0])
     moved = Axes(
         turn.apply(one.starts.reshape(-1, 3)).reshape(one.starts.shape) + shift,
         one.directions @ turn.as_matrix().T,
         one.lengths,
     )
-    places, out = rays(one, one, hands)
-    others, turned = rays(one, moved, hands)
+    places, out, _ = rays(one, one, touching)
+    others, turned, _ = rays(one, moved, touching)
     np.testing.assert_allclose(turn.apply(places.reshape(-1, 3)).reshape(places.shape) + shift, others, atol=1e-12)
     np.testing.assert_allclose(turn.apply(out.reshape(-1, 3)).reshape(out.shape), turned, atol=1e-12)
-    part = 0
-    axis = one.starts[:, part] + 0.4 * one.lengths[:, part, None] * one.directions[:, part, 0]
-    near, far = (axis + size * one.directions[:, part, 2] for size in (0.1, 5.0))
-    for some in (near, far):
-        start, direction = (each[:, 0, part] for each in rays(one, one, some[:, None]))
-        np.testing.assert_allclose(start, axis, atol=1e-12)
-        np.testing.assert_allclose(direction, one.directions[:, part, 2], atol=1e-12)
+    axis = one.starts + 0.4 * one.lengths[..., None] * one.directions[:, :, 0]
+    for size in (0.1, 5.0):
+        start, direction, heights = rays(one, one, (axis + size * one.directions[:, :, 2])[:, None])
+        np.testing.assert_allclose(start[:, 0], axis, atol=1e-12)
+        np.testing.assert_allclose(direction[:, 0], one.directions[:, :, 2], atol=1e-12)
+        np.testing.assert_allclose(heights, 0.4)
 
 
 def test_heights_are_in_lengths_of_the_axis():
-    one, hands = axes(), np.random.default_rng(1).normal(size=(5, 1, 3))
+    one, touching = axes(), points(hands=1)
     longer = one._replace(lengths=3.0 * one.lengths)
-    low, high = (rays(one, other, hands)[0] - one.starts[:, None] for other in (one, longer))
+    low, high = (rays(one, other, touching)[0] - one.starts[:, None] for other in (one, longer))
     np.testing.assert_allclose(3.0 * low, high, atol=1e-12)
+
+
+def skinned(target="child.json", clip="clap"):
+    result = retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(SAMPLES / target), Options(skin="average"))
+    return result.skins.target, result.motion
+
+
+def touching_all(skin, motion, limb, place):
+    """The fields of anchors where one limb touches a place in all frames, on the same body."""
+    pairs = skin.balls.pairs
+    spots = Spots.of(pairs[:, 0], PLACE[pairs[:, 1]])
+    firm = (spots.limbs == SEGMENTS.index(limb)) & (spots.places == PLACE[SEGMENTS.index(place)])
+    firmness = np.tile(firm.astype(float), (len(motion), 1))
+    gaps = np.where(pairs[:, 1] == SEGMENTS.index(place), 0.0, 0.05) + np.zeros((len(motion), 1))
+    return anchors(motion, motion, Skins(skin, skin), spots, gaps, firmness)
+
+
+@pytest.mark.parametrize(("limb", "place"), [("left hand", "belly"), ("right hand", "left upper arm")])
+def test_on_the_same_body_what_touches_is_at_its_anchor(limb, place):
+    skin, motion = skinned()
+    fields = touching_all(skin, motion, limb, place)
+    tied = fields["ties"] > 0
+    assert tied.any()
+    off, out = fields["off"][tied], fields["rays"][tied]
+    np.testing.assert_allclose(np.linalg.norm(off, axis=1)[:, None] * out, off, atol=1e-9)
+
+
+def test_places_of_the_other_arm_move_with_it():
+    skin, motion = skinned()
+    fields = touching_all(skin, motion, "right hand", "left upper arm")
+    number = [*PARTS].index("left upper arm")
+    right = next(n for n, limb in enumerate(skin.limbs) if SEGMENTS[skin.of_joint[limb.end]] == "right hand")
+    assert (fields["ties"][:, right, number] > 0).all()
+    middle, end = np.moveaxis(fields["carried"][:, right, number], 1, 0)
+    assert ((middle >= 0) & (middle <= 1)).all()
+    np.testing.assert_array_equal(end, 0)
+    np.testing.assert_array_equal(fields["carried"][:, right, [*PARTS].index("trunk")], 0)
 
 
 @pytest.mark.parametrize("clip", ["hands_on_hips"])

@@ -7,6 +7,7 @@ from test_displacement import PERSON, hand_in_belly, standing
 
 from distretarget.ik.limb_bends import FADES, TAU, _Path, bends
 from distretarget.ik.limb_terms import Frames, Room, write_terms
+from distretarget.numerics.vectors import normalised
 from distretarget.objectives.anchors import no_anchors
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.displacement import displacements
@@ -93,13 +94,28 @@ def test_what_is_far_away_in_time_does_not_matter():
     np.testing.assert_allclose(solved(skin, later)[0][len(rest) : -len(rest)], solved(skin, motion)[0], atol=2e-3)
 
 
-@pytest.mark.parametrize(("depth", "firmness", "free"), [(0.03, 0.0, 1.0), (-0.02, 0.7, 1.0), (0.004, 0.0, 0.3)])
-def test_slopes_are_those_of_the_energy(depth, firmness, free):
-    """Of a hand that is inside, of one that is drawn to a contact, and of one that is held."""
+def tied(frames, draw):
+    """Anchors of all limbs, the second of which moves with the other arm."""
+    shape = (*frames.ties.shape[:2], 2)
+    rays = normalised(draw.normal(size=(*shape, 3)))
+    carried = np.zeros((*shape, 2))
+    carried[:, :2, 1] = [0.3, 0.7]
+    return frames._replace(
+        off=draw.normal(scale=0.1, size=rays.shape), rays=rays, ties=draw.uniform(0.5, 1.0, shape), carried=carried
+    )
+
+
+@pytest.mark.parametrize(
+    ("depth", "firmness", "free", "anchored"),
+    [(0.03, 0.0, 1.0, False), (-0.02, 0.7, 1.0, False), (0.004, 0.0, 0.3, False), (-0.05, 0.0, 1.0, True)],
+)
+def test_slopes_are_those_of_the_energy(depth, firmness, free, anchored):
+    """Of a hand that is inside, of one that is drawn to a contact, of one that is held, and of one that is anchored."""
     _, skin = hand_in_belly(depth)
     motion = standing({"LeftShoulder": [0, -1.2, 0], "LeftElbow": [0, -1.4, 0]})
     frames = Frames(*map(np.ascontiguousarray, asked(skin, motion, firmness, free)))
     count, draw = len(skin.limbs), np.random.default_rng(0)
+    frames = tied(frames, draw) if anchored else frames
     spots, columns = np.arange(len(skin.balls.pairs)), np.append(np.arange(count), -1)
     displaced = skin.displaced._replace(limbs=skin.displaced.limbs % (count + 1))
     room, n = Room.of(skin.balls, spots, count), 6 * count

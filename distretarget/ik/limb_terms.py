@@ -23,7 +23,7 @@ from distretarget.skin.tangents import Displaced, place_displaced
 # asked for something that changes in time, they follow within about tau / stiffness^(1/4) (`limb_bends`).
 FIRM = 5000.0  # of gaps that are too small
 TOUCH = 150.0  # of contacts
-TIE = 40.0  # of anchors
+TIE = 75.0  # of anchors: place gives way to the gap where a body cannot have both
 GIVES = 0.01  # skin is softer up to this depth, from nothing, so that limbs come upon it smoothly [body units]
 WITHIN = 0.02  # contacts that are farther off than this pull no more, and no limb into others [body units]
 NEAR = 0.01  # what is less than this farther than the nearest shares a contact: its place does not jump [body units]
@@ -39,9 +39,10 @@ class Frames(NamedTuple):
     soft: F2  # (frames, pairs), how far segments may overlap, because flesh gives way
     aims: F2  # (frames, spots), the gap that limbs are brought to where they touch
     firmness: F2  # (frames, spots), how far they are brought there, 0 to 1
-    off: F4  # (frames, limbs, anchors, 3), how far the end of a limb is off the start of the ray that it belongs on
+    off: F4  # (frames, limbs, anchors, 3), how far what touches is off the start of the ray that it belongs on
     rays: F4  # (frames, limbs, anchors, 3), the directions of these
     ties: F3  # (frames, limbs, anchors), how far it is brought onto them, 0 to 1
+    carried: F4  # (frames, limbs, anchors, 2), the shares of the other arm's displacements that the rays move by
 
 
 class Room(NamedTuple):
@@ -96,7 +97,7 @@ def write_terms(
         sums = slope[t], bands[t]
         found, e = _add_gaps(balls, displaced, spots, columns, asked, w[t], reach, room, sums)
         e += _add_contacts(balls, displaced, spots, columns, asked, w[t], found, reach, room, sums)
-        e += _add_anchors((frames.off[t], frames.rays[t], frames.ties[t]), columns, w[t], room, sums)
+        e += _add_anchors((frames.off[t], frames.rays[t], frames.ties[t], frames.carried[t]), columns, w[t], room, sums)
         energy[t] = e + _add_holds(frames.free[t], columns, w[t], room, sums)
 
 
@@ -173,25 +174,32 @@ def _add_contacts(balls, displaced, spots, columns, asked, w, found, reach, room
 
 @inlined(fastmath=True)
 def _add_anchors(anchors, columns, w, room, sums):  # type: ignore[no-untyped-def]
-    """Add the terms of anchors, of how far the ends of limbs are off their rays, and return their energy."""
-    off, rays, ties = anchors
+    """Add the terms of anchors, of how far the ends of limbs are off the points of their rays that are as far out as
+    they are, and return their energy.
+    """
+    off, rays, ties, carried = anchors
     energy = 0.0
     for limb in range(len(ties)):
         for n in range(len(ties[limb]) if columns[limb] >= 0 else 0):
             stiffness, ray, d = TIE * ties[limb, n] * ties[limb, n], rays[limb, n], room.d[limb, 1]
             if stiffness <= 0.0:
                 continue
-            x, y, z = off[limb, n, 0] + d[0], off[limb, n, 1] + d[1], off[limb, n, 2] + d[2]
-            along = x * ray[0] + y * ray[1] + z * ray[2]
-            x, y, z = x - along * ray[0], y - along * ray[1], z - along * ray[2]
-            far = np.sqrt(1.0 + (x * x + y * y + z * z) / (WITHIN * WITHIN))
+            by, of_middle, of_end = off[limb, n], carried[limb, n, 0], carried[limb, n, 1]
+            other = 1 - limb if of_middle + of_end > 0.0 else len(w)  # arms come first
+            middle, end = room.d[other]
+            x = by[0] + d[0] - of_middle * middle[0] - of_end * end[0]
+            y = by[1] + d[1] - of_middle * middle[1] - of_end * end[1]
+            z = by[2] + d[2] - of_middle * middle[2] - of_end * end[2]
+            away = max(np.sqrt(x * x + y * y + z * z), NEAR)
+            r = x - away * ray[0], y - away * ray[1], z - away * ray[2]
+            far = np.sqrt(1.0 + (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / (WITHIN * WITHIN))
             energy += stiffness * WITHIN * WITHIN * (far - 1.0)
             for i in range(3):
-                r, s = (x if i == 0 else y if i == 1 else z), ray[i]
-                a, b, c = -s * ray[0], -s * ray[1], -s * ray[2]
+                a, b, c = -ray[i] * x / away, -ray[i] * y / away, -ray[i] * z / away
                 a, b, c = a + (1.0 if i == 0 else 0.0), b + (1.0 if i == 1 else 0.0), c + (1.0 if i == 2 else 0.0)
                 _write_rows(limb, 0.0, 1.0, a, b, c, w, room, 0)
-                _add_term(columns[limb], -1, stiffness * r / far, stiffness / far, room.rows, sums)
+                _write_rows(other, -of_middle, -of_end, a, b, c, w, room, 2)
+                _add_term(columns[limb], columns[other], stiffness * r[i] / far, stiffness / far, room.rows, sums)
     return energy
 
 

@@ -1,4 +1,8 @@
-"""Where hands that touch a body belong on it, as in the source."""
+"""Where hands that touch a body belong on it: the same place of the hand on the same place of the body.
+
+A hand touches with its nearest balls, about as far along it as these are, from the wrist; the same share of the way
+along the target's hand belongs on the ray (`part_axes`) of the place that is touched.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,19 @@ import numpy as np
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.objectives.body_skin import BodySkin, Skins
-from distretarget.objectives.part_axes import PARTS, rays
+from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.objectives.spots import Spots
-from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.capsules import SEGMENTS
 
-NEARER = 0.01  # of the parts of a place, those that are less than this farther than the nearest count [body units]
+NEARER = 0.01  # what is less than this farther than the nearest counts, of parts and of balls [body units]
 
 
 def anchors(
     source: Motion, posed: Motion, skins: Skins, spots: Spots, in_source: Array, firmness: Array
 ) -> dict[str, Array]:
-    """Return the fields `off`, `rays` and `ties` of `limb_terms.Frames`, with an anchor for each of `PARTS`.
+    """Return the fields `off`, `rays`, `ties` and `carried` of `limb_terms.Frames`, with an anchor for each of `PARTS`.
 
     Args:
         source: its motion [file units].
@@ -29,27 +33,58 @@ def anchors(
         firmness: (frames, spots), how firmly each spot is touched, 0 to 1.
     """
     one, other, limbs = skins.source, skins.target, skins.target.limbs
-    ends = {number: other.of_joint[limb.end] for number, limb in enumerate(limbs) if limb.is_arm}
-    hands = {
-        number: segment
-        for number, segment in ends.items()
-        if "hand" in SEGMENTS[segment] and _balls(one, segment).size and _balls(other, segment).size
-    }
-    if not hands or one.landmarks is None or other.landmarks is None or not firmness.any():
+    fields, hands = no_anchors(len(posed), len(limbs), len(PARTS)), _hands(one, other)
+    if one.landmarks is None or other.landmarks is None or not hands:
         return no_anchors(len(posed), len(limbs))
-    before, now = (
-        np.stack([_middle(body, motion, segment) for segment in hands.values()], axis=1)
-        for body, motion in ((one, source), (other, posed))
-    )
-    places, out = rays(one.landmarks.axes(source), other.landmarks.axes(posed), before)
-    shape = (len(posed), len(limbs), len(PARTS))
-    off, directions, ties = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
-    for row, (limb, segment) in enumerate(hands.items()):
-        off[:, limb] = (now[:, row, None] - places[:, row]) / other.unit
-        directions[:, limb] = out[:, row]
+    for limb, (segment, *_) in hands.items():
         for part, names in enumerate(PARTS.values()):
-            ties[:, limb, part] = _tie(other, spots, segment, names, in_source, firmness)
-    return {"off": off, "rays": directions, "ties": ties}
+            fields["ties"][:, limb, part] = _tie(other, spots, segment, names, in_source, firmness)
+    touch = np.flatnonzero(fields["ties"].any(axis=(1, 2)))
+    if not len(touch):
+        return no_anchors(len(posed), len(limbs))
+    before, now = source[touch], posed[touch]
+    bodies = [(body, motion, body.posed(motion)) for body, motion in ((one, before), (other, now))]
+    points = np.zeros((2, len(now), len(hands), len(PARTS), 3))
+    for row, (limb, (segment, *wrists)) in enumerate(hands.items()):
+        ways = [
+            _way(body, motion, ends, segment, wrist) for (body, motion, ends), wrist in zip(bodies, wrists, strict=True)
+        ]
+        for part, names in enumerate(PARTS.values()):
+            on = fields["ties"][touch, limb, part] > 0.0
+            share = _how_far_along(one, bodies[0][2], segment, names, ways[0], on)
+            for body, (start, way) in enumerate(ways):
+                points[body, :, row, part] = start + share[:, None] * way
+    places, out, heights = rays(one.landmarks.axes(before), other.landmarks.axes(now), points[0])
+    for row, limb in enumerate(hands):
+        fields["off"][touch, limb] = (points[1, :, row] - places[:, row]) / other.unit
+        fields["rays"][touch, limb] = out[:, row]
+        fields["carried"][touch, limb] = _carried(heights[:, row])
+    return fields
+
+
+def no_anchors(frames: int, limbs: int, count: int = 0) -> dict[str, Array]:
+    """Return the fields of `limb_terms.Frames` for so many anchors that hold nothing."""
+    none = np.zeros((frames, limbs, count, 3))
+    return {
+        "off": none,
+        "rays": none.copy(),
+        "ties": np.zeros(none.shape[:3]),
+        "carried": np.zeros((*none.shape[:3], 2)),
+    }
+
+
+def _hands(one: BodySkin, other: BodySkin) -> dict[int, tuple[int, int, int]]:
+    """The segment of the hand of each arm of the other body, and the wrists of both bodies, by its number; of arms that
+    both bodies have.
+    """
+    wrists = {one.of_joint[limb.end]: limb.end for limb in one.limbs if limb.is_arm}
+    found = {}
+    for number, limb in enumerate(other.limbs):
+        segment = int(other.of_joint[limb.end])
+        is_hand = limb.is_arm and "hand" in SEGMENTS[segment] and segment in wrists
+        if is_hand and _balls(one, segment).size and _balls(other, segment).size:
+            found[number] = segment, wrists[segment], limb.end
+    return found
 
 
 def _balls(body: BodySkin, segment: int) -> Numbers:
@@ -57,11 +92,50 @@ def _balls(body: BodySkin, segment: int) -> Numbers:
     return np.arange(*body.balls.of_ball[segment : segment + 2])
 
 
-def _middle(body: BodySkin, motion: Motion, segment: int) -> Array:
-    """(frames, 3), the middle of the balls of a segment [file units]."""
+def _centres(body: BodySkin, ends: Array, segment: int) -> Array:
+    """(frames, balls, 3), the centres of the balls of a segment [body units]."""
     on = _balls(body, segment)
-    ends, t = body.posed(motion)[:, body.balls.carriers[on]], body.balls.places[on, None]
-    return np.asarray(body.unit * ((1.0 - t) * ends[:, :, 0] + t * ends[:, :, 1]).mean(axis=1))
+    ends, t = ends[:, body.balls.carriers[on]], body.balls.places[on, None]
+    return np.asarray((1.0 - t) * ends[:, :, 0] + t * ends[:, :, 1])
+
+
+def _way(body: BodySkin, motion: Motion, ends: Array, segment: int, wrist: int) -> tuple[Array, Array]:
+    """The wrist, and the way from there through the middle of a hand as far again, (frames, 3) each [file units]."""
+    start = motion.positions[:, wrist]
+    return start, 2.0 * (body.unit * _centres(body, ends, segment).mean(axis=1) - start)
+
+
+def _how_far_along(
+    body: BodySkin, ends: Array, segment: int, names: tuple[str, ...], way: tuple[Array, Array], on: Flags
+) -> Array:
+    """(frames,), how far along a hand it touches some segments, in ways of the hand, and in its middle elsewhere."""
+    share, (start, along) = np.full(len(on), 0.5), way
+    parts = np.flatnonzero(np.isin(body.capsules.segments, [SEGMENTS.index(name) for name in names]))
+    if not on.any() or not len(parts):
+        return share
+    centres = _centres(body, ends[on], segment)
+    a, bones = ends[on][:, None, parts, 0], np.diff(ends[on][:, parts], axis=2)[:, None, :, 0]
+    off, (thin, thick) = centres[:, :, None] - a, body.balls.cap_radii[parts].T
+    t = np.clip((off * bones).sum(axis=3) / np.maximum((bones**2).sum(axis=3), np.finfo(float).tiny), 0.0, 1.0)
+    apart = lengths(off - t[..., None] * bones) - (1.0 - t) * thin - t * thick
+    gaps = apart.min(axis=2) - body.balls.radii[_balls(body, segment)]
+    weights = np.maximum(1.0 - (gaps - gaps.min(axis=1, keepdims=True)) / NEARER, 0.0)
+    places = ((body.unit * centres - start[on][:, None]) * along[on][:, None]).sum(axis=2)
+    places /= np.maximum((along[on] ** 2).sum(axis=1), np.finfo(float).tiny)[:, None]
+    share[on] = (weights * places).sum(axis=1) / weights.sum(axis=1)
+    return share
+
+
+def _carried(heights: Array) -> Array:
+    """(frames, parts, 2), the share of the displacements of the middle and the end of the other arm that a place of a
+    part moves by, at heights, (frames, parts).
+    """
+    carried, heights = np.zeros((*heights.shape, 2)), np.clip(heights, 0.0, 1.0)
+    for part, name in enumerate(PARTS):
+        if name in ARM_PARTS:
+            s = heights[:, part]
+            carried[:, part] = np.stack([s, 0.0 * s] if "upper" in name else [1.0 - s, s], axis=1)
+    return carried
 
 
 def _tie(
@@ -69,17 +143,12 @@ def _tie(
 ) -> Array:
     """(frames,), how far a segment of a limb touches a part of the body with some segments, 0 to 1."""
     numbers = [SEGMENTS.index(name) for name in names]
-    pairs, tie = body.balls.pairs, np.zeros(len(firmness))
-    for spot in np.flatnonzero((spots.limbs == segment) & (spots.places == PLACE[numbers[0]])):
-        own = spots.of_pair == spot
-        here = own & np.isin(pairs[:, 1], numbers)
-        if here.any():
-            farther = in_source[:, here].min(axis=1) - in_source[:, own].min(axis=1)
-            tie = np.maximum(tie, firmness[:, spot] * smoothstep(1.0 - farther / NEARER))
+    one, other = body.balls.pairs.T
+    on = ((one == segment) & np.isin(other, numbers)) | ((other == segment) & np.isin(one, numbers))
+    tie = np.zeros(len(firmness))
+    for spot in np.unique(spots.of_pair[on]):
+        farther = in_source[:, on & (spots.of_pair == spot)].min(axis=1) - in_source[:, spots.of_pair == spot].min(
+            axis=1
+        )
+        tie = np.maximum(tie, firmness[:, spot] * smoothstep(1.0 - farther / NEARER))
     return np.asarray(tie)
-
-
-def no_anchors(frames: int, limbs: int) -> dict[str, Array]:
-    """Return the fields of `limb_terms.Frames` where nothing is anchored."""
-    none = np.zeros((frames, limbs, 0, 3))
-    return {"off": none, "rays": none, "ties": none[..., 0]}

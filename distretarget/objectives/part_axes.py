@@ -1,7 +1,7 @@
-"""Axes of the parts of a body, and the rays out of them on which hands lie on the same place of the body.
+"""Axes of the parts of a body, and the rays out of them on which a touch is at the same place of the body.
 
-A part has an axis. A hand of the source is at some height along it, in lengths of the axis, and on some side of it, as
-an angle round it. On the target's part the same height and angle are a ray out of its axis: a hand on that ray lies on
+A part has an axis. What touches it is at some height along it, in lengths of the axis, and on some side of it, as an
+angle round it. On the target's part the same height and angle are a ray out of its axis: what is on that ray touches
 the same place, however thick the part is.
 """
 
@@ -9,18 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, cross, lengths, normalised
 
 PARTS = {"trunk": ("chest", "belly", "pelvis"), "left thigh": ("left thigh",), "right thigh": ("right thigh",)}
 PARTS |= {"head": ("head", "neck")}  # each with its segments
-ROLES = ("leftUpperLeg", "rightUpperLeg", "leftUpperArm", "rightUpperArm", "leftLowerLeg", "rightLowerLeg", "head")
+ARM_PARTS = tuple(f"{side} {part}" for side in SIDES for part in ("upper arm", "forearm"))
+PARTS |= {part: (part,) for part in ARM_PARTS}
+ARMS = tuple((f"{side}UpperArm", f"{side}LowerArm", f"{side}Hand") for side in SIDES)
+ROLES = ("leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg", "head", *ARMS[0], *ARMS[1])
 
 
 class Axes(NamedTuple):
@@ -38,6 +43,7 @@ class Landmarks:
     joints: Mapping[str, int]  # of `ROLES`
     head: Array  # (3, 3), the directions of the head's axes, as rows, while its joint is not turned
     head_length: float  # [file units]
+    fronts: Mapping[str, Array]  # (3,), the front of each upper arm and forearm while its joint is not turned, by role
 
     @classmethod
     def of(cls, body: Body, head_length: float) -> Landmarks | None:
@@ -48,7 +54,9 @@ class Landmarks:
         up, front = body.reference.axes[:, 1], body.reference.axes[:, 2]
         turned = Rotation.from_quat(body.reference.rotations[roles["head"]]).inv()
         head = turned.apply(np.stack([up, front, np.cross(up, front)]))
-        return cls({role: roles[role] for role in ROLES}, head, head_length)
+        arms = {role: body.reference.rotations[roles[role]] for arm in ARMS for role in arm[:2]}
+        fronts = {role: Rotation.from_quat(turn).inv().apply(front) for role, turn in arms.items()}
+        return cls({role: roles[role] for role in ROLES}, head, head_length, fronts)
 
     def axes(self, motion: Motion) -> Axes:
         """Return the axes in each frame of a motion."""
@@ -60,9 +68,15 @@ class Landmarks:
         head = Rotation.from_quat(motion.world_rotations_of(self.joints["head"])).as_matrix()
         of_head = np.einsum("fij,kj->fki", head, self.head)
         bones, sides = [end - start for start, end in zip(starts, ends, strict=False)], across[:1] + 2 * across[1:]
-        directions = [_directions(bone, side) for bone, side in zip(bones, sides, strict=True)]
+        directions = [*map(_directions, bones, sides), of_head]
         sizes = [*map(lengths, bones), np.full(len(motion), self.head_length)]
-        return Axes(np.stack(starts, axis=1), np.stack([*directions, of_head], axis=1), np.stack(sizes, axis=1))
+        for top, end in (bone for arm in ARMS for bone in pairwise(arm)):
+            bone = at[end] - at[top]
+            front = Rotation.from_quat(motion.world_rotations_of(self.joints[top])).apply(self.fronts[top])
+            starts.append(at[top])
+            directions.append(_directions(bone, cross(bone, front)))
+            sizes.append(lengths(bone))
+        return Axes(np.stack(starts, axis=1), np.stack(directions, axis=1), np.stack(sizes, axis=1))
 
 
 def _directions(along: Array, left: Array) -> Array:
@@ -72,13 +86,13 @@ def _directions(along: Array, left: Array) -> Array:
     return np.stack([along, front, cross(along, front)], axis=1)
 
 
-def rays(source: Axes, target: Axes, hands: Array) -> tuple[Array, Array]:
-    """Return where on the target's axes the rays of hands of the source, (frames, hands, 3) [file units], begin, and
-    their directions, (frames, hands, parts, 3).
+def rays(source: Axes, target: Axes, touching: Array) -> tuple[Array, Array, Array]:
+    """Return where on the target's axes the rays of points of the source, (frames, hands, parts, 3) [file units],
+    begin, and their directions, of the same shape, and the heights, (frames, hands, parts) [lengths of the axes].
     """
-    off = hands[:, :, None] - source.starts[:, None]
+    off = touching - source.starts[:, None]
     along, front, left = np.moveaxis(np.einsum("fpij,fhpj->fhpi", source.directions, off), 3, 0)
-    heights = along / np.maximum(source.lengths, np.finfo(float).tiny)[:, None] * target.lengths[:, None]
-    places = target.starts[:, None] + heights[..., None] * target.directions[:, None, :, 0]
+    heights = along / np.maximum(source.lengths, np.finfo(float).tiny)[:, None]
+    to_places = (heights * target.lengths[:, None])[..., None] * target.directions[:, None, :, 0]
     out = front[..., None] * target.directions[:, None, :, 1] + left[..., None] * target.directions[:, None, :, 2]
-    return places, normalised(out)
+    return target.starts[:, None] + to_places, normalised(out), heights

@@ -34,7 +34,9 @@ def _touching_segments() -> list[tuple[int, int]]:
             limb = number(f"{side} {part}")
             pairs += [(limb, number(trunk)) for trunk in TRUNK_SEGMENTS]
             pairs += [(limb, number(f"{leg} {below}")) for leg in ("left", "right") for below in LEG_PARTS]
-            pairs += [(limb, number(f"right {arm}")) for arm in ARM_PARTS if side == "left"]
+            others = [number(f"right {arm}") for arm in ARM_PARTS if side == "left"]
+            # What touches comes first: a hand or a forearm, before an upper arm.
+            pairs += [(other, limb) if part == "upper arm" else (limb, other) for other in others]
         pairs.append((number(f"{side} hand"), number(f"{side} upper arm")))
     pairs += [(number(f"left {a}"), number(f"right {b}")) for a in LEG_PARTS for b in LEG_PARTS]
     return pairs
