@@ -73,9 +73,8 @@ def bends(
     for arms in (False, True):
         own = np.flatnonzero(are_arms == arms)
         limbs = _Limbs(own, balls, displaced, spots, frames, w, reach, room)
-        acts = np.asarray(
-            start[:, own].any(axis=(1, 2, 3)) | (arms & frames.firmness.any(axis=1)) | (frames.soft < 0.0).any(axis=1)
-        )
+        brought = frames.firmness.any(axis=1) | frames.ties.any(axis=(1, 2))
+        acts = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & brought) | (frames.soft < 0.0).any(axis=1))
         for shot in slices_of(shots):
             for span in _around(acts[shot], FADES * tau):
                 first, end = shot.start + span.start, shot.start + span.stop

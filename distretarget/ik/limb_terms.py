@@ -24,8 +24,10 @@ from distretarget.skin.tangents import Displaced, place_displaced
 FIRM = 5000.0  # of gaps that are too small
 TOUCH = 150.0  # of contacts
 TIE = 75.0  # of anchors: place gives way to the gap where a body cannot have both
+ASKED = 1500.0  # of anchors without a ray, which a user asks for
 GIVES = 0.01  # skin is softer up to this depth, from nothing, so that limbs come upon it smoothly [body units]
 WITHIN = 0.02  # contacts that are farther off than this pull no more, and no limb into others [body units]
+FAR = 1.0  # contacts of a firmness beyond 1, which a user asks for, are found this far apart [body units]
 NEAR = 0.01  # what is less than this farther than the nearest shares a contact: its place does not jump [body units]
 HELD = 0.01  # the share of its displacement that is left to the end of a limb that rests
 
@@ -38,9 +40,9 @@ class Frames(NamedTuple):
     free: F3  # (frames, limbs, 2), how far middle and end can move, 0 to 1
     soft: F2  # (frames, pairs), how far segments may overlap, because flesh gives way
     aims: F2  # (frames, spots), the gap that limbs are brought to where they touch
-    firmness: F2  # (frames, spots), how far they are brought there, 0 to 1
+    firmness: F2  # (frames, spots), how firmly they are brought there: 0 to 1, or more where a user asks for it
     off: F4  # (frames, limbs, anchors, 3), how far what touches is off the start of the ray that it belongs on
-    rays: F4  # (frames, limbs, anchors, 3), the directions of these
+    rays: F4  # (frames, limbs, anchors, 3), the directions of these; 0 where it belongs on their start
     ties: F3  # (frames, limbs, anchors), how far it is brought onto them, 0 to 1
     carried: F4  # (frames, limbs, anchors, 2), the shares of the other arm's displacements that the rays move by
 
@@ -56,7 +58,7 @@ class Room(NamedTuple):
     rotation: F1  # (9,)
     rows: F2  # (4, 3), dr/dw of the parts of two limbs
     touching: I2  # (meetings, 3), the ball, the capsule and the pair of what may touch
-    gaps: F1  # (meetings,), by how much their gaps are less than the reach, negative
+    gaps: F1  # (meetings,), by how much their gaps are less than `FAR`, negative
     nearest: F1  # (spots,), the least of these
     shares: F1  # (spots,), the sum of their shares
 
@@ -96,7 +98,7 @@ def write_terms(
         asked = frames.soft[t], frames.aims[t], frames.firmness[t]
         sums = slope[t], bands[t]
         found, e = _add_gaps(balls, displaced, spots, columns, asked, w[t], reach, room, sums)
-        e += _add_contacts(balls, displaced, spots, columns, asked, w[t], found, reach, room, sums)
+        e += _add_contacts(balls, displaced, spots, columns, asked, w[t], found, room, sums)
         e += _add_anchors((frames.off[t], frames.rays[t], frames.ties[t], frames.carried[t]), columns, w[t], room, sums)
         energy[t] = e + _add_holds(frames.free[t], columns, w[t], room, sums)
 
@@ -137,7 +139,7 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
         spot, both, least = spots[pair], displaced.mutual[pair], -soft[pair]
         if columns[displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[pair, 0]]]]] < 0:
             continue
-        far = reach if firmness[spot] > 0.0 else -NEVER
+        far = -NEVER if firmness[spot] == 0.0 else reach if firmness[spot] <= 1.0 else FAR
         for meeting in range(find_meetings(balls, pair, max(least, far), placed)):
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
             gap = gap_of(balls, ball, capsule, placed)[0]
@@ -147,13 +149,13 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
                 _add_gap(balls, displaced, ball, capsule, both, columns, -f, k, w, room, sums)
             if gap < far:
                 room.touching[found, 0], room.touching[found, 1], room.touching[found, 2] = ball, capsule, pair
-                room.gaps[found], found = gap - reach, found + 1
-                room.nearest[spot] = min(room.nearest[spot], gap - reach)
+                room.gaps[found], found = gap - FAR, found + 1
+                room.nearest[spot] = min(room.nearest[spot], gap - FAR)
     return found, energy
 
 
 @inlined(fastmath=True)
-def _add_contacts(balls, displaced, spots, columns, asked, w, found, reach, room, sums):  # type: ignore[no-untyped-def]
+def _add_contacts(balls, displaced, spots, columns, asked, w, found, room, sums):  # type: ignore[no-untyped-def]
     """Add the terms of contacts: at each spot, of the least gap, which all that are about as near share."""
     _, aims, firmness = asked
     energy = 0.0
@@ -165,7 +167,7 @@ def _add_contacts(balls, displaced, spots, columns, asked, w, found, reach, room
         spot, both = spots[pair], displaced.mutual[pair]
         share = _nearness(room.gaps[n] - room.nearest[spot]) / room.shares[spot]
         if share > 0.0:
-            r = room.nearest[spot] + reach - aims[spot]
+            r = room.nearest[spot] + FAR - aims[spot]
             k, far = TOUCH * firmness[spot] * firmness[spot] * share, np.sqrt(1.0 + r * r / (WITHIN * WITHIN))
             energy += k * WITHIN * WITHIN * (far - 1.0)
             _add_gap(balls, displaced, ball, capsule, both, columns, k * r / far, k / far, w, room, sums)
@@ -181,9 +183,10 @@ def _add_anchors(anchors, columns, w, room, sums):  # type: ignore[no-untyped-de
     energy = 0.0
     for limb in range(len(ties)):
         for n in range(len(ties[limb]) if columns[limb] >= 0 else 0):
-            stiffness, ray, d = TIE * ties[limb, n] * ties[limb, n], rays[limb, n], room.d[limb, 1]
-            if stiffness <= 0.0:
+            ray, d, firmness = rays[limb, n], room.d[limb, 1], ties[limb, n] * ties[limb, n]
+            if firmness <= 0.0:
                 continue
+            stiffness = firmness * (TIE if ray[0] != 0.0 or ray[1] != 0.0 or ray[2] != 0.0 else ASKED)
             by, of_middle, of_end = off[limb, n], carried[limb, n, 0], carried[limb, n, 1]
             other = 1 - limb if of_middle + of_end > 0.0 else len(w)  # arms come first
             middle, end = room.d[other]

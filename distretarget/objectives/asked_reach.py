@@ -20,59 +20,106 @@ from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.asked_springs import off_by
 from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.body_skin import BodySkin, Skins
+from distretarget.objectives.part_axes import PARTS, Landmarks
 from distretarget.objectives.supports import Supports
 from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
 from distretarget.skin.limbs import Limb, bent, reaching
 
 FOREARM = 0.5  # what touches a forearm moves by about this share of what its wrist does
 STEPS = np.linspace(0.0, 0.5, 26)  # how far arms are brought out of the trunk, at most [body units]
+OUTWARDS, DOWN = 0.6, 0.8  # where elbows point as arms reach for something
 OUT = 0.15  # they lead in time over twice this [s]
 TRUNK = [SEGMENTS.index(name) for name in (*TRUNK_SEGMENTS, "left thigh", "right thigh")]
 
 
 def reached(
-    motion: Motion, wishes: Wishes, supports: Supports, limbs: Sequence[Limb], skins: Skins | None, steady: float
+    motion: Motion,
+    wishes: Wishes,
+    weights: Sequence[Array],
+    supports: Supports,
+    limbs: Sequence[Limb],
+    skins: Skins | None,
+    poles: Array,
+    steady: float = 0.0,
 ) -> Motion:
-    """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others. What limbs
-    do is averaged over the time `steady` before and after each frame [s].
+    """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others, by the
+    weight of each wish, (frames,), with middles towards `poles`, (frames, limbs, 3). What limbs do is averaged over the
+    time `steady` before and after each frame [s].
     """
-    clip, moved = wishes.clip, np.zeros((len(motion), len(limbs), 3))
-    for wish in wishes.wishes:
+    ways, _ = to_reach(motion, wishes, weights, supports, limbs, skins)
+    return _moved(motion, wishes, limbs, ways, poles, steady)
+
+
+def poles_of(landmarks: Landmarks | None, motion: Motion, limbs: Sequence[Limb]) -> Array:
+    """Return where elbows point, (frames, limbs, 3): down and out of the trunk. Knees point nowhere."""
+    poles = np.zeros((len(motion), len(limbs), 3))
+    if landmarks is not None:
+        trunk = landmarks.axes(motion).directions[:, [*PARTS].index("trunk")]
+        for number, limb in enumerate(limbs):
+            if limb.is_arm:
+                side = 1.0 if landmarks.joints["leftUpperArm"] == limb.top else -1.0
+                poles[:, number] = side * OUTWARDS * trunk[:, 2] - DOWN * trunk[:, 0]
+    return poles
+
+
+def to_reach(
+    motion: Motion,
+    wishes: Wishes,
+    weights: Sequence[Array],
+    supports: Supports,
+    limbs: Sequence[Limb],
+    skins: Skins | None,
+) -> tuple[Array, Array]:
+    """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file units],
+    times the weight of each wish, (frames,); and the largest of these weights, (frames, limbs).
+    """
+    ways, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
+    for wish, weight in zip(wishes.wishes, weights, strict=True):
         moving = _moving(wishes, wish, supports, limbs)
         if moving:
-            way = wishes.firmness(wish)[:, None] * clip.unit * off_by(wishes, wish, motion, supports, skins)
+            way = weight[:, None] * wishes.clip.unit * off_by(wishes, wish, motion, supports, skins)
             total = sum(free for _, _, free, _ in moving)
             for number, sign, free, share in moving:
                 part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
-                moved[:, number] += (sign / share * part * free)[:, None] * way
-    return _moved(motion, wishes, limbs, moved, steady)
+                ways[:, number] += (sign / share * part * free)[:, None] * way
+                firmness[:, number] = np.maximum(firmness[:, number], weight * (part > 0.0))
+    return ways, firmness
 
 
 def brought_out(
-    motion: Motion, wishes: Wishes, supports: Supports, limbs: Sequence[Limb], skin: BodySkin, body: Body
+    motion: Motion,
+    wishes: Wishes,
+    weights: Sequence[Array],
+    supports: Supports,
+    limbs: Sequence[Limb],
+    skin: BodySkin,
+    body: Body,
+    poles: Array,
 ) -> Motion:
-    """Return a motion in which arms that touch something are brought out of the trunk, forwards."""
+    """Return a motion in which arms that touch something are brought out of the trunk, forwards, by the weight of each
+    wish, (frames,).
+    """
     clip, moved = wishes.clip, np.zeros((len(motion), len(limbs), 3))
     spine = body.anatomy.spine if body.anatomy else ()
     front, posed = front_of(body, motion, spine[-1] if spine else clip.pelvis), skin.posed(motion)
-    for wish in wishes.wishes:
+    for wish, weight in zip(wishes.wishes, weights, strict=True):
         if isinstance(wish.entry, Contact):
             arms = [each for each in _moving(wishes, wish, supports, limbs) if limbs[each[0]].is_arm]
             on = np.flatnonzero(wish.frames)
             parts = np.concatenate(wish.joints)
             far = np.zeros(len(motion))
             far[on] = _way_out(skin, posed[on], parts, front[on])
-            far = clip.widened(far[:, None], OUT)[:, 0]
+            far = clip.averaged(clip.widened(far[:, None], OUT)[:, 0], OUT)
             for number, _, free, _ in arms:
-                moved[:, number] += (free * wishes.firmness(wish) * far)[:, None] * clip.unit * front
-    return _moved(motion, wishes, limbs, moved, 0.0)
+                moved[:, number] += (free * weight * far)[:, None] * clip.unit * front
+    return _moved(motion, wishes, limbs, moved, poles, 0.0)
 
 
-def _moved(motion: Motion, wishes: Wishes, limbs: Sequence[Limb], moved: Array, steady: float) -> Motion:
+def _moved(motion: Motion, wishes: Wishes, limbs: Sequence[Limb], moved: Array, poles: Array, steady: float) -> Motion:
     """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
     moved = wishes.clip.averaged(moved, steady) * (wishes.share > 0.0)[:, None, None]
-    displaced = np.stack([reaching(motion, limb, moved[:, n]) for n, limb in enumerate(limbs)], axis=1)
-    return bent(motion, limbs, displaced)
+    displaced = [reaching(motion, limb, moved[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
+    return bent(motion, limbs, wishes.clip.averaged(np.stack(displaced, axis=1), steady))
 
 
 def _moving(

@@ -25,6 +25,7 @@ from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import part_stiffness
+from distretarget.objectives.skin import AskedGap
 from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
 
@@ -78,8 +79,8 @@ def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins
         assert wish.carrier is not None
         return _resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
     if isinstance(entry, Contact):
-        if skins is not None and len(on := skins.target.between(*wish.joints)):
-            return _to_gap(clip, wish, motion, skins.target, on, _asked_gap(wishes, wish, entry, skins))
+        if skins is not None and (asked := asked_gap(wishes, wish, skins)):
+            return _to_gap(clip, wish, motion, skins.target, *asked)
         if entry.gap and entry.gap != "source":
             now = _nearest_way(motion, wish.joints) / clip.unit
     far = lengths(now)
@@ -100,17 +101,34 @@ def _asked_length(wishes: Wishes, entry: Entry, pair: tuple[int, int]) -> Array 
     return np.asarray(tau / max(own_tau, LEAST_LENGTH) / clip.unit * source)
 
 
-def _asked_gap(wishes: Wishes, wish: Wish, entry: Contact, skins: Skins) -> Array | float:
-    """The gap between the skins of two parts that a contact asks for, of all frames or (frames,) [body units]."""
+def eased_gap(wishes: Wishes, wish: Wish, skins: Skins, motion: Motion) -> AskedGap | None:
+    """Return the gap that a contact asks for, from that in a motion as it sets in, and back to it as it lets go; None
+    where it asks for none between skins.
+    """
+    asked = asked_gap(wishes, wish, skins)
+    if asked is None:
+        return None
+    on, gap = asked
+    own, _ = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
+    return AskedGap(on, (1.0 - wish.weight) * np.maximum(own, 0.0) + wish.weight * gap, np.sqrt(wish.weight))
+
+
+def asked_gap(wishes: Wishes, wish: Wish, skins: Skins) -> tuple[Numbers, Array] | None:
+    """Return the pairs of segments between which a contact asks for a gap, and the gap, (frames,) [body units]; None
+    where it asks for none between skins.
+    """
+    entry, on = wish.entry, skins.target.between(*wish.joints) if len(wish.joints) == 2 else np.zeros(0, np.intp)
+    if not isinstance(entry, Contact) or not len(on):
+        return None
     if entry.gap != "source":
-        return wishes.length(float(entry.gap or 0.0))
+        return on, np.full(len(wishes.clip), wishes.length(float(entry.gap or 0.0)))
     drivers = wishes.clip.drivers
-    on = skins.source.between(*(np.setdiff1d(drivers[joints], [-1]) for joints in wish.joints))
-    gaps, _ = nearest_skin(skins.source.balls, skins.source.posed(wishes.clip.source), on)
-    return np.maximum(gaps, 0.0) if len(on) else 0.0
+    of_source = skins.source.between(*(np.setdiff1d(drivers[joints], [-1]) for joints in wish.joints))
+    gaps, _ = nearest_skin(skins.source.balls, skins.source.posed(wishes.clip.source), of_source)
+    return on, np.maximum(gaps, 0.0) if len(of_source) else np.zeros(len(gaps))
 
 
-def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers, gap: Array | float) -> Array:
+def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
     """(frames, 3), how far the first part of a contact has to go for this gap at the pairs `on` [body units]."""
     first = np.isin(body.of_joint[wish.joints[0]], body.balls.pairs[on, 0]).any()
     own, away = nearest_skin(body.balls, body.posed(motion), on)

@@ -121,6 +121,11 @@ class Wishes:
         return np.asarray(np.any([np.zeros(len(self.clip), bool), *(wish.frames for wish in self.wishes)], axis=0))
 
     @property
+    def rest_on_body(self) -> bool:
+        """Whether any asks for a part that rests on another of the same body."""
+        return any(isinstance(wish.entry, Plant) and wish.pair for wish in self.wishes)
+
+    @property
     def share(self) -> Array:
         """(frames,), how far each frame is as asked, 0 to 1: what is asked is solved as if it held from where it sets
         in to where it lets go, and the result is between that and the clip without it.
@@ -130,6 +135,11 @@ class Wishes:
     def firmness(self, wish: Wish) -> Array:
         """(frames,), how far a wish is met where all is as asked: less than 1 only where others hold more."""
         return np.divide(wish.weight, self.share, out=np.zeros(len(self.clip)), where=wish.weight > 0.0)
+
+    @property
+    def all_firmness(self) -> list[Array]:
+        """The same of each."""
+        return [self.firmness(wish) for wish in self.wishes]
 
     def length(self, cm: float) -> float:
         """Return a length [cm] in body units."""

@@ -9,7 +9,9 @@ and again with these put right by the mesh.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +23,7 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.time_series import Shots, smoothstep
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.activation import ContactSettings
-from distretarget.objectives.anchors import anchors
+from distretarget.objectives.anchors import anchors, no_anchors
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.mesh_gaps import nearer_than_capsules
@@ -35,6 +37,7 @@ from distretarget.skin.tangents import Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
 ROUNDS = 2  # the mesh is looked at so many times, as other places of it may be nearest once limbs have moved
+ASKED = 4.0  # contacts that a user asks for are firmer than others by this factor
 REACH = 0.06  # what is farther apart than this in the result is not brought to touch [body units]
 
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
@@ -43,14 +46,47 @@ FLESH = {"upper arm": 1.0, "thigh": 0.2, "pelvis": 0.16, "belly": 0.16}
 SOFT = np.array([next((value for part, value in FLESH.items() if part in name), 0.0) for name in SEGMENTS])
 
 
-def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
-    """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
+class AskedGap(NamedTuple):
+    """A gap between skins that a user asks for."""
+
+    pairs: Numbers  # (pairs,), of segments of the body, the nearest of which has it
+    gap: Array  # (frames,) [body units]
+    firmness: Array  # (frames,), 0 to 1
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Where a user's contacts bring limbs."""
+
+    ways: Array  # (frames, limbs, 3), how far their ends go [body units]
+    ties: Array  # (frames, limbs), how far they are held there, 0 to 1
+    gaps: tuple[AskedGap, ...]
+
+    def __getitem__(self, frames: slice) -> Reach:
+        gaps = tuple(AskedGap(each.pairs, each.gap[frames], each.firmness[frames]) for each in self.gaps)
+        return Reach(self.ways[frames], self.ties[frames], gaps)
+
+    @property
+    def anchors(self) -> dict[str, Array]:
+        """The fields of `limb_terms.Frames`, with an anchor without a ray."""
+        frames, limbs = self.ties.shape
+        fields = no_anchors(frames, limbs, 1)
+        return fields | {"off": -self.ways[:, :, None], "ties": self.ties[:, :, None]}
+
+
+def with_skin(
+    clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings, reach: Reach | None = None
+) -> Motion:
+    """Return the motion of a target with its limbs bent as its skin asks, and as a user does; `posed` is the motion
+    before.
+    """
     chunks = chunks_of(len(clip), round(FADES * TAU / clip.frame_time))
     posed.positions  # noqa: B018 - once for all chunks
 
     def displaced(chunk: Chunk) -> Array:
         around = chunk.context
-        d = _displaced(clip[around], skins, posed[around], supports[around], settings, around.start)
+        reaching = reach and reach[around]
+        d = _displaced(clip[around], skins, posed[around], supports[around], settings, around.start, reaching)
         return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
 
     d = np.concatenate([*in_threads(displaced, chunks)])
@@ -58,7 +94,13 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
 
 
 def _displaced(
-    clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings, first: int
+    clip: Clip,
+    skins: Skins,
+    posed: Motion,
+    supports: Supports,
+    settings: ContactSettings,
+    first: int,
+    reach: Reach | None,
 ) -> Array:
     """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units], in a part of a clip that
     begins with the frame `first`.
@@ -68,8 +110,8 @@ def _displaced(
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
     gaps = spots.least(in_source)
-    near = partial(nearer_than_capsules, spots=spots, pairs=balls.pairs, first=first)
-    gaps -= near(source, motion=clip.source, touching=how_touching(spots, gaps))
+    near = partial(nearer_than_capsules, pairs=balls.pairs, first=first)
+    gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
     firmness = touching * _meant(clip, body, spots)
     frames = Frames(
@@ -81,17 +123,32 @@ def _displaced(
         firmness=firmness,
         **anchors(clip.source, posed, skins, spots, in_source, firmness),
     )
+    shots = clip.shots, clip.frame_time
+    if reach is not None:
+        frames, spots = _reaching(frames, spots, reach)
+    d = find_start(balls, body.displaced, frames, *shots)
     bend = partial(brought_out, balls, body.displaced, spots)
-    rest = body.limbs, clip.shots, clip.frame_time, REACH
     if body.surface is None:
-        return bend(frames, *rest)
-    d = find_start(balls, body.displaced, frames, clip.shots, clip.frame_time)
+        return bend(frames, body.limbs, *shots, REACH, start=d)
+    asked = np.arange(len(spots.limbs)) >= len(spots.limbs) - (len(reach.gaps) if reach else 0)
     for _ in range(ROUNDS):
         now = bent(posed, body.limbs, body.unit * d)
-        nearer = near(body, motion=now, touching=firmness)
+        nearer = np.where(asked, 0.0, near(body, spots=spots, motion=now, touching=frames.firmness))
         soft = np.where(IS_HARD[balls.pairs[:, 0]], frames.soft - nearer[:, spots.of_pair], frames.soft)
-        d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), *rest, start=d)
+        d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), body.limbs, *shots, REACH, start=d)
     return d
+
+
+def _reaching(frames: Frames, spots: Spots, reach: Reach) -> tuple[Frames, Spots]:
+    """What is asked of limbs, and the spots, with what a user asks for."""
+    aims, firmness = [frames.aims], [frames.firmness]
+    for asked in reach.gaps:
+        spots = spots.with_own(asked.pairs)
+        aims.append(asked.gap[:, None])
+        firmness.append(ASKED * asked.firmness[:, None])
+    free = np.maximum(frames.free, reach.ties[..., None])
+    held = {key: np.concatenate([getattr(frames, key), more], axis=2) for key, more in reach.anchors.items()}
+    return frames._replace(aims=np.hstack(aims), firmness=np.hstack(firmness), free=free, **held), spots
 
 
 def find_start(balls: Balls, displaced: Displaced, frames: Frames, shots: Shots, frame_time: float) -> Array:

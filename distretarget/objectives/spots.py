@@ -29,6 +29,12 @@ class Spots:
         both, of_pair = np.unique(np.stack([limbs, places]), axis=1, return_inverse=True)
         return cls(both[0], both[1], of_pair.ravel())
 
+    def with_own(self, pairs: Numbers) -> Spots:
+        """Return the spots with one more, of these pairs, (n,), which no longer belong to another."""
+        of_pair, first = self.of_pair.copy(), self.of_pair[pairs[0]]
+        of_pair[pairs] = len(self.limbs)
+        return Spots(np.append(self.limbs, self.limbs[first]), np.append(self.places, self.places[first]), of_pair)
+
     @property
     def are_hard(self) -> Flags:
         """(spots,), whether the limb of each gives way to nothing."""

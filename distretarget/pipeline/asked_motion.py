@@ -19,13 +19,14 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import Shots, slices_of, spans_of
+from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.asked_reach import brought_out, reached, with_looks
-from distretarget.objectives.asked_springs import between, off_by, with_wishes
+from distretarget.objectives.asked_reach import brought_out, poles_of, reached, to_reach, with_looks
+from distretarget.objectives.asked_springs import between, eased_gap, off_by, with_wishes
 from distretarget.objectives.asking import Wish, Wishes, centimetres
 from distretarget.objectives.body_skin import BodySkin, limbs_of
 from distretarget.objectives.contact import held_parts, solve_contact
+from distretarget.objectives.skin import Reach
 from distretarget.objectives.supports import Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
@@ -35,10 +36,12 @@ Ways = Sequence[Array | None]
 NOTICED = 0.003  # what is farther off than this is told [heights]
 SMOOTHING = 0.1  # what is asked changes is averaged over this time before and after [s]
 ROUNDS = 2  # in which what is between parts is found
-# In the end limbs close what is left, averaged over these times before and after [s], until all is nearer than `MET`
+# Without skin limbs close what is left, averaged over these times before and after [s], until all is nearer than `MET`
 # [heights], or until what is left does not become less.
 STEADY = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
 MET = 0.002
+EARLY = 0.3  # with skin motions are blended in the frames that are as asked by less than this share
+TURNS = 4  # with skin it is solved so many times at most
 GOES_ON = 0.1  # beyond its frames a difference goes on changing as at their end for about this time [s]
 SLOPE = 0.05  # how fast it changes there is measured over this time [s]
 LEAST = 1e-12  # angles are no smaller [rad]
@@ -67,12 +70,26 @@ def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) 
         asked = as_asked(free, wishes, ways)
         held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
         held = replace(held, v=poses.v + _steady(asked, held.v - poses.v))
-        motion = met(asked, asked.posed(held), made)
+        motion = _closed(asked, asked.posed(held), made)
         ways = [between(motion, wish.pair, asked.clip) if wish.pair else None for wish in made.wishes]
     log = np.where(made.share > 0.0, held.log, poses.log)
-    posed = layered([made], free.with_own_skin(free.posed(poses)), motion)
+    unbent, whole = free.posed(poses), free.match.skins is not None and not made.rest_on_body
+    led = layered([made], unbent, asked.posed(_with_arms(held, poses, free))) if whole else asked.posed(held)
+    posed = layered([made], free.with_own_skin(unbent), met(asked, led, made), whole)
     asked = replace(asked, supports=asked_supports(free.supports, asked.supports, made.share))
     return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
+
+
+def _with_arms(held: Poses, poses: Poses, performer: Performer) -> Poses:
+    """Poses as they are held, but with the arms and shoulders of others."""
+    clip, body = performer.clip, performer.match.matching.target
+    trunk, joints = {0, clip.pelvis, *(body.anatomy.spine if body.anatomy else ())}, list[int]()
+    for limb in limbs_of(body):
+        shoulder = [joint for joint in clip.skeleton.line(limb.top) if joint not in trunk]
+        joints += [*clip.skeleton.subtree(limb.top), *shoulder] if limb.is_arm else []
+    arms, v = clip.parts[joints], held.v.copy()
+    v[:, arms] = poses.v[:, arms]
+    return replace(held, v=v)
 
 
 def _steady(performer: Performer, change: Array) -> Array:
@@ -90,20 +107,60 @@ def asked_supports(free: Supports, asked: Supports, share: Array) -> Supports:
 
 
 def met(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
-    """Return a motion with its limbs and looks as a user asks; skin stays outside."""
+    """Return a motion with its limbs and looks as a user asks. Skin stays outside: limbs bend out of it and to what is
+    asked for in one solve; what that leaves is asked for on top in the next, as in the method of multipliers. Where
+    parts are to rest on the body itself, they do, whatever skin they enter.
+    """
     skins, body = asked.match.skins, asked.match.matching.target
-    given = wishes, asked.supports, limbs_of(body), skins
-    motion = with_looks(motion, wishes, body)
-    thick = skins.target if skins else BodySkin.of(body, average_for(body).on(body))
-    motion = brought_out(motion, *given[:3], thick, body)
-    motion = asked.with_own_skin(reached(motion, *given, STEADY[0]))
-    left, last = _farthest(asked, wishes, motion), np.inf
+    if skins is None or wishes.rest_on_body:
+        return _closed(asked, asked.with_own_skin(_closed(asked, motion, wishes)), wishes)
+    limbs, weights = skins.target.limbs, [wish.weight for wish in wishes.wishes]
+    before = _brought_out(asked, with_looks(motion, wishes, body), wishes, weights)
+    poles = poles_of(skins.target.landmarks, before, limbs)
+    before = reached(before, wishes, weights, asked.supports, limbs, skins, poles, SMOOTHING)
+    gaps = [eased_gap(wishes, wish, skins, before) for wish in wishes.wishes]
+    places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
+    ways, ties = to_reach(before, wishes, places, asked.supports, limbs, skins)
+    best, least = before, np.inf
+    for _ in range(TURNS):
+        now = asked.with_own_skin(before, Reach(ways / body.unit, ties, tuple(filter(None, gaps))))
+        left = _farthest(asked, wishes, now)
+        if left < least:
+            best, least = now, left
+        more = to_reach(now, wishes, places, asked.supports, limbs, skins)[0]
+        if left <= MET * body.height or not more.any():
+            break
+        ways += (ties == 1.0)[..., None] * more
+    return with_looks(best, wishes, body)
+
+
+def _closed(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
+    """A motion with its limbs and looks as a user asks, whatever skin they enter."""
+    skins, body = asked.match.skins, asked.match.matching.target
+    weights, limbs = wishes.all_firmness, limbs_of(body)
+    motion = _brought_out(asked, with_looks(motion, wishes, body), wishes, weights)
+    poles = poles_of(_thick(asked).landmarks, motion, limbs)
+    left, last = np.inf, np.inf
     for steady in STEADY:
+        motion, last = reached(motion, wishes, weights, asked.supports, limbs, skins, poles, steady), left
+        left = _farthest(asked, wishes, motion)
         if left <= MET * body.height or left >= last:
             break
-        motion, last = reached(motion, *given, steady), left
-        left = _farthest(asked, wishes, motion)
     return with_looks(motion, wishes, body)
+
+
+def _brought_out(asked: Performer, motion: Motion, wishes: Wishes, weights: Sequence[Array]) -> Motion:
+    """A motion in which arms that touch something are in front of the trunk."""
+    body, thick = asked.match.matching.target, _thick(asked)
+    limbs = limbs_of(body)
+    poles = poles_of(thick.landmarks, motion, limbs)
+    return brought_out(motion, wishes, weights, asked.supports, limbs, thick, body, poles)
+
+
+def _thick(performer: Performer) -> BodySkin:
+    """The skin of a performer; an average one of a stick figure."""
+    skins, body = performer.match.skins, performer.match.matching.target
+    return skins.target if skins else BodySkin.of(body, average_for(body).on(body))
 
 
 def _farthest(performer: Performer, wishes: Wishes, posed: Motion) -> float:
@@ -128,11 +185,13 @@ def _off(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[tuple[
         yield wish, np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
 
 
-def layered(asked: Sequence[Wishes], without: Motion, held: Motion) -> Motion:
-    """Return the motion `held` in the frames of all wishes, blended into that `without` them."""
+def layered(asked: Sequence[Wishes], without: Motion, held: Motion, whole: bool = False) -> Motion:
+    """Return the motion `held` in the frames of all wishes, blended into that `without` them as they set in and let go;
+    where it is the `whole`, which sets in and lets go by itself, in the first and last frames of that.
+    """
     wishes = [wish for each in asked for wish in each.wishes]
     lead = np.max([wish.lead * wish.frames for wish in wishes], axis=0)
-    share = np.max([each.share * each.on for each in asked], axis=0)
+    share = np.max([smoothstep(each.share / EARLY) if whole else each.share * each.on for each in asked], axis=0)
     shots = np.sum([each.clip.shots for each in asked], axis=0)  # a new shot at the cuts of any performer
     return _blended(without, held, share, lead, shots)
 

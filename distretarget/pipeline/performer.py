@@ -31,7 +31,7 @@ from distretarget.objectives.floor import find_flesh, find_floor, rise_of_flesh
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
-from distretarget.objectives.skin import with_skin
+from distretarget.objectives.skin import Reach, with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult, undersides_of
@@ -182,10 +182,12 @@ class Performer:
         """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
-    def with_own_skin(self, posed: Motion) -> Motion:
-        """Return a motion with its limbs bent as the performer's skin asks; the same motion without skin."""
+    def with_own_skin(self, posed: Motion, reach: Reach | None = None) -> Motion:
+        """Return a motion with its limbs bent as the performer's skin asks, and as a user does; the same motion without
+        skin.
+        """
         skins = self.match.skins
-        return with_skin(self.clip, skins, posed, self.supports, self.settings) if skins else posed
+        return with_skin(self.clip, skins, posed, self.supports, self.settings, reach) if skins else posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
         """Return the result of the poses, with the paper's solved points where there are any; `posed` is its motion

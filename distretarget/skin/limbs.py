@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation, multiply
+from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.skeleton import Skeleton
 
@@ -17,6 +18,7 @@ WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps
 LEAST = 1e-9  # smaller angles are none [rad]
 STRETCHED = 1e-3  # a limb that reaches for something is shorter than its bones by this share of them
 FOLDED = np.radians(30.0)  # it folds up to this angle between its bones, if it was not folded more [rad]
+FAR = np.radians(90.0)  # a limb that turns by this or more to reach for something has its middle towards its pole [rad]
 UNTURNED, INVERSE = np.array([[0.0, 0.0, 0.0, 1.0], [-1.0, -1.0, -1.0, 1.0]])
 
 
@@ -92,23 +94,34 @@ def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
     return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)
 
 
-def reaching(motion: Motion, limb: Limb, by: Array) -> Array:
+def reaching(motion: Motion, limb: Limb, by: Array, poles: Array) -> Array:
     """Return the displacements of middle and end of a limb, (frames, 2, 3), that move its end by vectors, (frames, 3),
-    as far as it reaches [file units]. The limb turns about its top by the least rotation, and then bends in its plane.
+    as far as it reaches [file units].
+
+    The limb turns about its top by the least rotation, and then bends in its plane. Where it turns far and is not bent,
+    so that it hardly has a plane, its middle is on the side of the `poles`, unit vectors (frames, 3); zeros do nothing.
     """
     top, middle, end = (motion.positions[:, joint] for joint in limb.joints)
     upper, lower = (motion.skeleton.lengths[joint] for joint in (limb.middle, limb.end))
     now, way = end - top, end + by - top
-    far, most = lengths(way), (1.0 - STRETCHED) * (upper + lower)
+    far, most = lengths(way), np.maximum((1.0 - STRETCHED) * (upper + lower), lengths(now))
     least = np.minimum(np.sqrt(upper**2 + lower**2 - 2.0 * upper * lower * np.cos(FOLDED)), lengths(now))
     aim = (np.clip(far, least, most) / np.maximum(far, LEAST))[:, None] * way
     far = np.maximum(lengths(aim), LEAST)[:, None]
-    turned = Rotation.from_quat(least_rotation(now, aim)).apply(middle - top)
+    turn = Rotation.from_quat(least_rotation(now, aim))
+    to_pole = smoothstep(turn.magnitude() / FAR)[:, None]
     along = (upper**2 - lower**2 + far**2) / (2.0 * far)
-    aside = turned - (turned * aim).sum(axis=1, keepdims=True) / far**2 * aim
+    own = _across(turn.apply(middle - top), aim) / upper
+    aside = own + to_pole * (1.0 - lengths(own)[:, None]) * _across(poles, aim)
     aside *= np.sqrt(np.maximum(upper**2 - along**2, 0.0)) / np.maximum(lengths(aside)[:, None], LEAST)
     moved = np.stack([top + along / far * aim + aside - middle, top + aim - end], axis=1)
     return np.where((by != 0.0).any(axis=1)[:, None, None], moved, 0.0)
+
+
+def _across(vectors: Array, axes: Array) -> Array:
+    """(frames, 3), what vectors have across axes."""
+    square = np.maximum((axes**2).sum(axis=1, keepdims=True), LEAST**2)
+    return np.asarray(vectors - (vectors * axes).sum(axis=1, keepdims=True) / square * axes)
 
 
 def _excess(turns: Array) -> Array:
