@@ -1,11 +1,16 @@
 """The studio: files in, a result out that is the command line's to the byte, and nobody else let in."""
 
 import http.client
+import io
 import json
+import os
 import shlex
 import socket
+import subprocess
+import sys
 import threading
 import time
+import zipfile
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -16,8 +21,10 @@ from fbx_text import Node, fbx
 
 from distretarget.cli import cli
 from distretarget.errors import DistretargetError, SettingsError
-from distretarget.studio.bench import Bench, Order, OvertakenError
+from distretarget.studio.bench import Bench, OvertakenError
+from distretarget.studio.order import Order
 
+WAVE = SAMPLES / "wave.bvh"
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TOKEN = "secret"
 
@@ -59,20 +66,24 @@ def answer(studio, path, content=None, **headers):
     return found
 
 
+def in_shell(folder, command):
+    """What a shell says of a command in a folder."""
+    program = folder / "distretarget"
+    program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -m distretarget \"$@\"\n")
+    program.chmod(0o755)
+    path = f"{folder}{os.pathsep}{os.environ['PATH']}"
+    ran = subprocess.run(["sh", "-c", command], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True)
+    program.unlink()
+    return ran
+
+
 def by_command(folder, done):
-    """The bytes that the command of an order makes in a folder with its files."""
-    folder.mkdir(exist_ok=True)
-    for path in (SAMPLES / "wave.bvh", HERO):
-        (folder / path.name).write_bytes(path.read_bytes())
-    for kind in ("contacts", "map"):
-        name, content = done.file(kind)
-        (folder / name).write_bytes(content)
-    words = shlex.split(done.command)
-    assert words[0] == "distretarget"
-    here = [str(folder / word) if (folder / word).exists() or word == words[4] else word for word in words[1:]]
-    ran = CliRunner().invoke(cli, ["retarget", *here])
-    assert ran.exit_code == 0, ran.output
-    return (folder / words[4]).read_bytes()
+    """The bytes that the command of an order makes, by a shell in a folder with what is taken away in a zip."""
+    with zipfile.ZipFile(io.BytesIO(done.file("zip")[1])) as archive:
+        archive.extractall(folder)
+    ran = in_shell(folder / "made_from", done.command)
+    assert ran.returncode == 0, ran.stderr
+    return (folder / "made_from" / done.names.result).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -95,6 +106,69 @@ def test_what_is_taken_away_is_what_its_command_makes(tmp_path, dropped, more):
     name, content = done.file(more.get("format", "glb"))
     assert name == f"wave_hero.{more.get('format', 'glb')}"
     assert content == by_command(tmp_path, done)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names that Windows cannot have")
+@pytest.mark.parametrize(
+    ("clip", "character"),
+    [
+        ("-o.bvh", "--help.glb"),
+        ("batch", "a b; $(echo no) 'quoted' \"twice\" *.glb"),
+        ("two\nlines.bvh", "é漢字.glb"),
+        ("same.bvh", "Same.bvh"),
+        ("../..", "."),
+        (f"{'long' * 60}.bvh", f"{'name' * 60}.glb"),
+        ("a.bvh", "a.contacts.json.glb"),
+    ],
+)
+def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character):
+    bench = Bench()
+    numbers = [bench.add(name, path.read_bytes())["id"] for name, path in ((clip, WAVE), (character, HERO))]
+    edits = {"end": "30f"}
+    contacts = [{"plant": "left foot", "keep": False}]
+    order = {"clip": numbers[0], "character": numbers[1], "edits": edits, "contacts": contacts, "map": {"Head": None}}
+    done = bench.carry_out(Order.of(order))
+    name, content = done.file(done.format)
+    assert content == by_command(tmp_path, done)
+    project = done.file("project")[0]
+    (tmp_path / "made_from" / name).unlink()
+    ran = in_shell(tmp_path / "made_from", f"distretarget retarget --project {shlex.quote(f'./{project}')}")
+    assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "made_from" / name).read_bytes() == content
+
+
+def test_the_papers_objective_has_no_supports_in_its_command(dropped):
+    bench, clip, character = dropped
+    options = {"objective": "paper", "supports": "feet"}
+    done = bench.carry_out(Order.of({"clip": clip, "character": character, "options": options}))
+    assert done.command == "distretarget wave.bvh hero.glb -o wave_hero.glb --objective paper"
+
+
+def test_a_project_is_refused_with_other_files(tmp_path, dropped):
+    bench, clip, character = dropped
+    done = bench.carry_out(Order.of({"clip": clip, "character": character, "edits": {"end": "30f"}}))
+    path = tmp_path / "wave.project.json"
+    path.write_bytes(done.file("project")[1])
+    for source in (WAVE, HERO):
+        (tmp_path / source.name).write_bytes(source.read_bytes())
+    whole = json.loads(path.read_text())
+
+    def said(change, *more):
+        path.write_text(json.dumps({**whole, **change}))
+        ran = CliRunner().invoke(cli, ["retarget", "--project", str(path), "-o", str(tmp_path / "out.bvh"), *more])
+        return str(ran.exception) if ran.exception else ""
+
+    assert not said({})
+    assert "-o" not in said({}, "--overwrite", "--speed", "2")
+    assert "unknown key" in said({"colour": 1})
+    assert "speed" in said({"edits": {"speed": -1}})
+    assert "expected the name of a file beside" in said(
+        {"files": {**whole["files"], "clip": {"name": "../x", "hash": ""}}}
+    )
+    (tmp_path / "wave.bvh").write_bytes(WAVE.read_bytes() + b"\n")
+    assert "its content differs" in said({})
+    (tmp_path / "wave.bvh").unlink()
+    assert "belongs beside it" in said({})
 
 
 def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(dropped):

@@ -16,7 +16,8 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from distretarget.errors import DistretargetError, SettingsError
-from distretarget.studio.bench import Bench, Done, Order, OvertakenError
+from distretarget.studio.bench import Bench, Done, OvertakenError
+from distretarget.studio.order import Order
 
 LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
 LARGEST_ORDER = 10_000_000  # [bytes]
