@@ -21,6 +21,7 @@ from fbx_text import Node, fbx
 
 from distretarget.cli import cli
 from distretarget.errors import DistretargetError, SettingsError
+from distretarget.io.target_file import load_target
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
 
@@ -371,3 +372,188 @@ def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tm
     expect(tab.get_by_test_id("command")).to_have_text(plain)
     assert not problems
     tab.close()
+
+
+WHERE = """(joint) => {
+  const { stage } = app, side = stage.sides.at(-1), views = stage.views.length;
+  const { positions } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
+  const place = new THREE.Vector3().fromArray(positions, 3 * joint).add(side.group.position).project(stage.camera);
+  return [box.left + ((place.x + 1) / 2 + views - 1) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
+}"""
+
+
+DRAWN = """async () => {
+  while (!(globalThis.app?.stage.sides.at(-1).actors[0].mesh.bent >= 0)) await new Promise(requestAnimationFrame);
+}"""
+
+
+@pytest.fixture
+def solved(browser):
+    """A tab with a clip on a character, of a studio of its own, and a function that waits for a solved command."""
+    from playwright.sync_api import expect
+
+    uvicorn = pytest.importorskip("uvicorn")
+    from distretarget.studio.server import studio_app
+
+    bench = Bench()
+    for path in (SAMPLES / "clap.bvh", HERO):
+        bench.add(path.name, path.read_bytes())
+    listening = socket.create_server(("127.0.0.1", 0))
+    port = listening.getsockname()[1]
+    app = studio_app(TOKEN, port, bench)
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+    thread.start()
+    tab, problems = browser.new_page(viewport={"width": 1440, "height": 1000}), []
+    tab.on("pageerror", lambda error: problems.append(str(error)))
+    tab.goto(f"http://127.0.0.1:{port}/{TOKEN}/")
+
+    def wait(words=""):
+        plain = "distretarget clap.bvh hero.glb -o clap_hero.glb"
+        expect(tab.get_by_test_id("command")).to_have_text(f"{plain}{words}", timeout=30_000)
+        expect(tab.get_by_test_id("solve-state")).to_have_text("done", timeout=30_000)
+
+    wait()
+    yield tab, wait
+    assert not problems
+    tab.close()
+    server.should_exit = True
+    thread.join(10)
+
+
+def taken(tab, press):
+    """The content of what a press on something downloads."""
+    with tab.expect_download() as download:
+        press.click()
+    return download.value.path().read_text()
+
+
+def entries_of(tab):
+    """The entries of the contact file that is taken away."""
+    return json.loads(taken(tab, tab.locator("[data-take=contacts]")))["contacts"]
+
+
+def drag(tab, contact, of_bar, shift):
+    """Drag a bar from a place on it, a share of its width, by a share of the whole clip."""
+    contact.scroll_into_view_if_needed()
+    bar, track = contact.locator(".bar").bounding_box(), contact.locator(".track").bounding_box()
+    x, y = bar["x"] + of_bar * bar["width"], bar["y"] + bar["height"] / 2
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + shift * track["width"], y, steps=4)
+    tab.mouse.up()
+
+
+def test_contacts_are_moved_stretched_and_kept_on_their_bars(solved):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    first = tab.locator("[data-testid=contact][data-between='left hand,right hand'][data-frames='58-75']")
+    drag(tab, first, 0.99, 20 / 277)
+    wait(" --contacts clap.contacts.json")
+    (entry,) = entries_of(tab)
+    assert entry["between"] == ["left hand", "right hand"]
+    assert entry["frames"][0] == 58
+    assert 93 <= entry["frames"][1] <= 97
+    made = tab.locator("[data-testid=contact][data-mark=added]")
+    expect(made).to_have_count(1)
+    expect(first).to_have_count(0)
+    drag(tab, made, 0.5, -30 / 277)
+    wait(" --contacts clap.contacts.json")
+    expect(made).not_to_have_attribute("data-frames", f"58-{entry['frames'][1]}")
+    (moved,) = entries_of(tab)
+    assert np.ptp(moved["frames"]) == np.ptp(entry["frames"])
+    assert 26 <= moved["frames"][0] <= 30
+    tab.get_by_test_id("undo").click()
+    tab.get_by_test_id("undo").click()
+    wait()
+    expect(first).to_have_count(1)
+    drag(tab, first, 0.5, -50 / 277)
+    wait(" --contacts clap.contacts.json")
+    dropped, moved = entries_of(tab)
+    assert (dropped["keep"], dropped["frames"]) == (False, [58, 75])
+    assert moved["frames"][0] in range(6, 11)
+
+
+def test_a_gap_a_firmness_a_plant_and_a_direction_are_set_and_go_through_a_file(solved, tmp_path):
+    tab, wait = solved
+
+    def fill(kind, one, frames, other="", **more):
+        tab.get_by_test_id("kind").select_option(kind)
+        for name, value in {"one": one, "frames": frames, **({"other": other} if other else {}), **more}.items():
+            tab.get_by_test_id(name).fill(value)
+        tab.get_by_test_id("make-contact").click()
+        wait(" --contacts clap.contacts.json")
+
+    fill("between", "left hand", "5-20", "right hand", gap="3", firmness="0.5")
+    fill("plant", "left hand", "100-120")
+    fill("look", "head", "0-30")
+    whole = [
+        {"between": ["left hand", "right hand"], "gap": 3, "firmness": 0.5, "frames": [5, 20]},
+        {"plant": "left hand", "on": "where it is", "frames": [100, 120]},
+        {"look": "head", "like": "source", "frames": [0, 30]},
+    ]
+    path = tmp_path / "mine.contacts.json"
+    path.write_text(taken(tab, tab.locator("[data-take=contacts]")))
+    assert json.loads(path.read_text())["contacts"] == whole
+    for _ in range(3):
+        tab.get_by_test_id("undo").click()
+    wait()
+    tab.set_input_files("[data-testid=open-contacts]", path)
+    wait(" --contacts clap.contacts.json")
+    assert entries_of(tab) == whole
+    tab.locator("[data-testid=contact][data-frames='5-20'] .name").click()
+    tab.get_by_test_id("gap").fill("1")
+    tab.get_by_test_id("change-contact").click()
+    tab.locator("[data-testid=solve-state]:text('done')").wait_for()
+    assert {**whole[0], "gap": 1} in entries_of(tab)
+
+
+def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
+    tab, wait = solved
+    keys = load_target(HERO).skeleton.keys
+    stage = tab.frames[1]
+    stage.evaluate(DRAWN)
+    tab.get_by_test_id("pick").click()
+    box = tab.locator("#report").bounding_box()
+    for joint in (keys.index("LeftHand"), keys.index("Head")):
+        x, y = stage.evaluate(WHERE, joint)
+        tab.mouse.click(box["x"] + x, box["y"] + y)
+    wait(" --contacts clap.contacts.json")
+    (entry,) = entries_of(tab)
+    assert entry["between"] == ["LeftHand", "Head"]
+    assert entry["frames"][0] == 0
+
+
+def test_a_project_is_saved_and_opened_again(solved, tmp_path):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    tab.get_by_test_id("mirror").check()
+    tab.get_by_test_id("end").fill("60f")
+    tab.get_by_test_id("end").blur()
+    wait(" --end 60f --mirror")
+    path = tmp_path / "mine.json"
+    path.write_text(taken(tab, tab.get_by_test_id("save-project")))
+    for _ in range(2):
+        tab.get_by_test_id("undo").click()
+    wait()
+    tab.set_input_files("[data-testid=open-project]", path)
+    wait(" --end 60f --mirror")
+    path.write_text(path.read_text().replace("sha256:", "sha256:0"))
+    tab.set_input_files("[data-testid=open-project]", path)
+    expect(tab.get_by_role("alert")).to_contain_text("the clap.bvh that was dropped is not the one of the project")
+
+
+def test_ten_changes_are_undone_and_done_again(solved):
+    tab, wait = solved
+    for turn in range(1, 11):
+        tab.get_by_test_id("turn").fill(str(turn))
+        tab.get_by_test_id("turn").blur()
+    wait(" --turn 10")
+    for _ in range(10):
+        tab.get_by_test_id("undo").click()
+    wait()
+    for _ in range(10):
+        tab.keyboard.press("Control+Shift+Z")
+    wait(" --turn 10")

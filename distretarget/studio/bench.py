@@ -27,6 +27,7 @@ from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 from distretarget.studio.order import Names, Order, project_to_json
 
+MOST = 2_000_000_000  # of all files that were dropped [bytes]
 KEPT = 4  # so many results are kept, so that undo shows them at once
 
 
@@ -82,6 +83,13 @@ class Done:
                 if not result.motion.skeleton.end_sites[joint]
             ],
             "joints": list(result.source.skeleton.keys),
+            "anchors": [
+                result.motion.skeleton.keys[max(parent, 0) if end else joint]
+                for joint, (parent, end) in enumerate(
+                    zip(result.motion.skeleton.parents, result.motion.skeleton.end_sites, strict=True)
+                )
+            ],
+            "frame_time": result.motion.frame_time,
             "formats": formats_of(self.target),
             "format": self.format,
             "command": self.command,
@@ -171,6 +179,9 @@ class Bench:
         """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use."""
         plain = PurePath(name.replace("\\", "/").replace("\0", "")).name
         file = InputFile(content, plain if plain.strip(".") else "file", has_folder=False)
+        held = sum(len(each.content) for each in self._files.values())
+        if held + len(content) > MOST:
+            raise FileError(file.path, f"does not fit: the files on the page may have {MOST:,} bytes; start it anew")
         number = uuid.uuid4().hex
         names = animations_in(file)
         about: dict[str, object] = {"id": number, "name": str(file.path), "hash": file.hash, "animations": list(names)}
