@@ -193,9 +193,7 @@ export class Stage {
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
   }
 
-  /** The number of the joint of the measured body that is nearest to a place on the canvas, in the view there; -1 if none
-   * is near.
-   */
+  /** The number of the joint of the copy or the result that is nearest to a place on the canvas; -1 if none is near. */
   jointAt(left, top) {
     const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
     const view = Math.min(Math.floor(left / share), this.views.length - 1);
