@@ -1,11 +1,16 @@
 """The studio: files in, a result out that is the command line's to the byte, and nobody else let in."""
 
 import http.client
+import io
 import json
+import os
 import shlex
 import socket
+import subprocess
+import sys
 import threading
 import time
+import zipfile
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -16,8 +21,11 @@ from fbx_text import Node, fbx
 
 from distretarget.cli import cli
 from distretarget.errors import DistretargetError, SettingsError
-from distretarget.studio.bench import Bench, Order, OvertakenError
+from distretarget.io.target_file import load_target
+from distretarget.studio.bench import Bench, OvertakenError
+from distretarget.studio.order import Order
 
+WAVE = SAMPLES / "wave.bvh"
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TOKEN = "secret"
 
@@ -59,20 +67,24 @@ def answer(studio, path, content=None, **headers):
     return found
 
 
+def in_shell(folder, command):
+    """What a shell says of a command in a folder."""
+    program = folder / "distretarget"
+    program.write_text(f"#!/bin/sh\nexec '{sys.executable}' -m distretarget \"$@\"\n")
+    program.chmod(0o755)
+    path = f"{folder}{os.pathsep}{os.environ['PATH']}"
+    ran = subprocess.run(["sh", "-c", command], cwd=folder, env={**os.environ, "PATH": path}, capture_output=True)
+    program.unlink()
+    return ran
+
+
 def by_command(folder, done):
-    """The bytes that the command of an order makes in a folder with its files."""
-    folder.mkdir(exist_ok=True)
-    for path in (SAMPLES / "wave.bvh", HERO):
-        (folder / path.name).write_bytes(path.read_bytes())
-    for kind in ("contacts", "map"):
-        name, content = done.file(kind)
-        (folder / name).write_bytes(content)
-    words = shlex.split(done.command)
-    assert words[0] == "distretarget"
-    here = [str(folder / word) if (folder / word).exists() or word == words[4] else word for word in words[1:]]
-    ran = CliRunner().invoke(cli, ["retarget", *here])
-    assert ran.exit_code == 0, ran.output
-    return (folder / words[4]).read_bytes()
+    """The bytes that the command of an order makes, by a shell in a folder with what is taken away in a zip."""
+    with zipfile.ZipFile(io.BytesIO(done.file("zip")[1])) as archive:
+        archive.extractall(folder)
+    ran = in_shell(folder / "made_from", done.command)
+    assert ran.returncode == 0, ran.stderr
+    return (folder / "made_from" / done.names.result).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -95,6 +107,69 @@ def test_what_is_taken_away_is_what_its_command_makes(tmp_path, dropped, more):
     name, content = done.file(more.get("format", "glb"))
     assert name == f"wave_hero.{more.get('format', 'glb')}"
     assert content == by_command(tmp_path, done)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names that Windows cannot have")
+@pytest.mark.parametrize(
+    ("clip", "character"),
+    [
+        ("-o.bvh", "--help.glb"),
+        ("batch", "a b; $(echo no) 'quoted' \"twice\" *.glb"),
+        ("two\nlines.bvh", "é漢字.glb"),
+        ("same.bvh", "Same.bvh"),
+        ("../..", "."),
+        (f"{'long' * 60}.bvh", f"{'name' * 60}.glb"),
+        ("a.bvh", "a.contacts.json.glb"),
+    ],
+)
+def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character):
+    bench = Bench()
+    numbers = [bench.add(name, path.read_bytes())["id"] for name, path in ((clip, WAVE), (character, HERO))]
+    edits = {"end": "30f"}
+    contacts = [{"plant": "left foot", "keep": False}]
+    order = {"clip": numbers[0], "character": numbers[1], "edits": edits, "contacts": contacts, "map": {"Head": None}}
+    done = bench.carry_out(Order.of(order))
+    name, content = done.file(done.format)
+    assert content == by_command(tmp_path, done)
+    project = done.file("project")[0]
+    (tmp_path / "made_from" / name).unlink()
+    ran = in_shell(tmp_path / "made_from", f"distretarget retarget --project {shlex.quote(f'./{project}')}")
+    assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "made_from" / name).read_bytes() == content
+
+
+def test_the_papers_objective_has_no_supports_in_its_command(dropped):
+    bench, clip, character = dropped
+    options = {"objective": "paper", "supports": "feet"}
+    done = bench.carry_out(Order.of({"clip": clip, "character": character, "options": options}))
+    assert done.command == "distretarget wave.bvh hero.glb -o wave_hero.glb --objective paper"
+
+
+def test_a_project_is_refused_with_other_files(tmp_path, dropped):
+    bench, clip, character = dropped
+    done = bench.carry_out(Order.of({"clip": clip, "character": character, "edits": {"end": "30f"}}))
+    path = tmp_path / "wave.project.json"
+    path.write_bytes(done.file("project")[1])
+    for source in (WAVE, HERO):
+        (tmp_path / source.name).write_bytes(source.read_bytes())
+    whole = json.loads(path.read_text())
+
+    def said(change, *more):
+        path.write_text(json.dumps({**whole, **change}))
+        ran = CliRunner().invoke(cli, ["retarget", "--project", str(path), "-o", str(tmp_path / "out.bvh"), *more])
+        return str(ran.exception) if ran.exception else ""
+
+    assert not said({})
+    assert "-o" not in said({}, "--overwrite", "--speed", "2")
+    assert "unknown key" in said({"colour": 1})
+    assert "speed" in said({"edits": {"speed": -1}})
+    assert "expected the name of a file beside" in said(
+        {"files": {**whole["files"], "clip": {"name": "../x", "hash": ""}}}
+    )
+    (tmp_path / "wave.bvh").write_bytes(WAVE.read_bytes() + b"\n")
+    assert "its content differs" in said({})
+    (tmp_path / "wave.bvh").unlink()
+    assert "belongs beside it" in said({})
 
 
 def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(dropped):
@@ -297,3 +372,188 @@ def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tm
     expect(tab.get_by_test_id("command")).to_have_text(plain)
     assert not problems
     tab.close()
+
+
+WHERE = """(joint) => {
+  const { stage } = app, side = stage.sides.at(-1), views = stage.views.length;
+  const { positions } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
+  const place = new THREE.Vector3().fromArray(positions, 3 * joint).add(side.group.position).project(stage.camera);
+  return [box.left + ((place.x + 1) / 2 + views - 1) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
+}"""
+
+
+DRAWN = """async () => {
+  while (!(globalThis.app?.stage.sides.at(-1).actors[0].mesh.bent >= 0)) await new Promise(requestAnimationFrame);
+}"""
+
+
+@pytest.fixture
+def solved(browser):
+    """A tab with a clip on a character, of a studio of its own, and a function that waits for a solved command."""
+    from playwright.sync_api import expect
+
+    uvicorn = pytest.importorskip("uvicorn")
+    from distretarget.studio.server import studio_app
+
+    bench = Bench()
+    for path in (SAMPLES / "clap.bvh", HERO):
+        bench.add(path.name, path.read_bytes())
+    listening = socket.create_server(("127.0.0.1", 0))
+    port = listening.getsockname()[1]
+    app = studio_app(TOKEN, port, bench)
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
+    thread.start()
+    tab, problems = browser.new_page(viewport={"width": 1440, "height": 1000}), []
+    tab.on("pageerror", lambda error: problems.append(str(error)))
+    tab.goto(f"http://127.0.0.1:{port}/{TOKEN}/")
+
+    def wait(words=""):
+        plain = "distretarget clap.bvh hero.glb -o clap_hero.glb"
+        expect(tab.get_by_test_id("command")).to_have_text(f"{plain}{words}", timeout=30_000)
+        expect(tab.get_by_test_id("solve-state")).to_have_text("done", timeout=30_000)
+
+    wait()
+    yield tab, wait
+    assert not problems
+    tab.close()
+    server.should_exit = True
+    thread.join(10)
+
+
+def taken(tab, press):
+    """The content of what a press on something downloads."""
+    with tab.expect_download() as download:
+        press.click()
+    return download.value.path().read_text()
+
+
+def entries_of(tab):
+    """The entries of the contact file that is taken away."""
+    return json.loads(taken(tab, tab.locator("[data-take=contacts]")))["contacts"]
+
+
+def drag(tab, contact, of_bar, shift):
+    """Drag a bar from a place on it, a share of its width, by a share of the whole clip."""
+    contact.scroll_into_view_if_needed()
+    bar, track = contact.locator(".bar").bounding_box(), contact.locator(".track").bounding_box()
+    x, y = bar["x"] + of_bar * bar["width"], bar["y"] + bar["height"] / 2
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + shift * track["width"], y, steps=4)
+    tab.mouse.up()
+
+
+def test_contacts_are_moved_stretched_and_kept_on_their_bars(solved):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    first = tab.locator("[data-testid=contact][data-between='left hand,right hand'][data-frames='58-75']")
+    drag(tab, first, 0.99, 20 / 277)
+    wait(" --contacts clap.contacts.json")
+    (entry,) = entries_of(tab)
+    assert entry["between"] == ["left hand", "right hand"]
+    assert entry["frames"][0] == 58
+    assert 93 <= entry["frames"][1] <= 97
+    made = tab.locator("[data-testid=contact][data-mark=added]")
+    expect(made).to_have_count(1)
+    expect(first).to_have_count(0)
+    drag(tab, made, 0.5, -30 / 277)
+    wait(" --contacts clap.contacts.json")
+    expect(made).not_to_have_attribute("data-frames", f"58-{entry['frames'][1]}")
+    (moved,) = entries_of(tab)
+    assert np.ptp(moved["frames"]) == np.ptp(entry["frames"])
+    assert 26 <= moved["frames"][0] <= 30
+    tab.get_by_test_id("undo").click()
+    tab.get_by_test_id("undo").click()
+    wait()
+    expect(first).to_have_count(1)
+    drag(tab, first, 0.5, -50 / 277)
+    wait(" --contacts clap.contacts.json")
+    dropped, moved = entries_of(tab)
+    assert (dropped["keep"], dropped["frames"]) == (False, [58, 75])
+    assert moved["frames"][0] in range(6, 11)
+
+
+def test_a_gap_a_firmness_a_plant_and_a_direction_are_set_and_go_through_a_file(solved, tmp_path):
+    tab, wait = solved
+
+    def fill(kind, one, frames, other="", **more):
+        tab.get_by_test_id("kind").select_option(kind)
+        for name, value in {"one": one, "frames": frames, **({"other": other} if other else {}), **more}.items():
+            tab.get_by_test_id(name).fill(value)
+        tab.get_by_test_id("make-contact").click()
+        wait(" --contacts clap.contacts.json")
+
+    fill("between", "left hand", "5-20", "right hand", gap="3", firmness="0.5")
+    fill("plant", "left hand", "100-120")
+    fill("look", "head", "0-30")
+    whole = [
+        {"between": ["left hand", "right hand"], "gap": 3, "firmness": 0.5, "frames": [5, 20]},
+        {"plant": "left hand", "on": "where it is", "frames": [100, 120]},
+        {"look": "head", "like": "source", "frames": [0, 30]},
+    ]
+    path = tmp_path / "mine.contacts.json"
+    path.write_text(taken(tab, tab.locator("[data-take=contacts]")))
+    assert json.loads(path.read_text())["contacts"] == whole
+    for _ in range(3):
+        tab.get_by_test_id("undo").click()
+    wait()
+    tab.set_input_files("[data-testid=open-contacts]", path)
+    wait(" --contacts clap.contacts.json")
+    assert entries_of(tab) == whole
+    tab.locator("[data-testid=contact][data-frames='5-20'] .name").click()
+    tab.get_by_test_id("gap").fill("1")
+    tab.get_by_test_id("change-contact").click()
+    tab.locator("[data-testid=solve-state]:text('done')").wait_for()
+    assert {**whole[0], "gap": 1} in entries_of(tab)
+
+
+def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
+    tab, wait = solved
+    keys = load_target(HERO).skeleton.keys
+    stage = tab.frames[1]
+    stage.evaluate(DRAWN)
+    tab.get_by_test_id("pick").click()
+    box = tab.locator("#report").bounding_box()
+    for joint in (keys.index("LeftHand"), keys.index("Head")):
+        x, y = stage.evaluate(WHERE, joint)
+        tab.mouse.click(box["x"] + x, box["y"] + y)
+    wait(" --contacts clap.contacts.json")
+    (entry,) = entries_of(tab)
+    assert entry["between"] == ["LeftHand", "Head"]
+    assert entry["frames"][0] == 0
+
+
+def test_a_project_is_saved_and_opened_again(solved, tmp_path):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    tab.get_by_test_id("mirror").check()
+    tab.get_by_test_id("end").fill("60f")
+    tab.get_by_test_id("end").blur()
+    wait(" --end 60f --mirror")
+    path = tmp_path / "mine.json"
+    path.write_text(taken(tab, tab.get_by_test_id("save-project")))
+    for _ in range(2):
+        tab.get_by_test_id("undo").click()
+    wait()
+    tab.set_input_files("[data-testid=open-project]", path)
+    wait(" --end 60f --mirror")
+    path.write_text(path.read_text().replace("sha256:", "sha256:0"))
+    tab.set_input_files("[data-testid=open-project]", path)
+    expect(tab.get_by_role("alert")).to_contain_text("the clap.bvh that was dropped is not the one of the project")
+
+
+def test_ten_changes_are_undone_and_done_again(solved):
+    tab, wait = solved
+    for turn in range(1, 11):
+        tab.get_by_test_id("turn").fill(str(turn))
+        tab.get_by_test_id("turn").blur()
+    wait(" --turn 10")
+    for _ in range(10):
+        tab.get_by_test_id("undo").click()
+    wait()
+    for _ in range(10):
+        tab.keyboard.press("Control+Shift+Z")
+    wait(" --turn 10")

@@ -50,9 +50,25 @@ from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
+from distretarget.studio.order import Project, load_project
+
+
+def _take_project(context: click.Context, _option: click.Parameter, path: Path | None) -> Project | None:
+    """Take what the command line does not say from a project file."""
+    project = load_project(path) if path else None
+    if project:
+        context.default_map = project.defaults
+    return project
 
 
 @click.command("retarget")
+@file_option(
+    "--project",
+    is_eager=True,
+    callback=_take_project,
+    help="A project file of the studio, beside its clip and its character: SOURCE, TARGET, OUTPUT and all other "
+    "settings that the command line does not give.",
+)
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
 @click.option(
@@ -81,6 +97,7 @@ from distretarget.report.diff_document import metrics_json, metrics_line, summar
 )
 @quiet
 def retarget_command(
+    project: Project | None,
     source: Path,
     target: Path,
     output: Path,
@@ -109,6 +126,7 @@ def retarget_command(
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     distretarget amass.npz hero.glb -o hero.glb --smpl-joints smplx_neutral.npz
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
+    distretarget retarget --project clap_hero.project.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
     if is_folder(source):
@@ -117,17 +135,26 @@ def retarget_command(
     started = time.perf_counter()
     source_file, target_file = read_source(source, recipe_files.joints_path), read_input(target)
     recipe = recipe_files.read()
-    contacts = load_contacts(contacts_path) if contacts_path else NO_CONTACTS
+    if project and not recipe_files.map_path:
+        recipe = replace(recipe, map_file=replace(recipe.map_file, pairs=dict(project.order.pairs)))
+    usual = project.order.contacts if project else NO_CONTACTS
+    contacts = load_contacts(contacts_path) if contacts_path else usual
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, recipe)
     if source_file.kind == "BVH":
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
-    name = recipe.clip if recipe.clip and not recipe.clip.startswith("#") else Path(source_file.path).stem
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         done = convert(
-            motion, source_file, body, recipe, name=name, kinds=(kind,), contacts=contacts, progress=bar.update
+            motion,
+            source_file,
+            body,
+            recipe,
+            name=recipe.name_of(source_file),
+            kinds=(kind,),
+            contacts=contacts,
+            progress=bar.update,
         )
     result, named = done.result, done.clip
     if strip_namespace and kind == "BVH":

@@ -68,6 +68,10 @@ class Recipe:
         motion, lost = parse_motion(source, self.clip, self.fps)
         return self.edits.of_file(motion, source.path), lost
 
+    def name_of(self, source: InputFile) -> str:
+        """Return the name of the animation that is written of a clip."""
+        return self.clip if self.clip and not self.clip.startswith("#") else Path(source.path).stem
+
     def match_arguments(self, motion: Motion, source: InputFile, target: Target, path: str | Path) -> MatchArguments:
         """Return what files say of how a motion, of the file `source`, is matched to the target in the file `path`; an
         error names the file that does not fit.

@@ -12,6 +12,7 @@ const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'}
 const RESTS = 200; // a picture that has been the same for so long rests [ms]
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
+const NEAR = 50; // a joint that is farther from a click is not meant [pixels]
 const VEILED = 0.4; // opacity of what another body is laid over
 const CELL = 0.25, BLOCK = 1; // of the grid, and of its stronger lines [body units]
 const REACH = 7; // of the grid from its middle; the air hides it before [body units]
@@ -190,6 +191,22 @@ export class Stage {
     this.frame(this.camera.aspect);
     for (const side of views.flat()) this.place(side, frame, views[0]);
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
+  }
+
+  /** The number of the joint of the copy or the result that is nearest to a place on the canvas; -1 if none is near. */
+  jointAt(left, top) {
+    const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
+    const view = Math.min(Math.floor(left / share), this.views.length - 1);
+    const side = this.views[view].findLast(({actors}) => ['copy', 'result'].includes(actors[0].role));
+    if (!side) return -1;
+    const [{motion: {positions}}] = side.actors, place = new THREE.Vector3();
+    const away = Array.from({length: positions.length / 3}, (_, joint) => {
+      place.fromArray(positions, 3 * joint).add(side.group.position).project(this.camera);
+      const x = (place.x + 1) / 2 * share + view * share, y = (1 - place.y) / 2 * clientHeight;
+      return Math.hypot(x - left, y - top) + place.z; // of those at one place the nearer
+    });
+    const nearest = Math.min(...away);
+    return nearest < NEAR ? away.indexOf(nearest) : -1;
   }
 
   /** Draws sides into a box of the canvas, through a camera that looks at a place. */

@@ -4,102 +4,35 @@ from __future__ import annotations
 
 import io
 import json
-import shlex
 import threading
 import uuid
 import zipfile
 from collections import OrderedDict
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePath
-from typing import Any
 
-from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError, FileError, SettingsError
-from distretarget.io.contacts_file import contacts_to_json, entry_to_json, parse_contacts
+from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.io.files import encoded_parts, hash_of
 from distretarget.io.input_file import InputFile
-from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import FORMATS, OUTPUTS, OutputSettings, content_of, output_kind, suffix_of
+from distretarget.io.motion_writer import FORMATS, OUTPUTS, content_of, output_kind, suffix_of
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import Converted, Recipe, convert
-from distretarget.pipeline.edits import NO_EDITS, Edits
+from distretarget.pipeline.conversion import Converted, convert
 from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
-from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
+from distretarget.studio.order import Names, Order, project_to_json
 
+MOST = 2_000_000_000  # of all files that were dropped [bytes]
 KEPT = 4  # so many results are kept, so that undo shows them at once
-EDITS = tuple(field.name for field in fields(Edits))
-CHOSEN = ("objective", "supports", "skin")  # the options that the page has
 
 
 class OvertakenError(Exception):
     """A later order took the place of this one."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """How a clip is to be on a character, as the page has it.
-
-    Attributes:
-        clip: the number of the clip's file.
-        character: that of the character's.
-        animation: which of several; None for the only one.
-        edits, options, in_place: as in the command line.
-        contacts: entries of a contact file.
-        pairs: the joints that drive those of the character, as in a map file.
-        format: the ending of what is to be taken away; None for the character's usual one.
-    """
-
-    clip: str
-    character: str
-    animation: str | None
-    edits: Edits
-    options: Options
-    in_place: bool
-    contacts: ContactList
-    pairs: tuple[tuple[str, str | None], ...]
-    format: str | None
-    key: str  # what it was made from
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Order:
-        """Return the order that the page sent; a SettingsError, FileError or ContactsError where it has no sense."""
-        known = {"clip", "character", "animation", "edits", "options", "in_place", "contacts", "map", "format"}
-        if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {"clip", "character"}:
-            raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
-        entries, pairs = given.get("contacts") or [], given.get("map") or {}
-        text = json.dumps({"format": "distretarget-contacts", "version": 1, "contacts": entries})
-        named = isinstance(pairs, Mapping) and all(isinstance(driver, str | None) for driver in pairs.values())
-        if not named or not all(isinstance(given.get(name), str | None) for name in ("animation", "format")):
-            raise SettingsError("the map, the animation and the format of an order are names")
-        try:
-            edits, options = Edits(**given.get("edits") or {}), Options(**given.get("options") or {})
-        except TypeError as error:
-            raise SettingsError(f"an order has a setting that is not known: {error}") from None
-        return cls(
-            clip=str(given["clip"]),
-            character=str(given["character"]),
-            animation=given.get("animation"),
-            edits=edits,
-            options=options,
-            in_place=bool(given.get("in_place")),
-            contacts=parse_contacts(text, "contacts.json") if entries else NO_CONTACTS,
-            pairs=tuple(pairs.items()),
-            format=given.get("format"),
-            key=json.dumps(given, sort_keys=True),
-        )
-
-    @property
-    def recipe(self) -> Recipe:
-        """The same for a conversion."""
-        writing, map_file = OutputSettings(in_place=self.in_place), MapFile(dict(self.pairs), "map.json")
-        return Recipe(self.options, map_file, self.animation, writing=writing, edits=self.edits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,60 +83,68 @@ class Done:
                 if not result.motion.skeleton.end_sites[joint]
             ],
             "joints": list(result.source.skeleton.keys),
+            "anchors": [
+                result.motion.skeleton.keys[max(parent, 0) if end else joint]
+                for joint, (parent, end) in enumerate(
+                    zip(result.motion.skeleton.parents, result.motion.skeleton.end_sites, strict=True)
+                )
+            ],
+            "frame_time": result.motion.frame_time,
             "formats": formats_of(self.target),
             "format": self.format,
             "command": self.command,
         }
 
-    def file(self, kind: str) -> tuple[str, bytes]:
-        """Return the name and the content of a file to take away: the motion in its format, the "contacts", the "map",
-        the "report" or, as a "zip", the motion with the contacts and the map that its command needs.
-        """
-        stem = f"{PurePath(self.source.path).stem}_{PurePath(self.target.path).stem}"
-        match kind:
-            case "contacts":
-                return f"{self._clip}.contacts.json", contacts_to_json(self.order.contacts).encode()
-            case "map":
-                pairs = json.dumps(dict(self.order.pairs), indent=2, ensure_ascii=False)
-                return f"{self._clip}.map.json", f"{pairs}\n".encode()
-            case "report":
-                return f"{stem}.html", self.report.encode()
-            case "zip":
-                return f"{stem}.zip", self._zip()
-        if kind != self.format:
-            raise SettingsError(f"kind is {kind!r:.40}; expected {self.format}, the format of the order")
-        name = f"{stem}.{kind}"
-        content = content_of(name, self.converted.clip, self.target, self.order.recipe.writing)
-        return name, b"".join(encoded_parts(content))
-
-    def _zip(self) -> bytes:
-        kinds = [self.format, *["contacts"] * bool(self.order.contacts.entries), *["map"] * bool(self.order.pairs)]
-        content = io.BytesIO()
-        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, data in map(self.file, kinds):
-                archive.writestr(name, data)
-            archive.writestr("command.txt", f"{self.command}\n")
-        return content.getvalue()
+    @property
+    def names(self) -> Names:
+        """What its files are called."""
+        return Names.of(self.source, self._character, self.format)
 
     @property
-    def _clip(self) -> str:
-        return PurePath(self.source.path).stem
+    def _character(self) -> InputFile:
+        assert self.target.file
+        return self.target.file
+
+    def file(self, kind: str) -> tuple[str, bytes]:
+        """Return the name and the content of a file to take away: the motion in its format, the "contacts", the "map",
+        the "project", the "report" or, as a "zip", the motion with all that its command needs in a folder.
+        """
+        names = self.names
+        match kind:
+            case "contacts":
+                return names.contacts, contacts_to_json(self.order.contacts).encode()
+            case "map":
+                pairs = json.dumps(dict(self.order.pairs), indent=2, ensure_ascii=False)
+                return names.map, f"{pairs}\n".encode()
+            case "project":
+                hashes = (self.source.hash, self._character.hash)
+                return names.project, project_to_json(self.order, names, hashes).encode()
+            case "report":
+                return f"{PurePath(names.result).stem}.html", self.report.encode()
+            case "zip":
+                return f"{PurePath(names.result).stem}.zip", self._zip()
+        if kind != self.format:
+            raise SettingsError(f"kind is {kind!r:.40}; expected {self.format}, the format of the order")
+        content = content_of(names.result, self.converted.clip, self.target, self.order.recipe.writing)
+        return names.result, b"".join(encoded_parts(content))
+
+    def _zip(self) -> bytes:
+        names = self.names
+        kinds = ["project", *["contacts"] * bool(self.order.contacts.entries), *["map"] * bool(self.order.pairs)]
+        needed = dict(map(self.file, kinds))
+        needed |= {names.clip: self.source.content, names.character: self._character.content}
+        needed["command.txt"] = f"{self.command}\n".encode()
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(*self.file(self.format))
+            for name, data in needed.items():
+                archive.writestr(f"made_from/{name}", data)
+        return content.getvalue()
 
     @property
     def command(self) -> str:
         """The command line that makes the same bytes, in a folder with the files."""
-        order, words = self.order, ["distretarget", str(self.source.path), str(self.target.path)]
-        words += ["-o", f"{self._clip}_{PurePath(self.target.path).stem}.{self.format}"]
-        words += ["--clip", order.animation] if order.animation else []
-        for given, usual, names in ((order.edits, NO_EDITS, EDITS), (order.options, DEFAULT_OPTIONS, CHOSEN)):
-            for name in names:
-                value, flag = getattr(given, name), f"--{name}"
-                if value != getattr(usual, name):
-                    words += [flag] if value is True else [flag, str(value)]
-        words += ["--in-place"] if order.in_place else []
-        words += ["--contacts", f"{self._clip}.contacts.json"] if order.contacts.entries else []
-        words += ["--map", f"{self._clip}.map.json"] if order.pairs else []
-        return shlex.join(words)
+        return self.names.command(self.order)
 
 
 def formats_of(target: TargetFile) -> list[str]:
@@ -236,10 +177,14 @@ class Bench:
 
     def add(self, name: str, content: bytes) -> dict[str, object]:
         """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use."""
-        file = InputFile(content, PurePath(name.replace("\\", "/")).name or "file", has_folder=False)
+        plain = PurePath(name.replace("\\", "/").replace("\0", "")).name
+        file = InputFile(content, plain if plain.strip(".") else "file", has_folder=False)
+        held = sum(len(each.content) for each in self._files.values())
+        if held + len(content) > MOST:
+            raise FileError(file.path, f"does not fit: the files on the page may have {MOST:,} bytes; start it anew")
         number = uuid.uuid4().hex
         names = animations_in(file)
-        about: dict[str, object] = {"id": number, "name": str(file.path), "animations": list(names)}
+        about: dict[str, object] = {"id": number, "name": str(file.path), "hash": file.hash, "animations": list(names)}
         faults = []
         try:
             target = TargetFile.of(file)
@@ -286,11 +231,17 @@ class Bench:
             if form not in formats:
                 raise SettingsError(f"format is {form!r:.40}; expected one of {', '.join(formats)}")
             motion, _ = recipe.read(source)
-            name = order.animation or PurePath(source.path).stem
             go_on(0)
             kinds = (OUTPUTS[f".{form}"],)
             done = convert(
-                motion, source, target, recipe, name=name, kinds=kinds, contacts=order.contacts, progress=go_on
+                motion,
+                source,
+                target,
+                recipe,
+                name=recipe.name_of(source),
+                kinds=kinds,
+                contacts=order.contacts,
+                progress=go_on,
             )
             self._done[order.key] = Done(order, done, target, source, form)
             while len(self._done) > KEPT:

@@ -16,11 +16,12 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from distretarget.errors import DistretargetError, SettingsError
-from distretarget.studio.bench import Bench, Done, Order, OvertakenError
+from distretarget.studio.bench import Bench, Done, OvertakenError
+from distretarget.studio.order import Order
 
 LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
 LARGEST_ORDER = 10_000_000  # [bytes]
-ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript"}
+ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript", "contacts.js": "text/javascript"}
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "frame-src 'self'; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"

@@ -1,9 +1,12 @@
 // The page of the studio: an order as a plain object, a history of orders, and what the server made of the last one.
 
+import { replaced, rowsOf } from "./contacts.js";
+
 const $ = (id) => document.getElementById(id);
 const EDITS = { start: "", end: "", speed: 1, turn: 0, mirror: false, loop: false };
-const OPTIONS = { supports: "hold", skin: "auto", objective: "contact" };
-const START = { clip: null, character: null, animation: null, in_place: false, contacts: [], map: {}, format: null, edits: {}, options: {} };
+const OPTIONS = { supports: "hold", skin: "auto", objective: "contact", root_follows: "" };
+const AROUND = 0.25; // how long a contact that is clicked holds before and after [s]
+const START = { clip: null, character: null, animation: null, fps: null, in_place: false, contacts: [], map: {}, format: null, edits: {}, options: {} };
 
 const known = new Map(); // what each file is, by its number
 let order = structuredClone(START);
@@ -13,6 +16,8 @@ let done = null;
 let asked = 0;
 let saved = true;
 let frame = 0; // of the player
+let chosen = null; // the contact whose values are in the fields
+let clicked = ""; // the first of two parts
 
 // ---- the server
 
@@ -154,14 +159,15 @@ function show() {
   }
   for (const [name, usual] of Object.entries(OPTIONS)) $(name).value = order.options[name] ?? usual;
   $("in_place").checked = order.in_place;
+  $("fps").value = order.fps ?? "";
   $("undo").disabled = !past.length;
   $("redo").disabled = !future.length;
-  $("save").disabled = !order.clip && !order.character;
+  $("save").disabled = !order.clip || !order.character;
 }
 
 function showDone() {
   $("verdict").textContent = done.verdict;
-  $("warnings").replaceChildren(...done.warnings.map((text) => element("li", text)));
+  $("warnings").replaceChildren(...done.warnings.map(warning));
   $("empty").hidden = true;
   $("report").hidden = false;
   $("report").src = `report/${done.id}#frame=${frame}`;
@@ -169,7 +175,9 @@ function showDone() {
   $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
   $("command").textContent = done.command;
   $("parts").replaceChildren(...done.parts.map((part) => new Option(part)));
-  $("contacts").replaceChildren(...done.contacts.map(contact));
+  $("contacts").replaceChildren(...rowsOf(done.contacts, done.frames, order.contacts, change, choose));
+  chosen = null;
+  $("change").disabled = true;
   $("pairs").replaceChildren(...done.pairs.map(pair));
 }
 
@@ -177,22 +185,76 @@ function element(tag, text, more = {}) {
   return Object.assign(document.createElement(tag), { textContent: text }, more);
 }
 
-function contact({ mark, entry, parts }) {
-  const item = element("li", "", { className: mark });
-  const [first, last] = entry.frames ?? [0, done.frames - 1];
-  Object.assign(item.dataset, { testid: "contact", between: parts.join(","), frames: `${first}-${last}`, mark });
-  const text = element("span", `${entry.plant ? `${entry.plant} rests` : parts.join(" and ")} `);
-  text.append(element("small", `${first} to ${last}${mark === "found" ? "" : `, ${mark}`}`));
-  const button = element("button", mark === "found" ? "Drop" : mark === "dropped" ? "Keep" : "Remove", { type: "button" });
-  button.dataset.testid = mark === "found" ? "drop-contact" : "keep-contact";
-  const key = entry.plant ? { plant: entry.plant } : { between: entry.between };
-  const same = (each) => JSON.stringify(each.between ?? each.plant) === JSON.stringify(entry.between ?? entry.plant);
-  button.onclick = () => {
-    if (mark === "found") set({ contacts: [...order.contacts, { ...key, frames: [first, last], keep: false }] });
-    else set({ contacts: order.contacts.filter((each) => !(same(each) && (mark === "dropped" ? each.keep === false : each.keep !== false))) });
-  };
-  item.append(text, button);
+/** Puts what a contact says into the fields, to be changed. */
+function choose(contact) {
+  chosen = contact;
+  const { entry } = contact;
+  const kind = ["between", "plant", "look"].find((each) => each in entry);
+  if (!kind) return;
+  [$("one").value, $("other").value = ""] = [entry[kind]].flat();
+  $("kind").value = kind;
+  $("frames").value = entry.frames.join("-");
+  $("gap").value = entry.gap ?? (parseFloat(entry.found) || 0);
+  $("firmness").value = entry.firmness ?? 1;
+  showKind();
+  for (const row of $("contacts").children) row.classList.toggle("chosen", row.dataset.between === contact.parts.join(",") && row.dataset.frames === entry.frames.join("-"));
+  $("change").disabled = contact.mark === "dropped";
+  if (contact.mark !== "dropped") goTo(entry.frames[0]);
+}
+
+function showKind() {
+  for (const field of document.querySelectorAll(".of-between")) field.hidden = $("kind").value !== "between";
+}
+
+/** The entry of a contact file that the fields say. */
+function written() {
+  const frames = $("frames").value.match(/\d+/g)?.map(Number);
+  const span = frames?.length ? { frames: [frames[0], frames.at(-1)] } : {};
+  const one = $("one").value.trim();
+  if ($("kind").value === "plant") return { plant: one, on: "where it is", ...span };
+  if ($("kind").value === "look") return { look: one, like: "source", ...span };
+  const firmness = Number($("firmness").value);
+  const firm = firmness === 1 ? {} : { firmness };
+  return { between: [one, $("other").value.trim()], gap: Number($("gap").value), ...firm, ...span };
+}
+
+function change(contacts) {
+  set({ contacts });
+}
+
+function goTo(to) {
+  frame = to;
+  $("report").src = `report/${done.id}#frame=${to}`;
+}
+
+/** A warning; one that names a frame leads there. */
+function warning(text) {
+  const at = / frames? (\d+)/.exec(text);
+  const item = element("li", at ? "" : text);
+  if (at) item.append(element("button", text, { type: "button", onclick: () => goTo(Number(at[1])) }));
   return item;
+}
+
+/** Takes a part of the body that was clicked in the picture; the second makes the contact, about the frame that is seen. */
+function picked(joint) {
+  if ($("pick").getAttribute("aria-pressed") !== "true" || joint < 0) return;
+  const both = $("kind").value === "between";
+  const name = done.anchors[joint];
+  if (both && clicked && clicked !== name) $("other").value = name;
+  else $("one").value = name;
+  const complete = !both || (clicked && clicked !== name);
+  clicked = name;
+  pick(!complete);
+  if (!complete) return;
+  const around = Math.round(AROUND / done.frame_time);
+  if (!$("frames").value) $("frames").value = `${Math.max(frame - around, 0)}-${Math.min(frame + around, done.frames - 1)}`;
+  change([...order.contacts, written()]);
+}
+
+function pick(on) {
+  if (!on) clicked = "";
+  $("pick").setAttribute("aria-pressed", on);
+  $("pick").textContent = !on ? "Click parts on the body" : clicked ? `${clicked} and ...` : "Click a part ...";
 }
 
 function pair([joint, driver]) {
@@ -217,6 +279,7 @@ for (const name of ["start", "end"]) $(name).onchange = (event) => edit(name, ev
 for (const name of ["speed", "turn"]) $(name).onchange = (event) => edit(name, Number(event.target.value) || EDITS[name]);
 for (const name of ["mirror", "loop"]) $(name).onchange = (event) => edit(name, event.target.checked);
 for (const name of Object.keys(OPTIONS)) $(name).onchange = (event) => option(name, event.target.value);
+$("fps").onchange = (event) => set({ fps: Number(event.target.value) || null });
 $("in_place").onchange = (event) => set({ in_place: event.target.checked });
 $("animation").onchange = (event) => set({ animation: event.target.value, contacts: [] });
 $("undo").onclick = () => step(past, future);
@@ -225,34 +288,36 @@ $("format").onchange = (event) => set({ format: event.target.value });
 $("download").onclick = () => download($("format").value);
 for (const button of document.querySelectorAll("[data-take]")) button.onclick = () => download(button.dataset.take);
 $("copy").onclick = () => navigator.clipboard.writeText(done.command);
-$("make").onclick = () => {
-  const frames = $("frames").value.match(/\d+/g)?.map(Number);
-  const entry = { between: [$("one").value.trim(), $("other").value.trim()], gap: Number($("gap").value) };
-  if (frames?.length) entry.frames = [frames[0], frames.at(-1)];
-  set({ contacts: [...order.contacts, entry] });
-};
-$("save").onclick = () => {
-  const files = Object.fromEntries(["clip", "character"].map((role) => [role, known.get(order[role])?.name ?? null]));
-  const text = JSON.stringify({ format: "distretarget-project", version: 1, files, order }, null, 2);
-  keep(new Blob([text], { type: "application/json" }), "project.json");
-  saved = true;
-};
-$("open").onchange = async (event) => {
-  try {
-    const project = JSON.parse(await event.target.files[0].text());
-    if (project.format !== "distretarget-project") throw new Error("it is no project of the studio");
-    const numbers = {};
-    for (const [role, name] of Object.entries(project.files)) {
-      const about = [...known.values()].find((each) => each.name === name && each[role]);
-      if (name && !about) throw new Error(`drop ${name} first, then open the project`);
-      numbers[role] = about?.id ?? null;
+$("make").onclick = () => change([...order.contacts, written()]);
+$("change").onclick = () => change(replaced(order.contacts, chosen, written()));
+$("kind").onchange = showKind;
+$("pick").onclick = () => pick($("pick").getAttribute("aria-pressed") !== "true");
+$("save").onclick = () => download("project");
+/** Opens a JSON file of a format; `take` says what is wrong with it, if anything is. */
+const opens = (id, format, what, take) => {
+  $(id).onchange = async (event) => {
+    const [file] = event.target.files;
+    try {
+      const found = JSON.parse(await file.text());
+      if (found?.format !== format) throw new Error(`it is no ${what}`);
+      take(found);
+    } catch (error) {
+      trouble(`${file.name} cannot be opened: ${error.message}`);
     }
-    set({ ...START, ...project.order, ...numbers });
-  } catch (error) {
-    trouble(`the project cannot be opened: ${error.message}`);
-  }
-  event.target.value = "";
+    event.target.value = "";
+  };
 };
+opens("open-contacts", "distretarget-contacts", "contact file", ({ contacts }) => change(contacts));
+opens("open", "distretarget-project", "project of the studio", ({ format, version, files, output, ...how }) => {
+  const numbers = {};
+  for (const [role, { name, hash }] of Object.entries(files)) {
+    const about = [...known.values()].find((each) => each.hash === hash && each[role]);
+    const other = [...known.values()].some((each) => each.name === name);
+    if (!about) throw new Error(other ? `the ${name} that was dropped is not the one of the project` : `drop ${name} first, then open the project`);
+    numbers[role] = about.id;
+  }
+  set({ ...START, ...how, ...numbers, format: output });
+});
 addEventListener("keydown", (event) => {
   if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.matches("input:not([type=checkbox])")) return;
   event.preventDefault();
@@ -274,7 +339,9 @@ addEventListener("beforeunload", (event) => {
   if (!saved) event.preventDefault();
 });
 addEventListener("message", (event) => {
-  if (event.source === $("report").contentWindow && Number.isInteger(event.data?.frame)) frame = event.data.frame;
+  if (event.source !== $("report").contentWindow) return;
+  if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
+  if (Number.isInteger(event.data?.joint)) picked(event.data.joint);
 });
 $("order").onsubmit = (event) => event.preventDefault();
 for (const about of await (await ask("files")).json()) take(about);

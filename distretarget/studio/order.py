@@ -1,0 +1,235 @@
+"""How a clip is to be on a character: as the page sends it, as a project file keeps it, and as a command line."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path, PurePath
+from typing import Any
+
+from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.errors import FileError, SettingsError
+from distretarget.io.contacts_file import contacts_to_json, parse_contacts
+from distretarget.io.files import hash_of_file, read_text
+from distretarget.io.input_file import InputFile
+from distretarget.io.json_node import parse_json
+from distretarget.io.json_text import on_lines
+from distretarget.io.map_json import MapFile
+from distretarget.io.motion_writer import OutputSettings
+from distretarget.pipeline.conversion import Recipe
+from distretarget.pipeline.edits import NO_EDITS, Edits
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+
+HEADER: dict[str, object] = {"format": "distretarget-project", "version": 1}
+ROLES = ("clip", "character")
+LONGEST = 100  # of the part of a name that results take from a file's [bytes]
+HOW = ("animation", "fps", "edits", "options", "in_place", "contacts", "map")  # the fields of an order but its files
+
+
+@dataclass(frozen=True)
+class Order:
+    """How a clip is to be on a character.
+
+    Attributes:
+        clip: the number of the clip's file.
+        character: that of the character's.
+        animation: which of several; None for the only one.
+        fps: the frame rate at which the clip is sampled [frames/s]; None for its own.
+        edits, options, in_place: as in the command line.
+        contacts: entries of a contact file.
+        pairs: the joints that drive those of the character, as in a map file.
+        format: the ending of what is to be taken away; None for the character's usual one.
+    """
+
+    clip: str
+    character: str
+    animation: str | None
+    fps: float | None
+    edits: Edits
+    options: Options
+    in_place: bool
+    contacts: ContactList
+    pairs: tuple[tuple[str, str | None], ...]
+    format: str | None
+    key: str  # what it was made from
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any], path: str | Path = "contacts.json") -> Order:
+        """Return the order that the page sent, or that is in the file `path`; a SettingsError, FileError or
+        SkeletonFileError where it has no sense.
+        """
+        known = {*ROLES, *HOW, "format"}
+        if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {*ROLES}:
+            raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
+        entries, pairs = given.get("contacts") or [], given.get("map") or {}
+        text = json.dumps({"format": "distretarget-contacts", "version": 1, "contacts": entries})
+        named = isinstance(pairs, Mapping) and all(isinstance(driver, str | None) for driver in pairs.values())
+        if not named or not all(isinstance(given.get(name), str | None) for name in ("animation", "format")):
+            raise SettingsError("the map, the animation and the format of an order are names")
+        if not isinstance(given.get("fps"), int | float | None):
+            raise SettingsError("the frame rate of an order is a number")
+        try:
+            edits, options = Edits(**given.get("edits") or {}), Options(**given.get("options") or {})
+        except TypeError as error:
+            raise SettingsError(f"an order has a setting that is not known: {error}") from None
+        return cls(
+            clip=str(given["clip"]),
+            character=str(given["character"]),
+            animation=given.get("animation"),
+            fps=given.get("fps"),
+            edits=edits,
+            options=options,
+            in_place=bool(given.get("in_place")),
+            contacts=parse_contacts(text, path) if entries else NO_CONTACTS,
+            pairs=tuple(pairs.items()),
+            format=given.get("format"),
+            key=json.dumps(given, sort_keys=True),
+        )
+
+    @property
+    def map_file(self) -> MapFile:
+        """The pairs as a map file."""
+        return MapFile(dict(self.pairs), "map.json")
+
+    @property
+    def recipe(self) -> Recipe:
+        """The same for a conversion."""
+        writing = OutputSettings(in_place=self.in_place)
+        return Recipe(self.options, self.map_file, self.animation, self.fps, writing=writing, edits=self.edits)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What is not as usual, by the names of the command line's options."""
+        changed = {"clip": self.animation, "fps": self.fps, "in_place": self.in_place or None}
+        for given, usual in ((self.edits, NO_EDITS), (self.options, DEFAULT_OPTIONS)):
+            changed |= {name: value for name, value in asdict(given).items() if value != getattr(usual, name)}
+        if self.options.objective == "paper":
+            changed.pop("supports", None)  # it holds nothing in its place
+        return {name: value for name, value in changed.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the files of an order are called, in one folder.
+
+    Attributes:
+        clip: the clip.
+        character: the character.
+        output: the ending of the result.
+    """
+
+    clip: str
+    character: str
+    output: str
+
+    @classmethod
+    def of(cls, clip: InputFile, character: InputFile, output: str) -> Names:
+        """Return the names of dropped files; a character with the name of another file, the clip, gets its own."""
+        one, other = str(clip.path), str(character.path)
+        if one.casefold() == other.casefold() and clip.content != character.content:
+            other = f"character_{other}"
+        return cls(one, other, output)
+
+    @property
+    def result(self) -> str:
+        """The result."""
+        return self._apart(f"{_stem(self.clip)}_{_stem(self.character)}.{self.output}")
+
+    @property
+    def contacts(self) -> str:
+        """The contact file."""
+        return self._apart(f"{_stem(self.clip)}.contacts.json")
+
+    @property
+    def map(self) -> str:
+        """The map file."""
+        return self._apart(f"{_stem(self.clip)}.map.json")
+
+    @property
+    def project(self) -> str:
+        """The project file."""
+        return self._apart(f"{_stem(self.clip)}_{_stem(self.character)}.project.json")
+
+    def _apart(self, name: str) -> str:
+        """A name that neither of the files has."""
+        while name.casefold() in (self.clip.casefold(), self.character.casefold()):
+            name = f"new_{name}"
+        return name
+
+    def command(self, order: Order) -> str:
+        """Return the command line that makes the result, in a folder with the files."""
+        words = ["distretarget", _as_argument(self.clip), _as_argument(self.character)]
+        words += ["-o", _as_argument(self.result)]
+        for name, value in order.settings.items():
+            flag = f"--{name.replace('_', '-')}"
+            words += [flag] if value is True else [flag, str(value)]
+        words += ["--contacts", _as_argument(self.contacts)] if order.contacts.entries else []
+        words += ["--map", _as_argument(self.map)] if order.pairs else []
+        return shlex.join(words)
+
+
+def _stem(name: str) -> str:
+    """The name without its ending, and so short that two of them fit into the name of a file."""
+    return PurePath(name).stem.encode()[:LONGEST].decode(errors="ignore")
+
+
+def _as_argument(name: str) -> str:
+    """The name of a file so that it is taken neither for an option nor for a command."""
+    return name if "." in name.strip(".") and not name.startswith("-") else f"./{name}"
+
+
+@dataclass(frozen=True)
+class Project:
+    """A project file: an order, and the names and hashes of its files, which are beside it."""
+
+    order: Order
+    names: Names
+    folder: Path
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """What the command line is not told, by the names of its parameters."""
+        files = {"source": self.folder / self.names.clip, "target": self.folder / self.names.character}
+        return {name: str(value) for name, value in files.items()} | {"output": self.names.result} | self.order.settings
+
+
+def project_to_json(order: Order, names: Names, hashes: tuple[str, str]) -> str:
+    """Return the text of a project file; `hashes` are those of the clip and of the character."""
+    called = (names.clip, names.character)
+    files = {role: {"name": name, "hash": each} for role, name, each in zip(ROLES, called, hashes, strict=True)}
+    given = json.loads(order.key)
+    contacts = json.loads(contacts_to_json(order.contacts))["contacts"]
+    how = {name: given[name] for name in HOW if given.get(name)} | {"contacts": contacts}
+    return f"{on_lines({**HEADER, 'files': files, 'output': names.output, **how}, 2)}\n"
+
+
+def load_project(path: Path) -> Project:
+    """Return the project in a file, whose clip and character are in the same folder.
+
+    Raises:
+        FileError: it cannot be read, or one of its files is missing or not the one that it was made with.
+        SkeletonFileError: it is no project file.
+        SettingsError: one of its settings has no sense.
+        ContactsError: one of its contacts has none.
+    """
+    text = read_text(path)
+    root = parse_json(path, text)
+    found = root.fields((*HEADER, "files", "output"), HOW)
+    root.check_header(**HEADER)
+    files = found["files"].fields(ROLES)
+    names = {}
+    for role in ROLES:
+        about = files[role].fields(("name", "hash"))
+        name = names[role] = about["name"].text()
+        if PurePath(name).name != name or "\\" in name:
+            about["name"].expected("the name of a file beside the project")
+        here = hash_of_file(path.parent / name)
+        if here is None:
+            raise FileError(path.parent / name, f"there is no such file; the {role} of {path} belongs beside it")
+        if here != about["hash"].text():
+            raise FileError(path.parent / name, f"is not the {role} that {path} was made with: its content differs")
+    how = {name: value for name, value in json.loads(text).items() if name in HOW}
+    order = Order.of({**names, **how}, path)
+    return Project(order, Names(names["clip"], names["character"], found["output"].text()), path.parent)
