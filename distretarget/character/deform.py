@@ -121,8 +121,8 @@ def _by(character: Character, tree: Tree) -> DeformCharacter:
 
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:
-    """Return the parent of each bone that deforms among these, -1 for those that hang from none, by bone; empty for
-    rigs without them, and for those without originals in which each hangs from its parent among them already.
+    """Return the deform bone above each deform bone (`DEF-`), -1 for none. Empty for a rig without deform bones, or one
+    in which they are a tree by themselves.
 
     Args:
         names: of the bones.

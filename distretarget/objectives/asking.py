@@ -127,13 +127,11 @@ class Wishes:
 
     @property
     def share(self) -> Array:
-        """(frames,), how far each frame is as asked, 0 to 1: what is asked is solved as if it held from where it sets
-        in to where it lets go, and the result is between that and the clip without it.
-        """
+        """(frames,), the weight of the solution with all that is asked for, 0 to 1, in its blend with that without."""
         return np.asarray(np.max([np.zeros(len(self.clip)), *(wish.weight for wish in self.wishes)], axis=0))
 
     def firmness(self, wish: Wish) -> Array:
-        """(frames,), how far a wish is met where all is as asked: less than 1 only where others hold more."""
+        """(frames,), the weight of one entry in the solution with all of them: less than 1 where others weigh more."""
         return np.divide(wish.weight, self.share, out=np.zeros(len(self.clip)), where=wish.weight > 0.0)
 
     @property

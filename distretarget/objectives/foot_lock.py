@@ -15,7 +15,8 @@ a is 0 while the foot rolls about its toe and 1 while it turns about its ankle: 
 Feet that stand beside each other under narrow hips come no nearer than a foot's width.
 
 While a foot of the source rests, its sole lies on what it rests on: it does not rise or sink, and on a level floor it
-is as high as any other (`level_on_floor`). What joints show of it wanders: its height is steadied over each rest. From
+is as high as any other (`level_on_floor`). The height of a sole as
+computed from joints drifts, so it is smoothed within each rest. From
 one rest to the next the offset of the sole from its level is interpolated.
 """
 
@@ -109,9 +110,9 @@ def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies
     """(frames, 3), how much farther from the middle of the hips the left foot belongs than the source's, scaled, along
     the floor [target file units]; the right foot belongs as far to the other side.
 
-    While both feet rest it is less, so that they come no nearer than `FOOT_WIDTH`, or than they are: with the feet
-    apart by r along the unit vector e, and d what they are moved apart, it is the largest share s <= 1 of d with
-    (r + s d) . e >= min(|r|, width). Feet at different heights pass over each other.
+    While both feet rest it is reduced, so that they stay apart by at least `FOOT_WIDTH`, or by their present distance
+    if that is less. With the feet apart by r along the unit vector e, and moved apart by d, it is the largest share
+    s <= 1 of d with (r + s d) . e >= min(|r|, width). Feet at different heights pass over each other.
     """
     scale, up, width = clip.scale, clip.up, FOOT_WIDTH * clip.leg_lengths[1]
     hips, ankles = (foot.hip for foot in sources), (scale.places(foot.toe + foot.bone, up) for foot in sources)

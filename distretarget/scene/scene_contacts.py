@@ -82,7 +82,7 @@ class SceneContacts:
         return [joined(*both) for both in zip(springs, self.springs_to_props(now), strict=True)]
 
     def springs_to_props(self, now: Sequence[Motion], props: Container[int] | None = None) -> list[Springs]:
-        """The springs that draw each performer to all props, or to some, where they are while performers move so."""
+        """Return the springs from each performer to all props, or to some, for performers that move like this."""
         springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
         for (i, k), touching in self.on_props.items():
             if props is None or k in props:

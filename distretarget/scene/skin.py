@@ -42,8 +42,8 @@ IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
 def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
-    """Return the skin that each performer has to the others: its own; or that of an average body for one without, if
-    any of the others has one and its own mode is not "none".
+    """Return the surface of each performer that the others stay outside of: its own; an average body's if it has none
+    but another performer has one; None for the mode "none".
     """
     if not any(match.skins for match in matches):
         return [None] * len(matches)

@@ -101,9 +101,9 @@ def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -
 
 
 def _covering_together(capsules: Capsules, covered: Sequence[tuple[Part, _Surface]], ends: Array) -> Capsules:
-    """The capsules with radii such that all of one place together cover the surface of each segment, as far as it is to
-    be covered: next to others they cover more of it than alone. Toes stay, as they are side by side. `ends`, (capsules,
-    2, 3), are those in the rest pose.
+    """The capsules with radii scaled so that the union of a place's capsules covers the wanted share of the surface of
+    each segment; fitted one by one they cover more. Toes stay as they are, side by side. `ends`, (capsules, 2, 3), are
+    those in the rest pose.
     """
     radii, places, whole = capsules.radii.copy(), PLACE[capsules.segments], []
     for segment in np.unique(capsules.segments).tolist():

@@ -16,7 +16,7 @@ from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of,
 from distretarget.skin.capsules import LEAST
 
 MARGIN = 0.005  # gaps that are larger have no tangent [body units]
-GIVES = 0.18  # of what a push moves, it gives way: limbs that have no room to leave would else be pushed without end
+GIVES = 0.18  # compliance of a push, so that limbs without room to leave a body are not pushed on and on
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
 
@@ -80,8 +80,8 @@ def find_gaps(balls, displaced, placed, free, d, soft, rows):  # type: ignore[no
 
 @inlined(fastmath=True)
 def find_lengths(limbs, free, d, rows, count):  # type: ignore[no-untyped-def]
-    """Write the tangents of how much longer the bones of limbs, (limbs, 3, 3), are at displacements d than they were,
-    after `count` others; return how many there are then.
+    """Write the tangent of each bone's change of length at displacements d, after `count` others, and return the new
+    count. `limbs`, (limbs, 3, 3), are where top, middle and end were.
     """
     for limb in range(len(limbs)):
         x, y, z = 0.0, 0.0, 0.0
