@@ -34,7 +34,7 @@ from distretarget import (
     retarget,
 )
 from distretarget.io.contacts_file import contacts_to_json, parse_contacts
-from distretarget.objectives.asking import centimetres
+from distretarget.objectives.constraints import centimetres
 from distretarget.skin.balls import segment_gaps
 from distretarget.target import LoadedTarget
 

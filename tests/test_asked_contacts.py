@@ -26,7 +26,7 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
-from distretarget.objectives.asked_reach import front_of
+from distretarget.objectives.constraint_reach import front_of
 from distretarget.objectives.part_axes import PARTS
 from distretarget.pipeline.found_contacts import marked_contacts
 from distretarget.skin.balls import segment_gaps

@@ -168,7 +168,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
         held = supports[block]
         near = contacts.near(block, held.standing)
         held_springs = support_springs(held, body, bones[block], unit, firmness)
-        springs = joined(held_springs, held.scene_springs, held.asked_springs)
+        springs = joined(held_springs, held.scene_springs, held.user_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
         given = Given(near, springs, held.floor, room)
         solve_frames(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)

@@ -24,8 +24,8 @@ from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.vectors import Array, Numbers
-from distretarget.objectives.asking import Wishes
 from distretarget.objectives.clip import Clip
+from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.paper_terms import (
     AskedDistances,
     Given,
@@ -73,18 +73,18 @@ def _fitted_poses(clip: Clip, postures: Postures) -> Array:
     return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
-def find_distances(contacts: ContactList, wishes: Wishes) -> AskedDistances:
+def find_distances(contacts: ContactList, constraints: Constraints) -> AskedDistances:
     """Return the distances of a contact list; a ContactsError for other entries, or joints that nothing drives."""
-    problem, rows, weights = wishes.clip.distances, [], []
-    for wish in wishes.wishes:
-        entry = wish.entry
+    problem, rows, weights = constraints.clip.distances, [], []
+    for constraint in constraints:
+        entry = constraint.entry
         if not isinstance(entry, Distance):
             what = "the paper's objective keeps nothing but distances; use --objective contact"
             raise contacts.fault(entry, "", what)
-        u, v = (_point(contacts, entry, int(joints[0]), wishes.clip) for joints in wish.joints)
-        size = wishes.length(entry.value) * wishes.clip.unit / problem.body_size
+        u, v = (_point(contacts, entry, int(joints[0]), constraints.clip) for joints in constraint.joints)
+        size = constraints.length(entry.value) * constraints.clip.unit / problem.body_size
         rows.append((u, v, size, entry.priority, problem.priorities[u, v]))
-        weights.append(wishes.firmness(wish))
+        weights.append(constraints.firmness(constraint))
     first, second, *values = zip(*rows, strict=True)
     delta, pi, own = (np.array(each, float) for each in values)
     weight = np.stack(weights, axis=1)

@@ -37,7 +37,7 @@ from distretarget.skin.tangents import Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
 ROUNDS = 2  # the mesh is looked at so many times, as other places of it may be nearest once limbs have moved
-ASKED = 4.0  # contacts that a user asks for are firmer than others by this factor
+BY_USER = 4.0  # contacts that a user asks for are firmer than others by this factor
 REACH = 0.06  # what is farther apart than this in the result is not brought to touch [body units]
 
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
@@ -46,7 +46,7 @@ FLESH = {"upper arm": 1.0, "thigh": 0.2, "pelvis": 0.16, "belly": 0.16}
 SOFT = np.array([next((value for part, value in FLESH.items() if part in name), 0.0) for name in SEGMENTS])
 
 
-class AskedGap(NamedTuple):
+class SkinGap(NamedTuple):
     """A gap between skins that a user asks for."""
 
     pairs: Numbers  # (pairs,), of segments of the body, the nearest of which has it
@@ -60,10 +60,10 @@ class Reach:
 
     ways: Array  # (frames, limbs, 3), how far their ends go [body units]
     ties: Array  # (frames, limbs), how far they are held there, 0 to 1
-    gaps: tuple[AskedGap, ...]
+    gaps: tuple[SkinGap, ...]
 
     def __getitem__(self, frames: slice) -> Reach:
-        gaps = tuple(AskedGap(each.pairs, each.gap[frames], each.firmness[frames]) for each in self.gaps)
+        gaps = tuple(SkinGap(each.pairs, each.gap[frames], each.firmness[frames]) for each in self.gaps)
         return Reach(self.ways[frames], self.ties[frames], gaps)
 
     @property
@@ -145,7 +145,7 @@ def _reaching(frames: Frames, spots: Spots, reach: Reach) -> tuple[Frames, Spots
     for asked in reach.gaps:
         spots = spots.with_own(asked.pairs)
         aims.append(asked.gap[:, None])
-        firmness.append(ASKED * asked.firmness[:, None])
+        firmness.append(BY_USER * asked.firmness[:, None])
     free = np.maximum(frames.free, reach.ties[..., None])
     held = {key: np.concatenate([getattr(frames, key), more], axis=2) for key, more in reach.anchors.items()}
     return frames._replace(aims=np.hstack(aims), firmness=np.hstack(firmness), free=free, **held), spots

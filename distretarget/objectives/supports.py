@@ -34,7 +34,7 @@ class Supports:
         places: (frames, supports, 3), where the target's joint rests [target file units].
         floor: the heights that other joints stay above [body units].
         scene_springs: springs to other performers and to props [body units].
-        asked_springs: springs of contacts and distances that the user asks for [body units].
+        user_springs: springs of contacts and distances that the user asks for [body units].
     """
 
     joints: Numbers
@@ -44,7 +44,7 @@ class Supports:
     places: Array
     floor: Floor
     scene_springs: Springs
-    asked_springs: Springs
+    user_springs: Springs
 
     @property
     def standing(self) -> Array:
@@ -77,7 +77,7 @@ class Supports:
             places=self.places[frames],
             floor=self.floor.of_frames(frames),
             scene_springs=self.scene_springs.of_frames(frames),
-            asked_springs=self.asked_springs.of_frames(frames),
+            user_springs=self.user_springs.of_frames(frames),
         )
 
 
@@ -92,7 +92,7 @@ def no_supports(frames: int) -> Supports:
         places=np.zeros((frames, 0, 3)),
         floor=no_floor(frames),
         scene_springs=springs,
-        asked_springs=springs,
+        user_springs=springs,
     )
 
 

@@ -20,9 +20,9 @@ from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import spans_of
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
-from distretarget.objectives.asking import centimetres, frames_of
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.clip import Clip
+from distretarget.objectives.constraints import centimetres, frames_of
 from distretarget.objectives.contact_pairs import Contacts
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options

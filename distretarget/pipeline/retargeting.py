@@ -19,10 +19,10 @@ from distretarget.io.files import STANDARD_INPUT
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
-from distretarget.objectives.asking import Wishes
+from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import find_distances, solve_paper
-from distretarget.pipeline.asked_motion import asked_result, dropping, layered, unmet
+from distretarget.pipeline.constrained_motion import constrained_result, dropping, layered, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -90,27 +90,27 @@ def retarget(
     if options.objective == "paper":
         return _by_paper(performer, contacts, settings, progress)
     performer = performer.with_supports(options, settings)
-    wishes = Wishes.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
-    free = dropping(performer, wishes.drops)
+    constraints = Constraints.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
+    free = dropping(performer, constraints.drops)
     poses = solve_contact(free.clip, free.supports, free.settings, mapper=mapper, progress=progress)
-    if not wishes.made.wishes:
+    if not constraints.made:
         return replace(free.result(poses), asked=contacts)
-    return replace(asked_result(free, poses, wishes, mapper), asked=contacts)
+    return replace(constrained_result(free, poses, constraints, mapper), asked=contacts)
 
 
 def _by_paper(
     performer: Performer, contacts: ContactList, settings: ContactSettings, progress: Progress
 ) -> RetargetResult:
     """The result of the paper's objective, with the distances that are asked for."""
-    wishes = Wishes.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
-    distances = find_distances(contacts, wishes) if wishes.wishes else None
+    constraints = Constraints.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
+    distances = find_distances(contacts, constraints) if constraints else None
     poses, postures = solve_paper(performer.clip, progress)
     if distances is None:
         return performer.result(poses, postures)
     asked, postures = solve_paper(performer.clip, asked=distances)
-    posed = layered([wishes], performer.posed(poses), performer.posed(asked))
+    posed = layered([constraints], performer.posed(poses), performer.posed(asked))
     result = performer.result(asked, postures, posed=posed)
-    return replace(result, asked=contacts, unmet=tuple(unmet(performer, wishes, posed)))
+    return replace(result, asked=contacts, unmet=tuple(unmet(performer, constraints, posed)))
 
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:

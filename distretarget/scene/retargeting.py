@@ -33,7 +33,7 @@ from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
-from distretarget.objectives.asking import centimetres
+from distretarget.objectives.constraints import centimetres
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for

@@ -25,11 +25,11 @@ from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.asking import Carrier, Wishes
 from distretarget.objectives.body_skin import Skins
+from distretarget.objectives.constraints import Carrier, Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import STIFFNESS
-from distretarget.pipeline.asked_motion import as_asked, asked_supports, dropping, layered, met, unmet
+from distretarget.pipeline.constrained_motion import constrained, constrained_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.apart import kept_apart
 from distretarget.scene.prop_surface import nearest_on_bones
@@ -68,10 +68,10 @@ def solve_scene(
     collides with other performers. Raises a ContactsError if what is asked does not suit the clip.
     """
 
-    def wishes_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Wishes]:
+    def constraints_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Constraints]:
         others = _carriers(performers, motions, props, places)
         return [
-            Wishes.of(contacts, one.clip, one.match.matching.target, one.settings.blend, others)
+            Constraints.of(contacts, one.clip, one.match.matching.target, one.settings.blend, others)
             for contacts, one in zip(asked, performers, strict=True)
         ]
 
@@ -81,22 +81,25 @@ def solve_scene(
         return SolvedScene(contacts, poses, motions, sweeps, error, [()] * len(performers))
 
     copies = [copy_on_path(one) for one in performers]
-    found = wishes_of(copies, [each.free for each in props])
-    dropped = [dropping(one, wishes.drops) for one, wishes in zip(performers, found, strict=True)]
+    found = constraints_of(copies, [each.free for each in props])
+    dropped = [dropping(one, constraints.drops) for one, constraints in zip(performers, found, strict=True)]
     free = solved(kept_apart(find_contacts(dropped, props), skins))
-    if not any(wishes.made.wishes for wishes in found):
+    if not any(constraints.made for constraints in found):
         return free
-    found = wishes_of(free.motions, free.contacts.placements(free.motions))
+    found = constraints_of(free.motions, free.contacts.placements(free.motions))
     changed = zip(free.contacts.performers, found, strict=True)
-    held = solved(replace(free.contacts, performers=tuple(as_asked(*each) for each in changed)))
-    made, share = [wishes.made for wishes in found], np.max([wishes.share for wishes in found], axis=0)
+    held = solved(replace(free.contacts, performers=tuple(constrained(*each) for each in changed)))
+    made, share = (
+        [constraints.made for constraints in found],
+        np.max([constraints.share for constraints in found], axis=0),
+    )
     each = zip(held.contacts.performers, free.contacts.performers, free.motions, held.motions, made, strict=True)
     shown, motions, told = list[Performer](), list[Motion](), list[tuple[str, ...]]()
-    for one, alone, without, motion, wishes in each:
-        motion = met(one, motion, wishes) if wishes.wishes else motion
+    for one, alone, without, motion, constraints in each:
+        motion = met(one, motion, constraints) if constraints else motion
         motions.append(layered(made, without, motion))
-        shown.append(replace(one, supports=asked_supports(alone.supports, one.supports, share)))
-        told.append(tuple(unmet(one, wishes, motions[-1])))
+        shown.append(replace(one, supports=constrained_supports(alone.supports, one.supports, share)))
+        told.append(tuple(unmet(one, constraints, motions[-1])))
     contacts = replace(free.contacts, performers=tuple(shown))
     return replace(free, contacts=contacts, motions=motions, unmet=told)
 

@@ -17,9 +17,9 @@ from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.asked_springs import off_by
-from distretarget.objectives.asking import Wish, Wishes
 from distretarget.objectives.body_skin import BodySkin, Skins
+from distretarget.objectives.constraint_springs import off_by
+from distretarget.objectives.constraints import Constraint, Constraints
 from distretarget.objectives.part_axes import PARTS, Landmarks
 from distretarget.objectives.supports import Supports
 from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
@@ -34,7 +34,7 @@ TRUNK = [SEGMENTS.index(name) for name in (*TRUNK_SEGMENTS, "left thigh", "right
 
 def reached(
     motion: Motion,
-    wishes: Wishes,
+    constraints: Constraints,
     weights: Sequence[Array],
     supports: Supports,
     limbs: Sequence[Limb],
@@ -43,11 +43,11 @@ def reached(
     steady: float = 0.0,
 ) -> Motion:
     """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others, by the
-    weight of each wish, (frames,), with middles towards `poles`, (frames, limbs, 3). What limbs do is averaged over the
-    time `steady` before and after each frame [s].
+    weight of each constraint, (frames,), with middles towards `poles`, (frames, limbs, 3). What limbs do is averaged
+    over the time `steady` before and after each frame [s].
     """
-    ways, _ = to_reach(motion, wishes, weights, supports, limbs, skins)
-    return _moved(motion, wishes, limbs, ways, poles, steady)
+    ways, _ = to_reach(motion, constraints, weights, supports, limbs, skins)
+    return _moved(motion, constraints, limbs, ways, poles, steady)
 
 
 def poles_of(landmarks: Landmarks | None, motion: Motion, limbs: Sequence[Limb]) -> Array:
@@ -64,20 +64,20 @@ def poles_of(landmarks: Landmarks | None, motion: Motion, limbs: Sequence[Limb])
 
 def to_reach(
     motion: Motion,
-    wishes: Wishes,
+    constraints: Constraints,
     weights: Sequence[Array],
     supports: Supports,
     limbs: Sequence[Limb],
     skins: Skins | None,
 ) -> tuple[Array, Array]:
     """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file units],
-    times the weight of each wish, (frames,); and the largest of these weights, (frames, limbs).
+    times the weight of each constraint, (frames,); and the largest of these weights, (frames, limbs).
     """
     ways, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
-    for wish, weight in zip(wishes.wishes, weights, strict=True):
-        moving = _moving(wishes, wish, supports, limbs)
+    for constraint, weight in zip(constraints, weights, strict=True):
+        moving = _moving(constraints, constraint, supports, limbs)
         if moving:
-            way = weight[:, None] * wishes.clip.unit * off_by(wishes, wish, motion, supports, skins)
+            way = weight[:, None] * constraints.clip.unit * off_by(constraints, constraint, motion, supports, skins)
             total = sum(free for _, _, free, _ in moving)
             for number, sign, free, share in moving:
                 part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
@@ -88,7 +88,7 @@ def to_reach(
 
 def brought_out(
     motion: Motion,
-    wishes: Wishes,
+    constraints: Constraints,
     weights: Sequence[Array],
     supports: Supports,
     limbs: Sequence[Limb],
@@ -97,43 +97,45 @@ def brought_out(
     poles: Array,
 ) -> Motion:
     """Return a motion in which arms that touch something are brought out of the trunk, forwards, by the weight of each
-    wish, (frames,).
+    constraint, (frames,).
     """
-    clip, moved = wishes.clip, np.zeros((len(motion), len(limbs), 3))
+    clip, moved = constraints.clip, np.zeros((len(motion), len(limbs), 3))
     spine = body.anatomy.spine if body.anatomy else ()
     front, posed = front_of(body, motion, spine[-1] if spine else clip.pelvis), skin.posed(motion)
-    for wish, weight in zip(wishes.wishes, weights, strict=True):
-        if isinstance(wish.entry, Contact):
-            arms = [each for each in _moving(wishes, wish, supports, limbs) if limbs[each[0]].is_arm]
-            on = np.flatnonzero(wish.frames)
-            parts = np.concatenate(wish.joints)
+    for constraint, weight in zip(constraints, weights, strict=True):
+        if isinstance(constraint.entry, Contact):
+            arms = [each for each in _moving(constraints, constraint, supports, limbs) if limbs[each[0]].is_arm]
+            on = np.flatnonzero(constraint.frames)
+            parts = np.concatenate(constraint.joints)
             far = np.zeros(len(motion))
             far[on] = _way_out(skin, posed[on], parts, front[on])
             far = clip.averaged(clip.widened(far[:, None], OUT)[:, 0], OUT)
             for number, _, free, _ in arms:
                 moved[:, number] += (free * weight * far)[:, None] * clip.unit * front
-    return _moved(motion, wishes, limbs, moved, poles, 0.0)
+    return _moved(motion, constraints, limbs, moved, poles, 0.0)
 
 
-def _moved(motion: Motion, wishes: Wishes, limbs: Sequence[Limb], moved: Array, poles: Array, steady: float) -> Motion:
+def _moved(
+    motion: Motion, constraints: Constraints, limbs: Sequence[Limb], moved: Array, poles: Array, steady: float
+) -> Motion:
     """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
-    moved = wishes.clip.averaged(moved, steady) * (wishes.share > 0.0)[:, None, None]
+    moved = constraints.clip.averaged(moved, steady) * (constraints.share > 0.0)[:, None, None]
     displaced = [reaching(motion, limb, moved[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
-    return bent(motion, limbs, wishes.clip.averaged(np.stack(displaced, axis=1), steady))
+    return bent(motion, limbs, constraints.clip.averaged(np.stack(displaced, axis=1), steady))
 
 
 def _moving(
-    wishes: Wishes, wish: Wish, supports: Supports, limbs: Sequence[Limb]
+    constraints: Constraints, constraint: Constraint, supports: Supports, limbs: Sequence[Limb]
 ) -> list[tuple[int, float, Array, float]]:
-    """The limbs that can close what a wish leaves: number, sign, how free each is, (frames,), and by which share of its
-    end the part moves. Legs stay where an arm can move.
+    """The limbs that can close what a constraint leaves: number, sign, how free each is, (frames,), and by which share
+    of its end the part moves. Legs stay where an arm can move.
     """
-    found, skeleton, pair = [], wishes.clip.skeleton, wish.pair
-    planted = pair is None and isinstance(wish.entry, Plant) and wish.entry.keep
-    joints = (int(wish.joints[0][0]),) if planted else pair or ()
+    found, skeleton, pair = [], constraints.clip.skeleton, constraint.pair
+    planted = pair is None and isinstance(constraint.entry, Plant) and constraint.entry.keep
+    joints = (int(constraint.joints[0][0]),) if planted else pair or ()
     for joint, sign in zip(joints, (1.0, -1.0), strict=False):
         for number, limb in enumerate(limbs):
-            if joint in skeleton.subtree(limb.middle) and (joint != limb.middle or len(wish.joints[0]) > 1):
+            if joint in skeleton.subtree(limb.middle) and (joint != limb.middle or len(constraint.joints[0]) > 1):
                 below = np.isin(supports.joints, [*skeleton.subtree(limb.end)])
                 free = 1.0 - supports.weights[:, below].max(axis=1, initial=0.0)
                 free = np.ones_like(free) if planted else free
@@ -172,17 +174,19 @@ def _way_out(skin: BodySkin, posed: Array, parts: Numbers, front: Array) -> Arra
 # ---- directions that are asked for: head, hands and feet turned as the source's, or with their front to a direction
 
 
-def with_looks(posed: Motion, wishes: Wishes, body: Body) -> Motion:
+def with_looks(posed: Motion, constraints: Constraints, body: Body) -> Motion:
     """Return a motion of the target's body with parts turned as asked for, and all that they carry with them."""
-    clip = wishes.clip
-    for wish in wishes.wishes:
-        if isinstance(wish.entry, Look):
+    clip = constraints.clip
+    for constraint in constraints:
+        if isinstance(constraint.entry, Look):
             roles = body.anatomy.roles if body.anatomy else {}
-            joint = roles.get(wish.entry.look, int(wish.joints[0][0]))  # the region of the head begins at the neck
+            joint = roles.get(
+                constraint.entry.look, int(constraint.joints[0][0])
+            )  # the region of the head begins at the neck
             goal = Rotation.from_quat(clip.copy.world_rotations[:, joint])
-            if wish.entry.like != "source":
-                goal = _facing(goal, wish.entry.like, front_of(body, clip.copy, joint))
-            posed = _turned(posed, joint, goal, wishes.firmness(wish))
+            if constraint.entry.like != "source":
+                goal = _facing(goal, constraint.entry.like, front_of(body, clip.copy, joint))
+            posed = _turned(posed, joint, goal, constraints.firmness(constraint))
     return posed
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
@@ -45,7 +45,7 @@ class Carrier:
 
 
 @dataclass(frozen=True, eq=False)
-class Wish:
+class Constraint:
     """An entry that changes something, on a clip."""
 
     entry: Entry
@@ -63,16 +63,22 @@ class Wish:
 
 
 @dataclass(frozen=True, eq=False)
-class Wishes:
+class Constraints:
     """The entries of a contact list that change something, on a clip."""
 
     clip: Clip
-    wishes: tuple[Wish, ...]
+    every: tuple[Constraint, ...]
+
+    def __iter__(self) -> Iterator[Constraint]:
+        return iter(self.every)
+
+    def __len__(self) -> int:
+        return len(self.every)
 
     @classmethod
     def of(
         cls, contacts: ContactList, clip: Clip, body: Body, blend: float, others: Mapping[str, Carrier] = NO_OTHERS
-    ) -> Wishes:
+    ) -> Constraints:
         """Return the entries on a clip whose target is a `body`; they set in over twice `blend` [s], and let go over as
         much. `others` are the performers and props that parts may rest on, by their names.
 
@@ -93,51 +99,51 @@ class Wishes:
                 firmness = entry.firmness if isinstance(entry, Contact) else 1.0
                 weight = by_shot(partial(_eased, frames=lead), clip.shots, on)
                 pair = _pair_of(clip, entry, joints, on, carrier)
-                found.append(Wish(entry, joints, on, firmness * weight, lead, carrier, pair))
+                found.append(Constraint(entry, joints, on, firmness * weight, lead, carrier, pair))
         for one, other in combinations(found, 2):
             _check_agree(contacts, one, other)
         return cls(clip, tuple(found))
 
     @property
-    def drops(self) -> Wishes:
+    def drops(self) -> Constraints:
         """Those that only drop a contact."""
-        return replace(self, wishes=tuple(wish for wish in self.wishes if wish.drops))
+        return replace(self, every=tuple(constraint for constraint in self if constraint.drops))
 
     @property
-    def made(self) -> Wishes:
+    def made(self) -> Constraints:
         """All others."""
-        return replace(self, wishes=tuple(wish for wish in self.wishes if not wish.drops))
+        return replace(self, every=tuple(constraint for constraint in self if not constraint.drops))
 
     @property
     def dropped(self) -> tuple[Drop, ...]:
         """The contacts that are only dropped; of made ones, what was found between the parts is dropped as well."""
-        among = [wish for wish in self.wishes if isinstance(wish.entry, Contact)]
-        spans = (wish.frames if wish.drops else wish.weight > 0.0 for wish in among)
-        return tuple(Drop(wish.joints, on) for wish, on in zip(among, spans, strict=True))
+        among = [constraint for constraint in self if isinstance(constraint.entry, Contact)]
+        spans = (constraint.frames if constraint.drops else constraint.weight > 0.0 for constraint in among)
+        return tuple(Drop(constraint.joints, on) for constraint, on in zip(among, spans, strict=True))
 
     @property
     def on(self) -> Flags:
         """(frames,), the frames of any."""
-        return np.asarray(np.any([np.zeros(len(self.clip), bool), *(wish.frames for wish in self.wishes)], axis=0))
+        return np.asarray(np.any([np.zeros(len(self.clip), bool), *(constraint.frames for constraint in self)], axis=0))
 
     @property
     def rest_on_body(self) -> bool:
         """Whether any asks for a part that rests on another of the same body."""
-        return any(isinstance(wish.entry, Plant) and wish.pair for wish in self.wishes)
+        return any(isinstance(constraint.entry, Plant) and constraint.pair for constraint in self)
 
     @property
     def share(self) -> Array:
         """(frames,), the weight of the solution with all that is asked for, 0 to 1, in its blend with that without."""
-        return np.asarray(np.max([np.zeros(len(self.clip)), *(wish.weight for wish in self.wishes)], axis=0))
+        return np.asarray(np.max([np.zeros(len(self.clip)), *(constraint.weight for constraint in self)], axis=0))
 
-    def firmness(self, wish: Wish) -> Array:
+    def firmness(self, constraint: Constraint) -> Array:
         """(frames,), the weight of one entry in the solution with all of them: less than 1 where others weigh more."""
-        return np.divide(wish.weight, self.share, out=np.zeros(len(self.clip)), where=wish.weight > 0.0)
+        return np.divide(constraint.weight, self.share, out=np.zeros(len(self.clip)), where=constraint.weight > 0.0)
 
     @property
     def all_firmness(self) -> list[Array]:
         """The same of each."""
-        return [self.firmness(wish) for wish in self.wishes]
+        return [self.firmness(constraint) for constraint in self]
 
     def length(self, cm: float) -> float:
         """Return a length [cm] in body units."""
@@ -153,7 +159,7 @@ def _without_neck(body: Body, part: Numbers) -> Numbers:
 def _pair_of(
     clip: Clip, entry: Entry, joints: Sequence[Numbers], on: Flags, carrier: Carrier | None
 ) -> tuple[int, int] | None:
-    """`Wish.pair`: of two parts the joints that are nearest to each other in the rotation copy, on average."""
+    """`Constraint.pair`: of two parts the joints that are nearest to each other in the rotation copy, on average."""
     if isinstance(entry, Distance):
         return int(joints[0][0]), int(joints[1][0])
     if isinstance(entry, Plant) and carrier is not None and carrier.motion is None:
@@ -267,7 +273,7 @@ def _distance_limits(clip: Clip, a: int, b: int) -> tuple[float, float]:
     return max(2.0 * float(bones.max(initial=0.0)) - most, 0.0), most
 
 
-def _check_agree(contacts: ContactList, one: Wish, other: Wish) -> None:
+def _check_agree(contacts: ContactList, one: Constraint, other: Constraint) -> None:
     """Check that two entries do not say different things of the same in the same frames."""
     a, b = one.entry, other.entry
     both = np.flatnonzero(one.frames & other.frames)

@@ -21,11 +21,11 @@ from distretarget.ik.springs import Springs, joined
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
-from distretarget.objectives.asking import Carrier, Wish, Wishes
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
+from distretarget.objectives.constraints import Carrier, Constraint, Constraints
 from distretarget.objectives.contact import part_stiffness
-from distretarget.objectives.skin import AskedGap
+from distretarget.objectives.skin import SkinGap
 from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
 
@@ -34,27 +34,31 @@ FACING = 0.1  # and where skins face each other over this [s]
 LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [body units]
 
 
-def with_wishes(
-    supports: Supports, wishes: Wishes, ways: Sequence[Array | None], skins: Skins | None, undersides: Undersides | None
+def with_constraints(
+    supports: Supports,
+    constraints: Constraints,
+    ways: Sequence[Array | None],
+    skins: Skins | None,
+    undersides: Undersides | None,
 ) -> Supports:
     """Return supports with what is asked for; `skins` and `undersides` are None for bodies without thickness.
 
-    `ways`, (frames, 3) each [body units], are what is to be between the joints of each wish, where that is known.
+    `ways`, (frames, 3) each [body units], are what is to be between the joints of each constraint, where that is known.
     """
-    springs, clip = [supports.asked_springs], wishes.clip
-    for wish, way in zip(wishes.wishes, ways, strict=True):
-        firmness, pair = wishes.firmness(wish), wish.pair
+    springs, clip = [supports.user_springs], constraints.clip
+    for constraint, way in zip(constraints, ways, strict=True):
+        firmness, pair = constraints.firmness(constraint), constraint.pair
         if pair is not None:
             if way is None:
                 now = between(clip.copy, pair, clip)
-                way = now + off_by(wishes, wish, clip.copy, supports, skins)
+                way = now + off_by(constraints, constraint, clip.copy, supports, skins)
             springs.append(_spring(clip, pair, clip.averaged(way, STEADY), firmness))
-        elif isinstance(wish.entry, Plant) and not wish.entry.keep:
-            let_go = firmness[:, None] * np.isin(supports.joints, wish.joints[0])
+        elif isinstance(constraint.entry, Plant) and not constraint.entry.keep:
+            let_go = firmness[:, None] * np.isin(supports.joints, constraint.joints[0])
             supports = replace(supports, weights=supports.weights * (1.0 - let_go))
-        elif isinstance(wish.entry, Plant):
-            supports = _planted(supports, clip, wish, firmness, undersides, skins)
-    return replace(supports, asked_springs=joined(*springs))
+        elif isinstance(constraint.entry, Plant):
+            supports = _planted(supports, clip, constraint, firmness, undersides, skins)
+    return replace(supports, user_springs=joined(*springs))
 
 
 def between(motion: Motion, pair: tuple[int, int], clip: Clip) -> Array:
@@ -63,74 +67,81 @@ def between(motion: Motion, pair: tuple[int, int], clip: Clip) -> Array:
     return np.asarray((motion.positions[:, a] - motion.positions[:, b]) / clip.unit)
 
 
-def off_by(wishes: Wishes, wish: Wish, motion: Motion, supports: Supports, skins: Skins | None) -> Array:
-    """Return by how much what is between the joints of a wish, or the place of a part that is planted on the world, has
-    to change in a motion, (frames, 3) [body units]; 0 for all others.
+def off_by(
+    constraints: Constraints, constraint: Constraint, motion: Motion, supports: Supports, skins: Skins | None
+) -> Array:
+    """Return by how much what is between the joints of a constraint, or the place of a part that is planted on the
+    world, has to change in a motion, (frames, 3) [body units]; 0 for all others.
     """
-    clip, entry, pair = wishes.clip, wish.entry, wish.pair
+    clip, entry, pair = constraints.clip, constraint.entry, constraint.pair
     if pair is None:
-        columns = np.flatnonzero(np.isin(supports.joints, wish.joints[0]) & isinstance(entry, Plant))
+        columns = np.flatnonzero(np.isin(supports.joints, constraint.joints[0]) & isinstance(entry, Plant))
         if not len(columns) or not getattr(entry, "keep", False):
             return np.zeros((len(motion), 3))
         away = supports.places[:, columns] - motion.positions[:, supports.joints[columns]]
         return np.asarray(away[np.arange(len(motion)), lengths(away).argmax(axis=1)] / clip.unit)
     now = between(motion, pair, clip)
     if isinstance(entry, Plant):
-        assert wish.carrier is not None
-        return _resting_way(clip, wish, wish.carrier, motion, pair, skins) - now
+        assert constraint.carrier is not None
+        return _resting_way(clip, constraint, constraint.carrier, motion, pair, skins) - now
     if isinstance(entry, Contact):
-        if skins is not None and (asked := asked_gap(wishes, wish, skins)):
-            return _to_gap(clip, wish, motion, skins.target, *asked)
+        if skins is not None and (asked := gap_between(constraints, constraint, skins)):
+            return _to_gap(clip, constraint, motion, skins.target, *asked)
         if entry.gap and entry.gap != "source":
-            now = _nearest_way(motion, wish.joints) / clip.unit
+            now = _nearest_way(motion, constraint.joints) / clip.unit
     far = lengths(now)
     direction = np.where(far[:, None] > LEAST_LENGTH, normalised(now), clip.up)
-    return np.asarray((_asked_length(wishes, entry, pair) - far)[:, None] * direction)
+    return np.asarray((_asked_length(constraints, entry, pair) - far)[:, None] * direction)
 
 
-def _asked_length(wishes: Wishes, entry: Entry, pair: tuple[int, int]) -> Array | float:
+def _asked_length(constraints: Constraints, entry: Entry, pair: tuple[int, int]) -> Array | float:
     """The distance of the joints of a pair that is asked for, of all frames or (frames,) [body units]."""
     if isinstance(entry, Distance):
-        return wishes.length(entry.value)
+        return constraints.length(entry.value)
     if isinstance(entry, Contact) and entry.gap != "source":
-        return wishes.length(float(entry.gap or 0.0))
-    clip = wishes.clip
+        return constraints.length(float(entry.gap or 0.0))
+    clip = constraints.clip
     u, v = clip.drivers[[*pair]]
     tau, own_tau = clip.skeleton.paths_from(pair[0])[pair[1]], clip.source_skeleton.paths_from(int(u))[v]
     source = lengths(clip.source.positions[:, u] - clip.source.positions[:, v])
     return np.asarray(tau / max(own_tau, LEAST_LENGTH) / clip.unit * source)
 
 
-def eased_gap(wishes: Wishes, wish: Wish, skins: Skins, motion: Motion) -> AskedGap | None:
+def eased_gap(constraints: Constraints, constraint: Constraint, skins: Skins, motion: Motion) -> SkinGap | None:
     """Return the gap that a contact asks for, from that in a motion as it sets in, and back to it as it lets go; None
     where it asks for none between skins.
     """
-    asked = asked_gap(wishes, wish, skins)
+    asked = gap_between(constraints, constraint, skins)
     if asked is None:
         return None
     on, gap = asked
     own, _ = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
-    return AskedGap(on, (1.0 - wish.weight) * np.maximum(own, 0.0) + wish.weight * gap, np.sqrt(wish.weight))
+    return SkinGap(
+        on, (1.0 - constraint.weight) * np.maximum(own, 0.0) + constraint.weight * gap, np.sqrt(constraint.weight)
+    )
 
 
-def asked_gap(wishes: Wishes, wish: Wish, skins: Skins) -> tuple[Numbers, Array] | None:
+def gap_between(constraints: Constraints, constraint: Constraint, skins: Skins) -> tuple[Numbers, Array] | None:
     """Return the pairs of segments between which a contact asks for a gap, and the gap, (frames,) [body units]; None
     where it asks for none between skins.
     """
-    entry, on = wish.entry, skins.target.between(*wish.joints) if len(wish.joints) == 2 else np.zeros(0, np.intp)
+    entry, on = (
+        constraint.entry,
+        skins.target.between(*constraint.joints) if len(constraint.joints) == 2 else np.zeros(0, np.intp),
+    )
     if not isinstance(entry, Contact) or not len(on):
         return None
     if entry.gap != "source":
-        return on, np.full(len(wishes.clip), wishes.length(float(entry.gap or 0.0)))
-    drivers = wishes.clip.drivers
-    of_source = skins.source.between(*(np.setdiff1d(drivers[joints], [-1]) for joints in wish.joints))
-    gaps, _ = nearest_skin(skins.source.balls, skins.source.posed(wishes.clip.source), of_source)
+        return on, np.full(len(constraints.clip), constraints.length(float(entry.gap or 0.0)))
+    drivers = constraints.clip.drivers
+    of_source = skins.source.between(*(np.setdiff1d(drivers[joints], [-1]) for joints in constraint.joints))
+    gaps, _ = nearest_skin(skins.source.balls, skins.source.posed(constraints.clip.source), of_source)
     return on, np.maximum(gaps, 0.0) if len(of_source) else np.zeros(len(gaps))
 
 
-def _to_gap(clip: Clip, wish: Wish, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
+def _to_gap(clip: Clip, constraint: Constraint, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
     """(frames, 3), how far the first part of a contact has to go for this gap at the pairs `on` [body units]."""
-    first = np.isin(body.of_joint[wish.joints[0]], body.balls.pairs[on, 0]).any()
+    first = np.isin(body.of_joint[constraint.joints[0]], body.balls.pairs[on, 0]).any()
     own, away = nearest_skin(body.balls, body.posed(motion), on)
     away = normalised(clip.averaged(away, FACING))
     return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
@@ -144,12 +155,12 @@ def _nearest_way(motion: Motion, parts: Sequence[Numbers]) -> Array:
 
 
 def _resting_way(
-    clip: Clip, wish: Wish, carrier: Carrier, motion: Motion, pair: tuple[int, int], skins: Skins | None
+    clip: Clip, constraint: Constraint, carrier: Carrier, motion: Motion, pair: tuple[int, int], skins: Skins | None
 ) -> Array:
     """(frames, 3), the way from a joint of the body to the part that rests on it and moves with it [body units]."""
     own = _turns_of(clip.copy, carrier.joint).inv().apply(between(clip.copy, pair, clip))
     thick = 0.0 if skins is None else sum(skins.target.thickness(joint) for joint in pair)
-    offset = thick * normalised(own[wish.frames].mean(axis=0)[None])[0]
+    offset = thick * normalised(own[constraint.frames].mean(axis=0)[None])[0]
     return np.asarray(_turns_of(motion, carrier.joint).apply(offset))
 
 
@@ -180,19 +191,24 @@ def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
 
 
 def _planted(
-    supports: Supports, clip: Clip, wish: Wish, firmness: Array, undersides: Undersides | None, skins: Skins | None
+    supports: Supports,
+    clip: Clip,
+    constraint: Constraint,
+    firmness: Array,
+    undersides: Undersides | None,
+    skins: Skins | None,
 ) -> Supports:
     """The supports with a part that is planted where `firmness`, (frames,), is 1."""
-    columns = np.flatnonzero(np.isin(supports.joints[: supports.feet], wish.joints[0]))
+    columns = np.flatnonzero(np.isin(supports.joints[: supports.feet], constraint.joints[0]))
     if not len(columns):
-        first = wish.joints[0][:1]
+        first = constraint.joints[0][:1]
         if not np.isin(first, supports.joints):
             nowhere = np.zeros((len(clip), 1))
             supports = supports.with_joints(first, clip.regions.of_joint[first], nowhere, clip.copy_on_path(first))
         columns = np.flatnonzero(supports.joints == first)
-    joints, on = supports.joints[columns], np.flatnonzero(wish.frames)
+    joints, on = supports.joints[columns], np.flatnonzero(constraint.frames)
     copy = clip.copy_on_path(joints)
-    goal = _goal(supports, clip, wish, columns, copy, undersides, skins)
+    goal = _goal(supports, clip, constraint, columns, copy, undersides, skins)
     edge = np.clip(np.arange(len(clip)), on[0], on[-1])  # outside of its frames it moves with the copy
     goal = copy + (goal - copy)[edge]
     weights, places, w = np.array(supports.weights), np.array(supports.places), firmness[:, None]
@@ -204,18 +220,23 @@ def _planted(
 def _goal(
     supports: Supports,
     clip: Clip,
-    wish: Wish,
+    constraint: Constraint,
     columns: Numbers,
     copy: Array,
     undersides: Undersides | None,
     skins: Skins | None,
 ) -> Array:
     """(frames, columns, 3), where planted joints are to be [target file units]; `copy` is where the copy's are."""
-    entry, joints, on, is_foot = wish.entry, supports.joints[columns], wish.frames, columns[0] < supports.feet
+    entry, joints, on, is_foot = (
+        constraint.entry,
+        supports.joints[columns],
+        constraint.frames,
+        columns[0] < supports.feet,
+    )
     assert isinstance(entry, Plant)
-    if wish.carrier is not None:
+    if constraint.carrier is not None:
         thick = 0.0 if skins is None else skins.target.thickness(int(joints[0])) * clip.unit
-        return _carried(wish.carrier, copy, on, thick)
+        return _carried(constraint.carrier, copy, on, thick)
     here = copy[on].mean(axis=0)
     if is_foot:
         places = supports.places[on][:, columns]  # of the sole as it is on the floor

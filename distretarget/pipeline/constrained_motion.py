@@ -21,10 +21,10 @@ from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.asked_reach import brought_out, poles_of, reached, to_reach, with_looks
-from distretarget.objectives.asked_springs import between, eased_gap, off_by, with_wishes
-from distretarget.objectives.asking import Wish, Wishes, centimetres
 from distretarget.objectives.body_skin import BodySkin, limbs_of
+from distretarget.objectives.constraint_reach import brought_out, poles_of, reached, to_reach, with_looks
+from distretarget.objectives.constraint_springs import between, eased_gap, off_by, with_constraints
+from distretarget.objectives.constraints import Constraint, Constraints, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
 from distretarget.objectives.skin import Reach
 from distretarget.objectives.supports import Supports
@@ -47,36 +47,36 @@ SLOPE = 0.05  # how fast it changes there is measured over this time [s]
 LEAST = 1e-12  # angles are no smaller [rad]
 
 
-def dropping(performer: Performer, wishes: Wishes) -> Performer:
-    """Return a performer without the contacts that wishes drop."""
-    return replace(performer, clip=replace(performer.clip, drops=wishes.dropped)) if wishes.wishes else performer
+def dropping(performer: Performer, constraints: Constraints) -> Performer:
+    """Return a performer without the contacts that constraints drop."""
+    return replace(performer, clip=replace(performer.clip, drops=constraints.dropped)) if constraints else performer
 
 
-def as_asked(performer: Performer, wishes: Wishes, ways: Ways = ()) -> Performer:
+def constrained(performer: Performer, constraints: Constraints, ways: Ways = ()) -> Performer:
     """Return a performer as a user asks, in all frames in which what is asked sets in, holds or lets go."""
-    made, match = wishes.made, performer.match
-    ways = ways or [None] * len(made.wishes)
-    supports = with_wishes(performer.supports, made, ways, match.skins, match.undersides)
-    return replace(dropping(performer, wishes), supports=supports)
+    made, match = constraints.made, performer.match
+    ways = ways or [None] * len(made)
+    supports = with_constraints(performer.supports, made, ways, match.skins, match.undersides)
+    return replace(dropping(performer, constraints), supports=supports)
 
 
-def asked_result(free: Performer, poses: Poses, wishes: Wishes, mapper: Mapper) -> RetargetResult:
+def constrained_result(free: Performer, poses: Poses, constraints: Constraints, mapper: Mapper) -> RetargetResult:
     """Solve a clip as a user asks, and return its result; `poses` are those of the performer without what is made.
 
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
-    made, ways = wishes.made, list[Array | None]()
+    made, ways = constraints.made, list[Array | None]()
     for _ in range(ROUNDS):
-        asked = as_asked(free, wishes, ways)
+        asked = constrained(free, constraints, ways)
         held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
         held = replace(held, v=poses.v + _steady(asked, held.v - poses.v))
         motion = _closed(asked, asked.posed(held), made)
-        ways = [between(motion, wish.pair, asked.clip) if wish.pair else None for wish in made.wishes]
+        ways = [between(motion, constraint.pair, asked.clip) if constraint.pair else None for constraint in made]
     log = np.where(made.share > 0.0, held.log, poses.log)
     unbent, whole = free.posed(poses), free.match.skins is not None and not made.rest_on_body
     led = layered([made], unbent, asked.posed(_with_arms(held, poses, free))) if whole else asked.posed(held)
     posed = layered([made], free.with_own_skin(unbent), met(asked, led, made), whole)
-    asked = replace(asked, supports=asked_supports(free.supports, asked.supports, made.share))
+    asked = replace(asked, supports=constrained_supports(free.supports, asked.supports, made.share))
     return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
 
 
@@ -99,62 +99,62 @@ def _steady(performer: Performer, change: Array) -> Array:
     return held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
 
 
-def asked_supports(free: Supports, asked: Supports, share: Array) -> Supports:
+def constrained_supports(free: Supports, asked: Supports, share: Array) -> Supports:
     """Return supports as asked where the share, (frames,), is 1, and as they are `free` where it is 0."""
     own, share = np.zeros_like(asked.weights), share[:, None]
     own[:, : len(free.joints)] = free.weights
     return replace(asked, weights=(1.0 - share) * own + share * asked.weights)
 
 
-def met(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
+def met(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
     """Return a motion with its limbs and looks as a user asks. Skin stays outside: limbs bend out of it and to what is
     asked for in one solve; what that leaves is asked for on top in the next, as in the method of multipliers. Where
     parts are to rest on the body itself, they do, whatever skin they enter.
     """
     skins, body = asked.match.skins, asked.match.matching.target
-    if skins is None or wishes.rest_on_body:
-        return _closed(asked, asked.with_own_skin(_closed(asked, motion, wishes)), wishes)
-    limbs, weights = skins.target.limbs, [wish.weight for wish in wishes.wishes]
-    before = _brought_out(asked, with_looks(motion, wishes, body), wishes, weights)
+    if skins is None or constraints.rest_on_body:
+        return _closed(asked, asked.with_own_skin(_closed(asked, motion, constraints)), constraints)
+    limbs, weights = skins.target.limbs, [constraint.weight for constraint in constraints]
+    before = _brought_out(asked, with_looks(motion, constraints, body), constraints, weights)
     poles = poles_of(skins.target.landmarks, before, limbs)
-    before = reached(before, wishes, weights, asked.supports, limbs, skins, poles, SMOOTHING)
-    gaps = [eased_gap(wishes, wish, skins, before) for wish in wishes.wishes]
+    before = reached(before, constraints, weights, asked.supports, limbs, skins, poles, SMOOTHING)
+    gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
-    ways, ties = to_reach(before, wishes, places, asked.supports, limbs, skins)
+    ways, ties = to_reach(before, constraints, places, asked.supports, limbs, skins)
     best, least = before, np.inf
     for _ in range(TURNS):
         now = asked.with_own_skin(before, Reach(ways / body.unit, ties, tuple(filter(None, gaps))))
-        left = _farthest(asked, wishes, now)
+        left = _farthest(asked, constraints, now)
         if left < least:
             best, least = now, left
-        more = to_reach(now, wishes, places, asked.supports, limbs, skins)[0]
+        more = to_reach(now, constraints, places, asked.supports, limbs, skins)[0]
         if left <= MET * body.height or not more.any():
             break
         ways += (ties == 1.0)[..., None] * more
-    return with_looks(best, wishes, body)
+    return with_looks(best, constraints, body)
 
 
-def _closed(asked: Performer, motion: Motion, wishes: Wishes) -> Motion:
+def _closed(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
     """A motion with its limbs and looks as a user asks, whatever skin they enter."""
     skins, body = asked.match.skins, asked.match.matching.target
-    weights, limbs = wishes.all_firmness, limbs_of(body)
-    motion = _brought_out(asked, with_looks(motion, wishes, body), wishes, weights)
+    weights, limbs = constraints.all_firmness, limbs_of(body)
+    motion = _brought_out(asked, with_looks(motion, constraints, body), constraints, weights)
     poles = poles_of(_thick(asked).landmarks, motion, limbs)
     left, last = np.inf, np.inf
     for steady in STEADY:
-        motion, last = reached(motion, wishes, weights, asked.supports, limbs, skins, poles, steady), left
-        left = _farthest(asked, wishes, motion)
+        motion, last = reached(motion, constraints, weights, asked.supports, limbs, skins, poles, steady), left
+        left = _farthest(asked, constraints, motion)
         if left <= MET * body.height or left >= last:
             break
-    return with_looks(motion, wishes, body)
+    return with_looks(motion, constraints, body)
 
 
-def _brought_out(asked: Performer, motion: Motion, wishes: Wishes, weights: Sequence[Array]) -> Motion:
+def _brought_out(asked: Performer, motion: Motion, constraints: Constraints, weights: Sequence[Array]) -> Motion:
     """A motion in which arms that touch something are in front of the trunk."""
     body, thick = asked.match.matching.target, _thick(asked)
     limbs = limbs_of(body)
     poles = poles_of(thick.landmarks, motion, limbs)
-    return brought_out(motion, wishes, weights, asked.supports, limbs, thick, body, poles)
+    return brought_out(motion, constraints, weights, asked.supports, limbs, thick, body, poles)
 
 
 def _thick(performer: Performer) -> BodySkin:
@@ -163,34 +163,34 @@ def _thick(performer: Performer) -> BodySkin:
     return skins.target if skins else BodySkin.of(body, average_for(body).on(body))
 
 
-def _farthest(performer: Performer, wishes: Wishes, posed: Motion) -> float:
+def _farthest(performer: Performer, constraints: Constraints, posed: Motion) -> float:
     """How far a motion is off what is asked, at most [file units]."""
-    return float(max((off.max() for _, off in _off(performer, wishes, posed)), default=0.0))
+    return float(max((off.max() for _, off in _off(performer, constraints, posed)), default=0.0))
 
 
-def unmet(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[str]:
+def unmet(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[str]:
     """Yield how far off what is asked is in a motion, for what is not met; `performer` is as asked."""
-    for wish, off in _off(performer, wishes, posed):
+    for constraint, off in _off(performer, constraints, posed):
         if off.max() > NOTICED * performer.match.matching.target.height:
-            name, worst = " - ".join(wish.entry.named), int(off.argmax())
+            name, worst = " - ".join(constraint.entry.named), int(off.argmax())
             cm = centimetres(performer.clip.unit) * off[worst]
             yield f"{name} misses what was asked for by up to {cm:.1f} cm, at frame {worst}"
 
 
-def _off(performer: Performer, wishes: Wishes, posed: Motion) -> Iterator[tuple[Wish, Array]]:
-    """Yield wishes, and how far they are off in a motion where they are to be met, (frames,) [file units]."""
-    clip = wishes.clip
-    for wish in wishes.wishes:
-        off = lengths(off_by(wishes, wish, posed, performer.supports, performer.match.skins)) * clip.unit
-        yield wish, np.where(wish.frames & (wish.weight == 1.0), off, 0.0)
+def _off(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[tuple[Constraint, Array]]:
+    """Yield constraints, and how far they are off in a motion where they are to be met, (frames,) [file units]."""
+    clip = constraints.clip
+    for constraint in constraints:
+        off = lengths(off_by(constraints, constraint, posed, performer.supports, performer.match.skins)) * clip.unit
+        yield constraint, np.where(constraint.frames & (constraint.weight == 1.0), off, 0.0)
 
 
-def layered(asked: Sequence[Wishes], without: Motion, held: Motion, whole: bool = False) -> Motion:
-    """Return the motion `held` in the frames of all wishes, blended into that `without` them as they set in and let go;
-    where it is the `whole`, which sets in and lets go by itself, in the first and last frames of that.
+def layered(asked: Sequence[Constraints], without: Motion, held: Motion, whole: bool = False) -> Motion:
+    """Return the motion `held` in the frames of all constraints, blended into that `without` them as they set in and
+    let go; where it is the `whole`, which sets in and lets go by itself, in the first and last frames of that.
     """
-    wishes = [wish for each in asked for wish in each.wishes]
-    lead = np.max([wish.lead * wish.frames for wish in wishes], axis=0)
+    constraints = [constraint for each in asked for constraint in each]
+    lead = np.max([constraint.lead * constraint.frames for constraint in constraints], axis=0)
     share = np.max([smoothstep(each.share / EARLY) if whole else each.share * each.on for each in asked], axis=0)
     shots = np.sum([each.clip.shots for each in asked], axis=0)  # a new shot at the cuts of any performer
     return _blended(without, held, share, lead, shots)
