@@ -7,7 +7,8 @@ import pytest
 from bodies import SAMPLES
 
 from distretarget import METRICS, Motion, Skeleton, load_target, read_bvh, retarget, write_motion, write_npz
-from distretarget.io.motion_writer import npz
+from distretarget.errors import FileError
+from distretarget.io.arrays import npz
 
 
 @pytest.fixture(scope="module")
@@ -113,3 +114,9 @@ def test_a_cut_starts_another_shot():
     cut = Motion(clip.skeleton, shifted, clip.rotations, clip.frame_time_text)
     shots = retarget(cut, load_target(SAMPLES / "long_arms.json")).labels["shots"]
     assert np.flatnonzero(np.diff(shots)).tolist() == [99]
+
+
+def test_arrays_as_a_target_are_no_character(clap, tmp_path):
+    write_npz(tmp_path / "body.npz", clap.motion)
+    with pytest.raises(FileError, match=r"'.*body.npz' is a file of arrays; write .bvh"):
+        write_motion(tmp_path / "out.glb", clap.motion, tmp_path / "body.npz")

@@ -30,10 +30,11 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.contacts_file import SUFFIX as CONTACTS_SUFFIX
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import hash_of_file, read_bytes
+from distretarget.io.formats import ARRAYS, OUTPUT_FORMATS
 from distretarget.io.gltf_writer import Parts
-from distretarget.io.input_file import ARRAY_SUFFIXES, InputFile, load_file, with_files_beside
+from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, with_animations
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.conversion import Recipe
@@ -70,7 +71,7 @@ class Batch:
         settings = {**self._recipe(clip).settings}
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
-        if self.joints and clip.path.suffix.lower() in ARRAY_SUFFIXES:
+        if self.joints and clip.path.suffix.lower() in ARRAYS.others:
             settings["joints"] = self.joints.hash
         return new_record(clip, settings, input_hash)
 
@@ -303,7 +304,7 @@ def convert_folder(
     check_kind("exclude", exclude, Sequence)
     check_kind("formats", formats, Sequence)
     for each in [formats] if isinstance(formats, str) else formats:
-        check_choice("formats", each, FORMATS)
+        check_choice("formats", each, OUTPUT_FORMATS)
     for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
         check_kind(name, number, int, NoneType)
         check_number(name, least if number is None else number, least, sys.maxsize)

@@ -16,8 +16,9 @@ from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
 from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
+from distretarget.io.formats import OUTPUTS
 from distretarget.io.input_file import InputFile
-from distretarget.io.motion_writer import OUTPUTS, character_animation, content_of
+from distretarget.io.motion_writer import character_animation, content_of
 from distretarget.io.target_file import TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns

@@ -12,8 +12,9 @@ from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
+from distretarget.io.formats import ARRAYS, GLTF, MOTION_SUFFIXES, format_of_name
 from distretarget.io.gltf_writer import free_name
-from distretarget.io.input_file import ARRAY_SUFFIXES, KINDS, MOTION_SUFFIXES, InputFile
+from distretarget.io.input_file import InputFile
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile, animations_in
 from distretarget.scene.scene_file import SCENE_NAME
@@ -59,7 +60,7 @@ def find_clips(
     """
     clips: list[tuple[Path, PurePath]] = []
     unread: list[FileError] = []
-    suffixes = MOTION_SUFFIXES + ARRAY_SUFFIXES * arrays
+    suffixes = MOTION_SUFFIXES + ARRAYS.others * arrays
     for source in sources:
         if not is_folder(source):
             clips.append((source, _result(PurePath(source.name))))
@@ -134,7 +135,7 @@ def plan(
 def animations_of(path: Path) -> dict[str | None, str]:
     """Return the animations of a file, such as "#2", each with a name for its result; None for the only one."""
     names: Sequence[str] = ()
-    if KINDS.get(path.suffix.lower()) == "glTF":
+    if format_of_name(path) is GLTF:
         with suppress(DistretargetError):  # reading the clip will report it
             names = animations_in(InputFile(read_bytes(path), path))
     if len(names) < 2:
@@ -189,7 +190,7 @@ def _leads_back(path: Path, folder: Path) -> bool:
 
 def _result(place: PurePath) -> PurePath:
     """The place of the result of a clip, without suffix."""
-    return place.with_suffix("") if place.suffix.lower() in MOTION_SUFFIXES + ARRAY_SUFFIXES else place
+    return place.with_suffix("") if place.suffix.lower() in MOTION_SUFFIXES + ARRAYS.others else place
 
 
 def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:

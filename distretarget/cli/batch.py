@@ -37,8 +37,9 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, is_folder, read_bytes
+from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS
 from distretarget.io.input_file import load_file
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OUTPUTS, output_kind
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, output_kind
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
@@ -85,8 +86,8 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
         "kinds",
         type=of_formats,
         metavar="KIND[,KIND...]",
-        help=f"What the results are, one file of each kind: {', '.join(FORMATS)}. Default: own, the kind of TARGET if "
-        "it is glTF or VRM, else bvh. npz has arrays: positions, rotations, and labels of frames.",
+        help=f"What the results are, one file of each kind: {', '.join(OUTPUT_FORMATS)}. Default: own, the kind of "
+        "TARGET if it is glTF or VRM, else bvh. npz has arrays: positions, rotations, and labels of frames.",
     ),
     click.option("--npz", is_flag=True, help="Write arrays beside each result, like --format own,npz."),
 )

@@ -10,7 +10,7 @@ from distretarget.body.body import Body
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs
 from distretarget.errors import DistretargetError, FileError, MatchingError, counted, quoted
 from distretarget.io.files import is_folder, reason_of
-from distretarget.io.input_file import MOTION_SUFFIXES
+from distretarget.io.formats import MOTION_SUFFIXES
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import read_motion
 from distretarget.measure.diff import Diff, diff, diff_scenes

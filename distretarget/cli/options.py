@@ -16,9 +16,11 @@ from click.core import ParameterSource
 from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.errors import SettingsError
+from distretarget.io.arrays import Precision
+from distretarget.io.formats import OUTPUT_FORMATS
 from distretarget.io.gltf_writer import Mode
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, FORMATS, OutputSettings, Precision
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings
 from distretarget.io.target_file import load_build
 from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
@@ -100,8 +102,10 @@ def of_time(text: str) -> str:
 def of_formats(text: str) -> tuple[str, ...]:
     """The kinds of results in the text, separated by commas."""
     kinds = tuple(text.split(","))
-    if wrong := [kind for kind in kinds if kind not in FORMATS]:
-        raise click.BadParameter(f"expected one of {', '.join(FORMATS)}, or several with commas, found {wrong[0]!r}")
+    if wrong := [kind for kind in kinds if kind not in OUTPUT_FORMATS]:
+        raise click.BadParameter(
+            f"expected one of {', '.join(OUTPUT_FORMATS)}, or several with commas, found {wrong[0]!r}"
+        )
     return kinds
 
 

@@ -40,8 +40,9 @@ from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content, is_folder
+from distretarget.io.formats import OUTPUTS
 from distretarget.io.input_file import InputFile
-from distretarget.io.motion_writer import OUTPUTS, content_of, output_kind
+from distretarget.io.motion_writer import content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
@@ -202,7 +203,7 @@ def _source_motion(source: InputFile, target: InputFile, recipe: Recipe) -> tupl
     try:
         return recipe.read(source)
     except FileError:
-        is_character = source.kind in ("glTF", "FBX") and target.kind != "skeleton"
+        is_character = source.format.has_characters and target.kind != "skeleton"
         if is_character and not animations_in(source):
             raise FileError(source.path, f"has no animation, expected a motion as SOURCE; {order}") from None
         raise

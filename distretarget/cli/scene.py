@@ -40,8 +40,9 @@ from distretarget.io.files import (
     read_bytes,
     write_whole,
 )
-from distretarget.io.input_file import MOTION_SUFFIXES, load_file
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, as_written, content_of, suffix_of
+from distretarget.io.formats import MOTION_SUFFIXES, OUTPUTS
+from distretarget.io.input_file import load_file
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, as_written, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page

@@ -13,11 +13,13 @@ from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, quiet
 from distretarget.cli.outputs import STANDARD, check_outputs, read_input, say, write_outputs
 from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.files import is_folder
-from distretarget.io.input_file import KINDS
+from distretarget.io.formats import ARRAYS, FORMATS
 from distretarget.report.actors import Actor
 from distretarget.report.stage import MOST, actors_of, view_page
 
-SUFFIXES = (".bvh", *KINDS)  # of files that are looked for in a folder
+SUFFIXES = tuple(  # of files that are looked for in a folder
+    suffix for each in FORMATS if each is not ARRAYS for suffix in each.motions + each.others
+)
 
 
 @click.command("view")

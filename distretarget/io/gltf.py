@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.files import is_inside, read_bytes
+from distretarget.io.formats import GLB_MARK
 from distretarget.io.json_node import Fields, Node, parse_json, without_collection
 from distretarget.numerics.vectors import Array, read_only
 
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
 
-MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942  # the types of chunks in a GLB
 HEADER, CHUNK_HEADER = struct.Struct("<4sII"), struct.Struct("<II")
 COMPONENTS: dict[int, Dtype] = {  # of accessors, by the number that stands for them
@@ -233,7 +233,7 @@ def parse_gltf(
     """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI, and its
     images may be in others if it has a folder.
     """
-    if content.startswith(MAGIC):
+    if content.startswith(GLB_MARK):
         return Gltf(path, _chunks(content, path), beside or {}, has_folder)
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
         raise FileError(path, "is no glTF: a GLB begins with 'glTF', a .gltf file with {" if content else "is empty")

@@ -20,7 +20,8 @@ from distretarget.character.nodes import Nodes
 from distretarget.errors import FileError
 from distretarget.io.fbx import fbx_looks
 from distretarget.io.files import check_inside, read_bytes
-from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, HEADER, JSON_CHUNK, MAGIC, Gltf, parse_gltf
+from distretarget.io.formats import GLB_MARK
+from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, HEADER, JSON_CHUNK, Gltf, parse_gltf
 from distretarget.io.input_file import InputFile
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import Array, Numbers
@@ -103,7 +104,7 @@ class _Document:
         chunks = [(JSON_CHUNK, text + b" " * (-len(text) % 4)), (BINARY_CHUNK, bytes(self._binary))]
         size = HEADER.size + sum(CHUNK_HEADER.size + len(chunk) for _, chunk in chunks)
         parts = [CHUNK_HEADER.pack(len(chunk), kind) + chunk for kind, chunk in chunks]
-        return HEADER.pack(MAGIC, 2, size) + b"".join(parts)
+        return HEADER.pack(GLB_MARK, 2, size) + b"".join(parts)
 
     def add_nodes(self, character: Character, nodes: Nodes) -> None:
         """Add the nodes of a file, below one that brings them to metres and Y up."""

@@ -11,7 +11,8 @@ import numpy as np
 
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, JSON_CHUNK, MAGIC, Gltf
+from distretarget.io.formats import GLB_MARK
+from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, JSON_CHUNK, Gltf
 from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.json_node import Fields, Node, without_collection
 from distretarget.io.json_text import Edit, Member, added, changed, compact, edited, members
@@ -220,7 +221,7 @@ def _glb(gltf: Gltf, document: bytes, content: Parts | None) -> Parts:
     size = HEADER.size + sum(CHUNK_HEADER.size + sum(map(len, chunk)) for _, chunk in chunks)
     if size > LARGEST_GLB:
         raise FileError(gltf.path, "with this animation it would be larger than 4 GB, the most of a GLB")
-    parts: list[bytes | memoryview] = [HEADER.pack(MAGIC, 2, size)]
+    parts: list[bytes | memoryview] = [HEADER.pack(GLB_MARK, 2, size)]
     for kind, chunk in chunks:
         parts += [CHUNK_HEADER.pack(sum(map(len, chunk)), kind), *chunk]
     return parts

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, MotionError, quoted
+from distretarget.io.arrays import ArraysFile
 from distretarget.io.bvh import doubts, parse_bvh
-from distretarget.io.input_file import ArraysFile, InputFile, Source, load_file
+from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
 from distretarget.io.target_file import parse_full_target, read_scene
 from distretarget.motion import FASTEST, SLOWEST, Motion, is_frame_time

@@ -6,22 +6,22 @@ from __future__ import annotations
 
 import io
 import reprlib
-import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from types import NoneType
-from typing import IO, Any, Literal, Protocol, cast, get_args
+from typing import IO, Protocol, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.character.nodes import Animation
 from distretarget.checks import brief, check_choice, check_kind
 from distretarget.errors import FileError, MotionError, SettingsError
+from distretarget.io.arrays import Arrays, Precision, npz
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, read_bytes, write_whole
+from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS, OutputKind, format_of_name
 from distretarget.io.gltf import inside
 from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import InputFile, Source, load_file
@@ -33,23 +33,7 @@ from distretarget.motion import Motion, single_precision
 from distretarget.numerics.rotations import RotationKind
 from distretarget.numerics.vectors import Array, level
 
-Arrays = Mapping[str, NDArray[Any] | float]
-Precision = Literal["float64", "float32"]
 Y_UP = np.array([0.0, 1.0, 0.0])
-OutputKind = Literal["BVH", "character", "VRMA", "arrays"]
-
-OUTPUTS: dict[str, OutputKind] = {
-    ".bvh": "BVH",
-    ".glb": "character",
-    ".gltf": "character",
-    ".vrm": "character",
-    ".vrma": "VRMA",
-    ".npz": "arrays",
-}
-FORMATS = ("own", *(suffix[1:] for suffix in OUTPUTS))  # of results; "own" is the target's own
-NAMES = {"BVH": "BVH", "FBX": "FBX", "skeleton": "a skeleton file"}
-NO_FBX = "FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read"
-WITHOUT_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip file knows
 PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
 
 
@@ -65,20 +49,20 @@ class Labelled(Protocol):
 
 def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
     """Return what a file with this name holds, or raise a FileError if the target cannot be written so."""
-    suffix = Path(path).suffix.lower()
-    if suffix == ".fbx":
-        raise FileError(path, NO_FBX)
+    suffix, named = Path(path).suffix.lower(), format_of_name(path)
+    if named and named.unwritten:
+        raise FileError(path, named.unwritten)
     if suffix not in OUTPUTS:
         usual = ".glb" if target and target.kind == "glTF" else ".bvh"
         better = Path(path).with_suffix(usual) if Path(path).name else usual
         endings = ", ".join(OUTPUTS)
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
-    if kind == "character" and (target is None or target.kind not in ("glTF", "FBX")):
+    if kind == "character" and (target is None or not target.format.has_characters):
         what = f"{suffix} is the target's own file with the motion"
         if target is None:
             raise FileError(path, f"{what}; give the character's file")
-        raise FileError(path, f"{what}, but {str(target.path)!r} is {NAMES[target.kind]}; write .bvh")
+        raise FileError(path, f"{what}, but {str(target.path)!r} is {target.format.name}; write .bvh")
     if suffix == ".vrm" and target and not _is_vrm(target):
         raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
     return kind
@@ -148,7 +132,7 @@ def _place_of(file: IO[bytes], kind: str | None) -> Path:
     """The name of what is written to a file object."""
     if not hasattr(file, "writelines") or isinstance(file, io.TextIOBase):
         raise SettingsError(f"path is {reprlib.repr(file)}; expected a path, or a file opened as binary")
-    check_choice("kind", kind, FORMATS[1:])
+    check_choice("kind", kind, OUTPUT_FORMATS[1:])
     return Path(f"motion.{kind}")
 
 
@@ -181,23 +165,6 @@ def write_npz(
     check_choice("precision", precision, get_args(Precision))
     settings = OutputSettings(rotations=rotations, precision=precision)
     write_whole(path, settings.arrays(NamedClip(moved, "", {}, _labels_of(motion))), overwrite)
-
-
-def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
-    """Return the content of an npz file with some arrays by name, whose numbers have this precision.
-
-    Single numbers, such as the frame time, stay float64. Equal arrays make equal files: they do not say when they were
-    made.
-    """
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
-        for name, values in arrays.items():
-            array = np.asarray(values)
-            if array.ndim and array.dtype == np.float64:
-                array = array.astype(precision)
-            with archive.open(zipfile.ZipInfo(f"{name}.npy", WITHOUT_TIME), "w", force_zip64=True) as file:
-                np.lib.format.write_array(file, array, allow_pickle=False)
-    return content.getvalue()
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of
 from distretarget.body.reference_pose import t_pose
 from distretarget.errors import FileError, SkeletonError, quoted
-from distretarget.io.input_file import ArraysFile
+from distretarget.io.arrays import ArraysFile
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import METRES, USUAL_ROOT, USUAL_ROTATIONS, Skeleton

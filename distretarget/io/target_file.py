@@ -200,7 +200,7 @@ def parse_build(file: InputFile) -> Build:
 
 def with_source(builds: Builds, file: InputFile) -> Builds:
     """Return the builds with that of the source, whose motion is in this file, where its mesh shows it."""
-    if builds.source is not None or file.kind not in ("glTF", "FBX"):
+    if builds.source is not None or not file.format.has_characters:
         return builds
     with suppress(DistretargetError):
         return replace(builds, source=parse_build(file))

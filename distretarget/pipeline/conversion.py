@@ -11,10 +11,11 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import ContactsError, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
+from distretarget.io.formats import OutputKind
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, NamedClip, OutputKind, OutputSettings, as_written
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, NamedClip, OutputSettings, as_written
 from distretarget.io.target_file import TargetFile, with_source
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads

@@ -91,7 +91,7 @@ def shown_performer(name: str, measured: Diff, result: RetargetResult | None = N
 
 def _mesh_of(file: InputFile | None, motion: Motion) -> SkinnedMesh | None:
     """The mesh in the file of a motion; None where there is none on its joints as they stand in the motion."""
-    if file is None or file.kind not in ("glTF", "FBX"):
+    if file is None or not file.format.has_characters:
         return None
     try:
         target = parse_full_target(file)

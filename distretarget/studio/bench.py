@@ -16,9 +16,10 @@ from pathlib import PurePath
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.io.files import encoded_parts, hash_of
+from distretarget.io.formats import FBX, OUTPUT_FORMATS, OUTPUTS
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import FORMATS, OUTPUTS, content_of, output_kind, suffix_of
+from distretarget.io.motion_writer import content_of, output_kind, suffix_of
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Converted, convert
@@ -149,10 +150,10 @@ class Done:
 
 def formats_of(target: TargetFile) -> list[str]:
     """Return the endings of the files that a result on a target can be written as, the usual one first."""
-    own = target.file is not None and target.file.kind == "FBX"
+    own = target.file is not None and target.file.format is FBX
     usual = "glb" if own else suffix_of(target).removeprefix(".")
     can = []
-    for kind in dict.fromkeys((usual, *FORMATS[1:])):
+    for kind in dict.fromkeys((usual, *OUTPUT_FORMATS[1:])):
         with suppress(DistretargetError):
             if output_kind(f"out.{kind}", target.file) != "character" or not own or _has_mesh(target):
                 can.append(kind)
