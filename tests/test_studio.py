@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from fbx_text import Node, fbx
 
 from distretarget.cli import cli
-from distretarget.errors import DistretargetError, SettingsError
+from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.target_file import load_target
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
@@ -421,6 +421,16 @@ def solved(browser):
     thread.join(10)
 
 
+def drawn(tab):
+    """The frame of the page with the player, once that shows the last result."""
+    address = tab.locator("#report").get_attribute("src").partition("#")[0]
+    while address not in tab.frames[1].url:
+        tab.wait_for_timeout(20)
+    tab.frames[1].wait_for_load_state()
+    tab.frames[1].evaluate(DRAWN)
+    return tab.frames[1]
+
+
 def taken(tab, press):
     """The content of what a press on something downloads."""
     with tab.expect_download() as download:
@@ -512,8 +522,7 @@ def test_a_gap_a_firmness_a_plant_and_a_direction_are_set_and_go_through_a_file(
 def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
     tab, wait = solved
     keys = load_target(HERO).skeleton.keys
-    stage = tab.frames[1]
-    stage.evaluate(DRAWN)
+    stage = drawn(tab)
     tab.get_by_test_id("pick").click()
     box = tab.locator("#report").bounding_box()
     for joint in (keys.index("LeftHand"), keys.index("Head")):
@@ -557,3 +566,24 @@ def test_ten_changes_are_undone_and_done_again(solved):
     for _ in range(10):
         tab.keyboard.press("Control+Shift+Z")
     wait(" --turn 10")
+
+
+def test_a_picture_of_the_view_is_saved(solved):
+    stage = drawn(solved[0])
+    with solved[0].expect_download() as download:
+        stage.locator("#picture").click()
+    assert download.value.suggested_filename == "frame_0.png"
+    assert download.value.path().read_bytes().startswith(b"\x89PNG")
+
+
+def test_files_that_do_not_fit_together_are_refused(monkeypatch):
+    from distretarget.studio import bench
+
+    content = WAVE.read_bytes()
+    monkeypatch.setattr(bench, "MOST", 2 * len(content))
+    full = Bench()
+    for _ in range(2):
+        full.add("wave.bvh", content)
+    with pytest.raises(FileError, match="does not fit"):
+        full.add("more.bvh", content)
+    assert len(full.dropped) == 2
