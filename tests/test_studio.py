@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from fbx_text import Node, fbx
 
 from distretarget.cli import cli
-from distretarget.errors import DistretargetError, SettingsError
+from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.target_file import load_target
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
@@ -243,6 +243,23 @@ def test_an_order_that_is_overtaken_ends_early():
     assert "overtaken" in outcomes
 
 
+def test_orders_of_other_tabs_overtake_none():
+    bench = Bench()
+    numbers = [bench.add(path.name, path.read_bytes())["id"] for path in (WAVE, SAMPLES / "child.json")]
+    done = []
+
+    def carry_out(tab):
+        edits = {"turn": float(tab)}
+        done.append(bench.carry_out(Order.of({"clip": numbers[0], "character": numbers[1], "edits": edits}), tab))
+
+    threads = [threading.Thread(target=carry_out, args=(str(tab),)) for tab in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(done) == 3
+
+
 def test_only_who_knows_the_token_gets_an_answer(studio):
     status, headers, _ = answer(studio, f"/{TOKEN}/")
     assert status == 200
@@ -421,6 +438,16 @@ def solved(browser):
     thread.join(10)
 
 
+def drawn(tab):
+    """The frame of the page with the player, once that shows the last result."""
+    address = tab.locator("#report").get_attribute("src").partition("#")[0]
+    while address not in tab.frames[1].url:
+        tab.wait_for_timeout(20)
+    tab.frames[1].wait_for_load_state()
+    tab.frames[1].evaluate(DRAWN)
+    return tab.frames[1]
+
+
 def taken(tab, press):
     """The content of what a press on something downloads."""
     with tab.expect_download() as download:
@@ -512,8 +539,7 @@ def test_a_gap_a_firmness_a_plant_and_a_direction_are_set_and_go_through_a_file(
 def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
     tab, wait = solved
     keys = load_target(HERO).skeleton.keys
-    stage = tab.frames[1]
-    stage.evaluate(DRAWN)
+    stage = drawn(tab)
     tab.get_by_test_id("pick").click()
     box = tab.locator("#report").bounding_box()
     for joint in (keys.index("LeftHand"), keys.index("Head")):
@@ -557,3 +583,73 @@ def test_ten_changes_are_undone_and_done_again(solved):
     for _ in range(10):
         tab.keyboard.press("Control+Shift+Z")
     wait(" --turn 10")
+
+
+def test_a_picture_of_the_view_is_saved(solved):
+    stage = drawn(solved[0])
+    with solved[0].expect_download() as download:
+        stage.locator("#picture").click()
+    assert download.value.suggested_filename == "frame_0.png"
+    assert download.value.path().read_bytes().startswith(b"\x89PNG")
+
+
+def test_files_that_do_not_fit_together_are_refused(monkeypatch):
+    from distretarget.studio import bench
+
+    content = WAVE.read_bytes()
+    monkeypatch.setattr(bench, "MOST", 2 * len(content))
+    full = Bench()
+    for _ in range(2):
+        full.add("wave.bvh", content)
+    with pytest.raises(FileError, match="does not fit"):
+        full.add("more.bvh", content)
+    assert len(full.dropped) == 2
+
+
+def test_a_frame_in_the_verdict_leads_there(solved):
+    tab, _ = solved
+    stage = drawn(tab)
+    link = tab.get_by_test_id("verdict").get_by_role("button")
+    frame = int(link.inner_text().split()[-1])
+    assert frame > 0
+    link.click()
+    while stage.evaluate("app.clock.frame") != frame:
+        tab.wait_for_timeout(20)
+
+
+def test_a_second_tab_has_the_files_and_orders_of_its_own(solved, browser):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    other = browser.new_page()
+    other.goto(tab.url)
+    other.get_by_test_id("mirror").check()
+    expect(other.get_by_test_id("command")).to_contain_text("--mirror", timeout=30_000)
+    wait()
+    tab.get_by_test_id("turn").fill("90")
+    tab.get_by_test_id("turn").blur()
+    wait(" --turn 90")
+    expect(other.get_by_test_id("command")).to_contain_text("--mirror")
+    assert "--turn" not in other.get_by_test_id("command").inner_text()
+    other.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals as on POSIX")
+def test_nothing_is_left_in_the_temporary_folder_when_it_is_killed_while_it_solves(tmp_path):
+    pytest.importorskip("uvicorn")
+    command = [sys.executable, "-m", "distretarget", "studio", str(SAMPLES / "walk.bvh"), str(HERO), "--no-browser"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(tmp_path)}
+    ) as ran:
+        address = ran.stdout.readline().strip()
+        path = urlsplit(address).path
+        dropped = json.loads(answer(address, f"{path}files")[2])
+        order = {"clip": dropped[0]["id"], "character": dropped[1]["id"]}
+        solving = socket.create_connection(("127.0.0.1", urlsplit(address).port))
+        body = json.dumps(order).encode()
+        head = f"POST {path}solve HTTP/1.1\r\nHost: {urlsplit(address).netloc}\r\nContent-Length: {len(body)}\r\n\r\n"
+        solving.sendall(head.encode() + body)
+        time.sleep(0.2)
+        ran.kill()
+    solving.close()
+    assert not [*tmp_path.iterdir()]

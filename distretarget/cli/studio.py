@@ -56,7 +56,7 @@ def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None
 
     class Server(uvicorn.Server):
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-            bench.overtake()
+            bench.end()
             super().handle_exit(sig, frame)
 
     app = studio_app(token, port, bench)

@@ -8,6 +8,7 @@ import threading
 import uuid
 import zipfile
 from collections import OrderedDict
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -173,7 +174,7 @@ class Bench:
         self._targets: dict[str, TargetFile] = {}
         self._motions: OrderedDict[str, tuple[Motion, tuple[str, ...]]] = OrderedDict()
         self._done: OrderedDict[str, Done] = OrderedDict()
-        self._latest = 0
+        self._turns: dict[str, object] = {}  # the last order of each tab
         self._lock = threading.Lock()
 
     def add(self, name: str, content: bytes) -> dict[str, object]:
@@ -210,51 +211,56 @@ class Bench:
 
     def found(self, number: str) -> Done:
         """Return what was carried out last under a number; a FileError where there is none."""
-        for done in self._done.values():
+        for done in [*self._done.values()]:
             if done.id == number:
                 return done
         raise FileError("report", "is no longer kept; change something and back")
 
-    def carry_out(self, order: Order) -> Done:
-        """Retarget as an order says, unless that was done; an `OvertakenError` if a later order comes in between."""
-        turn = self.overtake()
-        if order.key not in self._done:
-            source, target = self._file(order.clip), self._targets.get(order.character)
-            if target is None:
-                raise FileError(self._file(order.character).path, "has no character; drop one as TARGET")
+    def carry_out(self, order: Order, tab: str = "") -> Done:
+        """Retarget as an order says, unless that was done; an `OvertakenError` if a later order of the same tab of the
+        browser comes in between, or the end.
+        """
+        with self._lock:
+            turn = self._turns[tab] = object()
+            done = self._done.get(order.key)
 
-            def go_on(_frames: int) -> None:
-                if turn != self._latest:
-                    raise OvertakenError
+        def go_on(_frames: int) -> None:
+            if self._turns.get(tab) is not turn:
+                raise OvertakenError
 
-            formats, recipe = formats_of(target), order.recipe
-            form = order.format or formats[0]
-            if form not in formats:
-                raise SettingsError(f"format is {form!r:.40}; expected one of {', '.join(formats)}")
-            motion, _ = recipe.read(source)
-            go_on(0)
-            kinds = (OUTPUTS[f".{form}"],)
-            done = convert(
-                motion,
-                source,
-                target,
-                recipe,
-                name=recipe.name_of(source),
-                kinds=kinds,
-                contacts=order.contacts,
-                progress=go_on,
-            )
-            self._done[order.key] = Done(order, done, target, source, form)
+        done = done or self._carried_out(order, go_on)
+        with self._lock:
+            self._done[order.key] = done
+            self._done.move_to_end(order.key)
             while len(self._done) > KEPT:
                 self._done.popitem(last=False)
-        self._done.move_to_end(order.key)
-        return self._done[order.key]
+        return done
 
-    def overtake(self) -> int:
-        """End what is carried out now as soon as may be, and return the number of the next."""
-        with self._lock:
-            self._latest += 1
-            return self._latest
+    def end(self) -> None:
+        """End what is carried out now as soon as may be."""
+        self._turns.clear()
+
+    def _carried_out(self, order: Order, go_on: Callable[[int], None]) -> Done:
+        source, target = self._file(order.clip), self._targets.get(order.character)
+        if target is None:
+            raise FileError(self._file(order.character).path, "has no character; drop one as TARGET")
+        formats, recipe = formats_of(target), order.recipe
+        form = order.format or formats[0]
+        if form not in formats:
+            raise SettingsError(f"format is {form!r:.40}; expected one of {', '.join(formats)}")
+        motion, _ = recipe.read(source)
+        go_on(0)
+        converted = convert(
+            motion,
+            source,
+            target,
+            recipe,
+            name=recipe.name_of(source),
+            kinds=(OUTPUTS[f".{form}"],),
+            contacts=order.contacts,
+            progress=go_on,
+        )
+        return Done(order, converted, target, source, form)
 
     def _file(self, number: str) -> InputFile:
         if number not in self._files:

@@ -20,6 +20,7 @@ from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
 
 LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
+LONGEST_TAB = 40  # of what a tab calls itself
 LARGEST_ORDER = 10_000_000  # [bytes]
 ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript", "contacts.js": "text/javascript"}
 POLICY = (
@@ -71,7 +72,8 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
 
     async def _done(request: Request) -> Done:
         order = Order.of(_parsed(await _body(request, LARGEST_ORDER)))
-        return await anyio.to_thread.run_sync(bench.carry_out, order)
+        tab = request.headers.get("x-tab", "")[:LONGEST_TAB]
+        return await anyio.to_thread.run_sync(bench.carry_out, order, tab)
 
     def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:

@@ -5,6 +5,7 @@ import { replaced, rowsOf } from "./contacts.js";
 const $ = (id) => document.getElementById(id);
 const EDITS = { start: "", end: "", speed: 1, turn: 0, mirror: false, loop: false };
 const OPTIONS = { supports: "hold", skin: "auto", objective: "contact", root_follows: "" };
+const TAB = crypto.randomUUID(); // a later order of the same tab takes the place of one that is not done
 const AROUND = 0.25; // how long a contact that is clicked holds before and after [s]
 const START = { clip: null, character: null, animation: null, fps: null, in_place: false, contacts: [], map: {}, format: null, edits: {}, options: {} };
 
@@ -22,7 +23,7 @@ let clicked = ""; // the first of two parts
 // ---- the server
 
 async function ask(path, body, headers = {}) {
-  const response = await fetch(path, { method: body === undefined ? "GET" : "POST", body, headers });
+  const response = await fetch(path, { method: body === undefined ? "GET" : "POST", body, headers: { "X-Tab": TAB, ...headers } });
   if (response.ok) return response;
   const fault = await response.json().catch(() => ({}));
   if (response.status === 409) throw new DOMException("overtaken", "AbortError");
@@ -71,7 +72,8 @@ async function solve() {
     state("done");
     showDone();
   } catch (error) {
-    if (turn !== asked || error.name === "AbortError") return;
+    if (turn !== asked) return;
+    if (error.name === "AbortError") return solve(); // an order of before came in later
     state("idle");
     trouble(error.message);
   }
@@ -160,13 +162,15 @@ function show() {
   for (const [name, usual] of Object.entries(OPTIONS)) $(name).value = order.options[name] ?? usual;
   $("in_place").checked = order.in_place;
   $("fps").value = order.fps ?? "";
-  $("undo").disabled = !past.length;
-  $("redo").disabled = !future.length;
+  for (const [name, orders] of [["undo", past], ["redo", future]]) {
+    if (!orders.length) $(name).blur(); // a button that is disabled would keep the keys to itself
+    $(name).disabled = !orders.length;
+  }
   $("save").disabled = !order.clip || !order.character;
 }
 
 function showDone() {
-  $("verdict").textContent = done.verdict;
+  $("verdict").replaceChildren(...linked(done.verdict));
   $("warnings").replaceChildren(...done.warnings.map(warning));
   $("empty").hidden = true;
   $("report").hidden = false;
@@ -227,11 +231,15 @@ function goTo(to) {
   $("report").src = `report/${done.id}#frame=${to}`;
 }
 
-/** A warning; one that names a frame leads there. */
+/** A text whose frames lead there. */
+const linked = (text) => text.split(/(\bframes? \d+)/).map((part) => {
+  const [, at] = /^frames? (\d+)$/.exec(part) ?? [];
+  return at ? element("button", part, { type: "button", className: "frame", onclick: () => goTo(Number(at)) }) : part;
+});
+
 function warning(text) {
-  const at = / frames? (\d+)/.exec(text);
-  const item = element("li", at ? "" : text);
-  if (at) item.append(element("button", text, { type: "button", onclick: () => goTo(Number(at[1])) }));
+  const item = element("li", "");
+  item.append(...linked(text));
   return item;
 }
 
