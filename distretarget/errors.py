@@ -98,6 +98,11 @@ class MatchingError(DistretargetError):
         super().__init__(f"{fault}; {shown}{names}; {advice}")
         self.fault, self.source, self.target = fault, tuple(source), tuple(target)
 
+    @property
+    def is_of_source(self) -> bool:
+        """Whether the fault is one of the source alone."""
+        return "the source" in self.fault and "target" not in self.fault
+
     def advised(self, advice: str) -> MatchingError:
         """Return the same error with other advice at the end of its message."""
         return MatchingError(self.fault, self.source, self.target, advice)

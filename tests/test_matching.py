@@ -12,6 +12,7 @@ from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching, match, refusal
+from distretarget.pipeline.retargeting import needs_map
 
 PERSON = person()
 RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*.json"))}
@@ -406,3 +407,16 @@ def test_a_map_that_leaves_nothing_is_refused():
 def test_a_map_is_never_refused_for_lack_of_names(explicit):
     matching = matched(chain("rope", "end"), chain("line", "hook"), explicit)
     assert named(matching).items() >= explicit.items()
+
+
+@pytest.mark.parametrize(
+    ("fault", "file"),
+    [
+        ("the source seems to go on all fours", "walk.bvh"),
+        ("the target seems to go on all fours", "hero.glb"),
+        ("source and target share neither arms nor legs", "hero.glb"),
+    ],
+)
+def test_the_file_that_is_at_fault_is_named(fault, file):
+    error = needs_map(MatchingError(fault, ["Hips"], ["Hips"]), "walk.bvh", "hero.glb")
+    assert str(error).startswith(f"{file}: {fault}")
