@@ -26,7 +26,7 @@ BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what 
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
     "Reading and writing files": "io/files.py io/motion cli/outputs.py",
     "BVH files": "io/bvh",
-    "Arrays": "io/input_file.py io/smpl.py",
+    "Arrays": "io/input_file.py io/arrays.py io/smpl.py",
     "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx",
     "Skeleton files and maps": "io/json io/target io/skeleton io/map io/obj.py target.py matching/pairing.py",
     "Contacts that are asked for": "contact_entries.py io/contacts objectives/ask objectives/paper",

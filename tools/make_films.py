@@ -115,11 +115,7 @@ def report_on(clip: str, target: Path, folder: Path) -> Path:
     return report
 
 
-STUDIO = {  # the window, and the colours, of each picture
-    "studio": (WINDOW, "light"),
-    "studio_dark": ({"width": 1024, "height": 768}, "dark"),
-    "studio_narrow": ({"width": 390, "height": 844}, "light"),
-}
+STUDIO = {"studio": WINDOW, "studio_narrow": {"width": 390, "height": 844}}
 
 
 def write_studio(folder: Path, running: Browser) -> None:
@@ -129,8 +125,8 @@ def write_studio(folder: Path, running: Browser) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
         assert studio.stdout
         address = studio.stdout.readline().strip()
-        for name, (window, scheme) in STUDIO.items():
-            page = running.new_page(viewport=window, color_scheme=scheme)
+        for name, window in STUDIO.items():
+            page = running.new_page(viewport=window)
             page.goto(address)
             page.get_by_test_id("command").wait_for()
             page.wait_for_timeout(10 * SHARP)
@@ -140,7 +136,7 @@ def write_studio(folder: Path, running: Browser) -> None:
                 page.get_by_test_id("pick").click()
             page.wait_for_timeout(5 * SHARP)
             shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-            shot.quantize(4 * COLOURS - 1).save(folder / f"{name}.png", optimize=True)
+            shot.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)
             page.close()
         studio.terminate()
 
