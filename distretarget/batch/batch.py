@@ -16,7 +16,7 @@ from types import NoneType
 
 from distretarget.batch.job import TIME_LIMITS, Job, Output, Result
 from distretarget.batch.pages import Pages
-from distretarget.batch.plan import Clip, find_clips, plan
+from distretarget.batch.plan import PlannedClip, find_clips, plan
 from distretarget.batch.processes import Processes
 from distretarget.batch.record import BatchRecord, new_record
 from distretarget.batch.results import Results
@@ -53,7 +53,7 @@ Show = Callable[[BatchRecord | None], object]
 class Batch:
     """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read."""
 
-    clips: Sequence[Clip]
+    clips: Sequence[PlannedClip]
     results: Results
     recipe: Recipe
     pages: Pages
@@ -66,7 +66,7 @@ class Batch:
         if self.contacts not in (None, BESIDE):
             load_contacts(self.contacts)
 
-    def record_of(self, clip: Clip, input_hash: str = "") -> BatchRecord:
+    def record_of(self, clip: PlannedClip, input_hash: str = "") -> BatchRecord:
         """Return the record of a clip that is not done, whose file has this hash."""
         settings = {**self._recipe(clip).settings}
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
@@ -75,11 +75,11 @@ class Batch:
             settings["joints"] = self.joints.hash
         return new_record(clip, settings, input_hash)
 
-    def _recipe(self, clip: Clip) -> Recipe:
+    def _recipe(self, clip: PlannedClip) -> Recipe:
         """How a clip is retargeted, which may be one of several animations of its file."""
         return replace(self.recipe, clip=clip.animation) if clip.animation else self.recipe
 
-    def _contacts_path(self, clip: Clip) -> Path | None:
+    def _contacts_path(self, clip: PlannedClip) -> Path | None:
         """The path of a clip's contact file; None if it has none."""
         if self.contacts != BESIDE:
             return self.contacts
@@ -150,7 +150,7 @@ class Batch:
 
     def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
         """The clips that are not done; last those that another run is at work on, or was, if it has not done them."""
-        left, others = sum(clip.size for clip in self.clips), list[Clip]()
+        left, others = sum(clip.size for clip in self.clips), list[PlannedClip]()
         for clip in self.clips:
             threads = cores() if clip.size > max(SPLIT_SIZE, left / workers) else None
             left -= clip.size
@@ -159,7 +159,7 @@ class Batch:
         for clip in others:
             yield from self._unless_done(clip, show)
 
-    def _unless_done(self, clip: Clip, show: Show, others: list[Clip] | None = None) -> Iterator[Job]:
+    def _unless_done(self, clip: PlannedClip, show: Show, others: list[PlannedClip] | None = None) -> Iterator[Job]:
         """The job of a clip that is not done; it goes to `others`, if given, if another run is at work on it."""
         record = self.record_of(clip)
         try:
@@ -189,7 +189,7 @@ class Batch:
                     job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[clip.output])
                     yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)))
 
-    def _job(self, source: InputFile, clip: Clip, record: BatchRecord) -> Job:
+    def _job(self, source: InputFile, clip: PlannedClip, record: BatchRecord) -> Job:
         """The job of a clip; an error if a file cannot be read."""
         contacts_path = self._contacts_path(clip)
         return Job(

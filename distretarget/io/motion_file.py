@@ -16,7 +16,7 @@ from distretarget.io.arrays import ArraysFile
 from distretarget.io.bvh import doubts, parse_bvh
 from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
-from distretarget.io.target_file import parse_full_target, read_scene
+from distretarget.io.target_file import parse_full_target, read_character_scene
 from distretarget.motion import FASTEST, SLOWEST, Motion, is_frame_time
 from distretarget.numerics.rotations import from_represented
 from distretarget.numerics.vectors import Array
@@ -77,7 +77,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
                 raise error.in_file(file.path) from None
         case "arrays":
             return _array_motion(file, fps), ()
-    scene = read_scene(file, clip, fps)
+    scene = read_character_scene(file, clip, fps)
     if scene.animation is None:
         raise FileError(file.path, "has no animation; expected a file with a motion")
     character = character_of(scene)
