@@ -58,7 +58,7 @@ class Batch:
     recipe: Recipe
     pages: Pages
     contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
-    joints: InputFile | None = None  # the skeleton for clips that are arrays
+    skeleton: InputFile | None = None  # the skeleton for clips that are arrays
     time_limit: float | None = None  # of a clip [s]
     fail_fast: bool = False  # whether to end with the first failure
 
@@ -71,8 +71,8 @@ class Batch:
         settings = {**self._recipe(clip).settings}
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
-        if self.joints and clip.path.suffix.lower() in ARRAYS.others:
-            settings["joints"] = self.joints.hash
+        if self.skeleton and clip.path.suffix.lower() in ARRAYS.others:
+            settings["skeleton"] = self.skeleton.hash
         return new_record(clip, settings, input_hash)
 
     def _recipe(self, clip: PlannedClip) -> Recipe:
@@ -193,7 +193,7 @@ class Batch:
         """The job of a clip; an error if a file cannot be read."""
         contacts_path = self._contacts_path(clip)
         return Job(
-            replace(with_files_beside(source), joints=self.joints),
+            replace(with_files_beside(source), skeleton=self.skeleton),
             self._packed[str(clip.target.path)],
             self._recipe(clip),
             record,
@@ -254,7 +254,7 @@ def convert_folder(
     report: str | Path | None = None,
     reports: int | None = 10,
     table: str | Path | None = None,
-    joints: str | Path | None = None,
+    skeleton: str | Path | None = None,
     edits: Edits = NO_EDITS,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
@@ -286,7 +286,8 @@ def convert_folder(
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
-        joints: the skeleton for clips that are arrays, which folders are searched for then; see `read_motion`.
+        skeleton: the file of the skeleton for clips that are arrays, for which folders are then searched; see
+            `read_motion`.
         edits: what is cut out of each clip, and how it is mirrored, turned, sped up or made a loop.
 
     Returns:
@@ -312,7 +313,7 @@ def convert_folder(
         check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
-    found, unread = find_clips(paths, (), include, exclude, arrays=joints is not None)
+    found, unread = find_clips(paths, (), include, exclude, arrays=skeleton is not None)
     if unread:
         raise unread[0]
     files = [TargetFile.of(load_file(path)) for path in _listed("targets", targets)]
@@ -328,7 +329,7 @@ def convert_folder(
             Path(table) if table else None,
         ),
         None if contacts is None else Path(contacts),
-        load_file(joints) if joints else None,
+        load_file(skeleton) if skeleton else None,
         time_limit,
         fail_fast,
     )
