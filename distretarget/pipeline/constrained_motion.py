@@ -1,8 +1,9 @@
 """A performer as the user asks: with contacts dropped and made, parts planted and directions kept.
 
-Where what is asked sets in and lets go, motions are blended: what differs, a rotation of each joint and a way of the
-root, is added to the one motion. Beyond the frames in which the other holds it goes on as in the nearest of them, and
-fades. So nothing is solved where nothing is asked, and what eases in is as smooth as the motion below it.
+The motion with all constraints is blended into the motion without: the difference, a rotation of each joint and an
+offset of the root, is added with a weight that rises before a constraint and falls after it. Before and after the
+frames that are solved, the difference of the nearest of these fades out. So frames without a constraint are not solved,
+and the blend is as smooth as the motion below it.
 """
 
 from __future__ import annotations
