@@ -67,7 +67,7 @@ def angles(a, b):
 def test_parameters_come_back(folder, count):
     poses, trans = parameters(count)
     np.savez(folder / "clip.npz", poses=poses, trans=trans, betas=np.zeros(16), gender="male", mocap_framerate=120.0)
-    motion = read_motion(folder / "clip.npz", joints=folder / f"joints{count}.npz")
+    motion = read_motion(folder / "clip.npz", skeleton=folder / f"joints{count}.npz")
     back = smpl_parameters(motion)
     assert angles(poses, back["poses"]).max() < 1e-6
     np.testing.assert_allclose(back["trans"], trans, atol=1e-9)
@@ -82,7 +82,7 @@ def test_parameters_turn_joints_as_the_model_does(folder):
     poses[0, :3] = [0.5 * np.pi, 0, 0]  # the model stands in a world with Z up ...
     poses[0, 3 * MODELS[24].index("left_shoulder") + 2] = -0.5 * np.pi  # ... and lowers its left arm
     np.savez(folder / "clip.npz", poses=poses, trans=trans, mocap_frame_rate=30)
-    motion = read_motion(folder / "clip.npz", joints=folder / "joints24.npz")
+    motion = read_motion(folder / "clip.npz", skeleton=folder / "joints24.npz")
     x = dict(zip(motion.skeleton.names, motion.positions[0], strict=True))
     pelvis = trans[0] + place("pelvis")
     np.testing.assert_allclose(x["pelvis"], [pelvis[0], pelvis[2], -pelvis[1]])  # Y is up where Z was
@@ -95,7 +95,7 @@ def test_parameters_in_parts_and_of_the_body_alone(folder):
     poses, trans = parameters(22)
     np.savez(folder / "a.npz", poses=poses, trans=trans, mocap_framerate=30)
     np.savez(folder / "b.npz", root_orient=poses[:, :3], pose_body=poses[:, 3:], trans=trans, fps=[30])
-    one, other = (read_motion(folder / f"{name}.npz", joints=folder / "joints52.npz") for name in "ab")
+    one, other = (read_motion(folder / f"{name}.npz", skeleton=folder / "joints52.npz") for name in "ab")
     np.testing.assert_array_equal(one.rotations, other.rotations)
 
 
@@ -105,7 +105,7 @@ def test_a_model_gives_the_joints_of_each_shape(folder):
     np.savez(folder / "model.npz", v_template=rest, shapedirs=shapes, J_regressor=np.eye(24))
     poses, trans = parameters(24, frames=2)
     np.savez(folder / "clip.npz", poses=poses, trans=trans, betas=[1.0, 0.0, 5.0], mocap_framerate=30)
-    motion = read_motion(folder / "clip.npz", joints=folder / "model.npz")
+    motion = read_motion(folder / "clip.npz", skeleton=folder / "model.npz")
     np.testing.assert_allclose(motion.skeleton.offsets[0], taller[0])
     assert load_target(folder / "model.npz").skeleton.offsets[0] == pytest.approx(rest[0])
 
@@ -114,8 +114,8 @@ def test_a_model_gives_the_joints_of_each_shape(folder):
 def test_a_body_of_other_names_and_rest_pose_takes_parameters(folder, rig):
     poses, trans = parameters(24, angle=0.3)
     np.savez(folder / "clip.npz", poses=poses, trans=trans, mocap_framerate=30)
-    exact = read_motion(folder / "clip.npz", joints=folder / "joints24.npz")
-    motion = read_motion(folder / "clip.npz", joints=SAMPLES / "rigs" / f"{rig}.json")
+    exact = read_motion(folder / "clip.npz", skeleton=folder / "joints24.npz")
+    motion = read_motion(folder / "clip.npz", skeleton=SAMPLES / "rigs" / f"{rig}.json")
     one, other = SmplBody.of(exact.skeleton), SmplBody.of(motion.skeleton)
     for upper, lower in (("left_shoulder", "left_elbow"), ("right_elbow", "right_wrist"), ("left_hip", "left_knee")):
         a, b = (
@@ -134,9 +134,7 @@ def test_the_program_reads_and_writes_parameters(folder):
     joints = folder / "joints24.npz"
     out = folder / "out.npz"
     assert (
-        run(
-            "retarget", folder / "clip.npz", joints, "-o", out, "--smpl-joints", joints, "--supports", "free"
-        ).returncode
+        run("retarget", folder / "clip.npz", joints, "-o", out, "--skeleton", joints, "--supports", "free").returncode
         == 0
     )
     with np.load(out) as arrays:
@@ -149,7 +147,7 @@ def test_positions_of_a_motion_give_them_back(tmp_path, unit):
     clip = read_bvh(SAMPLES / "clap.bvh")
     joints = list(clip.skeleton.joints)
     np.save(tmp_path / "clip.npy", unit * clip.positions[:, joints])
-    found = read_motion(tmp_path / "clip.npy", fps=60, joints=SAMPLES / "clap.bvh")
+    found = read_motion(tmp_path / "clip.npy", fps=60, skeleton=SAMPLES / "clap.bvh")
     size = clip.skeleton.longest_path
     np.testing.assert_allclose(found.positions[:, joints], clip.positions[:, joints], atol=1e-6 * size)
     assert found.frame_time == pytest.approx(1 / 60)
@@ -159,7 +157,7 @@ def test_positions_of_a_motion_give_them_back(tmp_path, unit):
 def test_limbs_twist_as_elbows_and_knees_show(tmp_path):
     clip = read_bvh(SAMPLES / "squat.bvh")
     np.savez(tmp_path / "clip.npz", positions=clip.positions, frame_time=clip.frame_time)
-    found = read_motion(tmp_path / "clip.npz", joints=SAMPLES / "squat.bvh")
+    found = read_motion(tmp_path / "clip.npz", skeleton=SAMPLES / "squat.bvh")
     for name in ("LeftHip", "RightHip"):
         joint = clip.skeleton.index(name)
         one, other = (Rotation.from_quat(each.world_rotations_of(joint)) for each in (clip, found))
@@ -172,7 +170,7 @@ def test_noisy_positions_give_rigid_bones_that_keep_their_distances(tmp_path):
     noisy = clip.positions + np.random.default_rng(0).normal(0, 0.01, clip.positions.shape)
     np.savez(tmp_path / "clip.npz", here=noisy[:, ::-1], names=body.keys[::-1], fps=30)
     np.savez(tmp_path / "body.npz", names=body.keys, parents=body.parents, offsets=body.offsets)
-    found = read_motion(tmp_path / "clip.npz", joints=tmp_path / "body.npz")
+    found = read_motion(tmp_path / "clip.npz", skeleton=tmp_path / "body.npz")
     bones = np.linalg.norm(found.bones[:, 1:], axis=2)
     np.testing.assert_allclose(bones, np.tile(body.lengths[1:], (10, 1)), atol=1e-9)
     assert np.sqrt(((found.positions - clip.positions) ** 2).sum(axis=2)).mean() < 0.02
@@ -194,22 +192,26 @@ CHAIN = {"names": ["a", "b"], "parents": [-1, 0], "offsets": np.eye(3)[:2], "roo
 @pytest.mark.parametrize(
     ("arrays", "given", "message"),
     [
-        ({"poses": np.zeros((2, 72)), "trans": np.zeros((2, 3)), "fps": 30}, {}, "expected joints=FILE"),
-        ({"poses": np.zeros((2, 72)), "trans": np.zeros((3, 3)), "fps": 30}, {"joints": CLAP}, "trans is float64 of"),
-        ({"poses": np.zeros((2, 70)), "trans": np.zeros((2, 3)), "fps": 30}, {"joints": CLAP}, "70 numbers in each"),
-        ({"poses": np.zeros((2, 72)), "fps": 30}, {"joints": CLAP}, "has no 'trans'"),
-        ({"poses": np.zeros((2, 72)), "trans": np.zeros((2, 3))}, {"joints": CLAP}, "expected fps=NUMBER"),
-        ({"positions": np.zeros((2, 7, 3)), "fps": 30}, {"joints": CLAP}, "has positions of 7 joints"),
-        ({"positions": np.full((2, 7, 3), np.nan), "fps": 30}, {"joints": CLAP}, "expected finite numbers"),
-        ({"positions": np.zeros((0, 22, 3)), "fps": 30}, {"joints": CLAP}, "positions has no frames; expected one"),
-        ({"positions": np.full((2, 22, 3), 1e300), "fps": 30}, {"joints": CLAP}, r"contains 1e\+300; expected finite"),
-        ({"poses": np.zeros((0, 72)), "trans": np.zeros((0, 3)), "fps": 30}, {"joints": CLAP}, "poses has no frames"),
-        ({"poses": np.full((2, 72), 1e300), "fps": 30}, {"joints": CLAP}, r"poses contains 1e\+300"),
+        ({"poses": np.zeros((2, 72)), "trans": np.zeros((2, 3)), "fps": 30}, {}, "expected skeleton=FILE"),
+        ({"poses": np.zeros((2, 72)), "trans": np.zeros((3, 3)), "fps": 30}, {"skeleton": CLAP}, "trans is float64 of"),
+        ({"poses": np.zeros((2, 70)), "trans": np.zeros((2, 3)), "fps": 30}, {"skeleton": CLAP}, "70 numbers in each"),
+        ({"poses": np.zeros((2, 72)), "fps": 30}, {"skeleton": CLAP}, "has no 'trans'"),
+        ({"poses": np.zeros((2, 72)), "trans": np.zeros((2, 3))}, {"skeleton": CLAP}, "expected fps=NUMBER"),
+        ({"positions": np.zeros((2, 7, 3)), "fps": 30}, {"skeleton": CLAP}, "has positions of 7 joints"),
+        ({"positions": np.full((2, 7, 3), np.nan), "fps": 30}, {"skeleton": CLAP}, "expected finite numbers"),
+        ({"positions": np.zeros((0, 22, 3)), "fps": 30}, {"skeleton": CLAP}, "positions has no frames; expected one"),
+        (
+            {"positions": np.full((2, 22, 3), 1e300), "fps": 30},
+            {"skeleton": CLAP},
+            r"contains 1e\+300; expected finite",
+        ),
+        ({"poses": np.zeros((0, 72)), "trans": np.zeros((0, 3)), "fps": 30}, {"skeleton": CLAP}, "poses has no frames"),
+        ({"poses": np.full((2, 72), 1e300), "fps": 30}, {"skeleton": CLAP}, r"poses contains 1e\+300"),
         ({**CHAIN, "local_rotations": np.zeros((2, 2, 4))}, {}, "has no rotations, but quaternions of zeros"),
         ({**CHAIN, "local_rotations": np.ones((2, 2, 5))}, {}, r"expected numbers of shape \(frames, joints, 4\)"),
         ({**CHAIN, "local_rotations": np.ones((0, 2, 4))}, {}, "local_rotations has no frames"),
-        ({"names": np.array([None]), "positions": np.zeros((2, 1, 3)), "fps": 30}, {"joints": CLAP}, "not a whole"),
-        ({"a": np.zeros(3), "fps": 30}, {"joints": CLAP}, "has 'a', 'fps'; expected positions"),
+        ({"names": np.array([None]), "positions": np.zeros((2, 1, 3)), "fps": 30}, {"skeleton": CLAP}, "not a whole"),
+        ({"a": np.zeros(3), "fps": 30}, {"skeleton": CLAP}, "has 'a', 'fps'; expected positions"),
     ],
 )
 def test_faults_are_named(tmp_path, arrays, given, message):
@@ -223,10 +225,10 @@ def test_a_body_without_the_joints_of_smpl_is_refused(tmp_path):
     np.savez(tmp_path / "clip.npz", poses=poses, trans=trans, fps=30)
     np.savez(tmp_path / "joints.npz", J=np.zeros((7, 3)))
     with pytest.raises(FileError, match="has 7 joints; expected one of 22, 24, 52, 55"):
-        read_motion(tmp_path / "clip.npz", joints=tmp_path / "joints.npz")
+        read_motion(tmp_path / "clip.npz", skeleton=tmp_path / "joints.npz")
     np.savez(tmp_path / "chain.npz", names=["a", "b"], parents=[-1, 0], offsets=np.eye(3)[:2])
     with pytest.raises(SkeletonError, match="is not recognised as human"):
-        read_motion(tmp_path / "clip.npz", joints=tmp_path / "chain.npz")
+        read_motion(tmp_path / "clip.npz", skeleton=tmp_path / "chain.npz")
 
 
 @pytest.mark.parametrize("cut", [10, 100, 300])
@@ -234,7 +236,7 @@ def test_a_cut_file_is_refused(tmp_path, cut):
     np.savez(tmp_path / "clip.npz", poses=np.zeros((2, 72)))
     (tmp_path / "clip.npz").write_bytes((tmp_path / "clip.npz").read_bytes()[:cut])
     with pytest.raises(FileError, match="not a whole file of arrays"):
-        read_motion(tmp_path / "clip.npz", joints=CLAP)
+        read_motion(tmp_path / "clip.npz", skeleton=CLAP)
 
 
 def test_a_damaged_header_is_refused(tmp_path):
@@ -242,7 +244,7 @@ def test_a_damaged_header_is_refused(tmp_path):
     np.save(path, np.zeros((2, 22, 3)))
     path.write_bytes(path.read_bytes().replace(b"(2, 22, 3)", b"(((((((((("))
     with pytest.raises(FileError, match="not a whole file of arrays"):
-        read_motion(path, fps=30, joints=CLAP)
+        read_motion(path, fps=30, skeleton=CLAP)
 
 
 def test_arrays_are_refused_by_their_headers_and_no_others_are_read(tmp_path, monkeypatch):
@@ -252,18 +254,18 @@ def test_arrays_are_refused_by_their_headers_and_no_others_are_read(tmp_path, mo
     monkeypatch.setattr(np.lib.format, "read_array", lambda *of, **how: read.append(of_file(*of, **how)) or read[-1])
     places = read_bvh(CLAP).positions[:4]
     np.savez_compressed(path, places=places, unused=np.zeros((4, 10**6)), fps=30)
-    assert len(read_motion(path, joints=CLAP)) == 4
+    assert len(read_motion(path, skeleton=CLAP)) == 4
     assert {array.shape for array in read} == {places.shape, ()}
     np.savez_compressed(path, positions=np.zeros((100_000, 22, 3), np.uint8), fps=30)
     with pytest.raises(FileError, match=r"positions has the shape \(100000, 22, 3\): more numbers than a file of"):
-        read_motion(path, joints=CLAP)
+        read_motion(path, skeleton=CLAP)
     assert len(read) == 3
 
 
 def test_the_smallest_whole_number_is_no_place(tmp_path):
     np.savez(tmp_path / "clip.npz", positions=np.full((2, 22, 3), -(2**63)), fps=30)
     with pytest.raises(FileError, match=r"positions contains 9\.22e\+18; expected finite numbers up to 1e\+12"):
-        read_motion(tmp_path / "clip.npz", joints=CLAP)
+        read_motion(tmp_path / "clip.npz", skeleton=CLAP)
 
 
 def test_a_folder_of_parameters_is_retargeted(folder):
@@ -271,7 +273,7 @@ def test_a_folder_of_parameters_is_retargeted(folder):
     poses, trans = parameters(24, frames=4, angle=0.1)
     np.savez(folder / "amass" / "walk_poses.npz", poses=poses, trans=trans, mocap_framerate=30)
     given = folder / "amass", SAMPLES / "rigs" / "lafan1_t.json", "-o", folder / "out"
-    joints = "--smpl-joints", folder / "joints24.npz"
+    joints = "--skeleton", folder / "joints24.npz"
     done = run("batch", *given, *joints, "--jobs", 1)
     assert done.returncode == 0, done.stderr
     assert len(read_bvh(folder / "out" / "walk_poses.bvh")) == 4

@@ -17,7 +17,7 @@ from program import last_records
 from distretarget.batch import database as database_module
 from distretarget.batch.database import Database
 from distretarget.batch.packed import packed, unpacked
-from distretarget.batch.plan import DATABASE, Clip
+from distretarget.batch.plan import DATABASE, PlannedClip
 from distretarget.batch.record import new_record
 from distretarget.batch.results import Results
 from distretarget.errors import FileError
@@ -31,7 +31,7 @@ OUTPUT = "HIERARCHY"
 
 
 def clip(name="a.bvh", target="{}"):
-    return Clip(PurePath(name), named_target(target, "hero.json"), (name,), 1)
+    return PlannedClip(PurePath(name), named_target(target, "hero.json"), (name,), 1)
 
 
 def record(one=None, input_hash="in", options=OPTIONS, joint_map=()):

@@ -4,13 +4,13 @@ from pathlib import Path
 
 from input_files import named_target
 
-from distretarget.batch.plan import Clip
+from distretarget.batch.plan import PlannedClip
 from distretarget.batch.record import new_record
 from distretarget.batch.summary import Tally
 
 
 def record(name):
-    return new_record(Clip(Path(name), named_target("{}", "hero.json"), (name,), 1), {})
+    return new_record(PlannedClip(Path(name), named_target("{}", "hero.json"), (name,), 1), {})
 
 
 def done(name, contact):

@@ -16,7 +16,7 @@ from distretarget import retarget
 from distretarget.batch import job as batch_job
 from distretarget.batch import processes as processes_module
 from distretarget.batch.job import Job, run
-from distretarget.batch.plan import Clip
+from distretarget.batch.plan import PlannedClip
 from distretarget.batch.processes import Processes
 from distretarget.batch.record import new_record
 from distretarget.errors import BatchError
@@ -31,7 +31,7 @@ TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json
 
 
 def job_of(text, target=TARGET, about=None):
-    record = new_record(Clip(Path("in.bvh"), target, ("out.bvh",), 0), {})
+    record = new_record(PlannedClip(Path("in.bvh"), target, ("out.bvh",), 0), {})
     return Job(file_of(text, "in.bvh"), pickle.dumps(target), Recipe(), record, ("out.bvh",), about=about)
 
 

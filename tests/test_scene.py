@@ -25,7 +25,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS as DEFAULT
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import match_performer
-from distretarget.scene.scene_contacts import TRUNK_GIVE, find_contacts, how_far_joints_give
+from distretarget.scene.scene_contacts import TRUNK_GIVE, find_scene_contacts, how_far_joints_give
 from distretarget.scene.sweeps import MOST_SWEEPS, smoothed
 
 H = {"Chest": 0.9, "Elbow": 0.75, "Wrist": 0.8, "Knee": 1.2, "Ankle": 1.2}
@@ -107,7 +107,7 @@ def hips_of(result):
 
 def test_contacts_leave_the_hips_where_they_are_alone():
     """Arms and trunks meet; nobody crouches or is dragged."""
-    for one, result in zip(find_contacts(performers(), []).performers, duet().results, strict=True):
+    for one, result in zip(find_scene_contacts(performers(), []).performers, duet().results, strict=True):
         alone = one.result(solve_contact(one.clip, one.supports, one.settings))
         assert np.linalg.norm(hips_of(result) - hips_of(alone), axis=-1).max() < 0.01 * size()
 
@@ -128,7 +128,7 @@ def test_limbs_go_as_far_as_they_are_long_and_standing_feet_as_little_as_the_tru
 @pytest.mark.parametrize("cut", [False, True])
 def test_what_contacts_change_is_smooth_but_at_cuts(cut):
     """A sudden change of pose is spread over the frames around it, unless it comes with a cut of any performer."""
-    contacts = find_contacts(performers(), [])
+    contacts = find_scene_contacts(performers(), [])
     frames = len(contacts.performers[0].clip)
     before = Poses(np.ones((frames, 2, 3)), np.zeros((4, frames)))
     sudden = replace(before, v=before.v + (np.arange(frames) >= frames // 2)[:, None, None])
@@ -223,7 +223,7 @@ def test_hands_give_way_from_a_fifth_of_a_leg_above_the_floor_on(height, yields)
     floor = one.clip.scale.height * one.clip.source_floor[:, None]
     places[..., 1] = floor + height * one.clip.leg_lengths[1]
     one = replace(one, supports=replace(one.supports, places=places))
-    touched = find_contacts([one, one], []).performers[0].supports
+    touched = find_scene_contacts([one, one], []).performers[0].supports
     hands = slice(one.supports.feet, None)
     weights = one.supports.weights[:, hands]
     assert weights.max() == 1.0

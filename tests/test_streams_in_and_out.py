@@ -41,7 +41,7 @@ def test_what_is_read_from_bytes_is_what_the_file_has(tmp_path, hero, given):
     for path in (CLAP, tmp_path / "hero.glb", tmp_path / "body.json"):
         assert load_target(given(path.read_bytes())).skeleton.keys == load_target(path).skeleton.keys
     arrays = [(tmp_path / name).read_bytes() for name in ("clip.npz", "body.json")]
-    assert len(read_motion(given(arrays[0]), joints=given(arrays[1]))) == 20
+    assert len(read_motion(given(arrays[0]), skeleton=given(arrays[1]))) == 20
 
 
 def test_the_name_of_a_file_object_stands_for_it(tmp_path):

@@ -24,12 +24,12 @@ GAP = "…"  # stands for what differs from message to message
 SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and their argument with the text
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
-    "Reading and writing files": "io/files.py io/motion cli/outputs.py",
+    "Reading and writing files": "io/files.py io/input_file.py io/motion cli/outputs.py",
     "BVH files": "io/bvh",
-    "Arrays": "io/input_file.py io/arrays.py io/smpl.py",
+    "Arrays": "io/arrays.py io/smpl.py",
     "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx",
     "Skeleton files and maps": "io/json io/target io/skeleton io/map io/obj.py target.py matching/pairing.py",
-    "Contacts that are asked for": "contact_entries.py io/contacts objectives/ask objectives/paper",
+    "Contacts that are asked for": "contact_entries.py io/contacts objectives/constraint objectives/paper",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
     "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",
     "Scenes": "scene/ report/scene measure/scene",

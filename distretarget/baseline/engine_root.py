@@ -21,7 +21,7 @@ from distretarget.numerics.vectors import Array, level
 RootFollows = Literal["pelvis", "source", "nothing"]
 
 BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]
-STEADY = 0.02  # a source's root stays on the floor if its height changes by less [leg lengths]
+IS_LEVEL = 0.02  # a source's root stays on the floor if its height changes by less [leg lengths]
 MOVES = 0.01  # a source's root moves if it travels farther [leg lengths] or turns more [rad] than this
 UPSIDE_DOWN = -0.5  # a body has no heading while the cosine between its up axis and the world's is smaller
 
@@ -137,7 +137,7 @@ def _source_root_leads(matching: Matching) -> bool:
     path = motion.positions[:, root] / source.leg_length
     turns = Rotation.from_quat(motion.world_rotations_of(root))
     moves = max(np.ptp(path, axis=0).max(), (turns[0].inv() * turns).magnitude().max()) > MOVES
-    steady = np.ptp(path @ source.up_vector) < STEADY
+    steady = np.ptp(path @ source.up_vector) < IS_LEVEL
     return bool(steady and (moves or matching.drivers[0] in roots))
 
 

@@ -16,7 +16,7 @@ from types import NoneType
 
 from distretarget.batch.job import TIME_LIMITS, Job, Output, Result
 from distretarget.batch.pages import Pages
-from distretarget.batch.plan import Clip, find_clips, plan
+from distretarget.batch.plan import PlannedClip, find_clips, plan
 from distretarget.batch.processes import Processes
 from distretarget.batch.record import BatchRecord, new_record
 from distretarget.batch.results import Results
@@ -53,12 +53,12 @@ Show = Callable[[BatchRecord | None], object]
 class Batch:
     """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read."""
 
-    clips: Sequence[Clip]
+    clips: Sequence[PlannedClip]
     results: Results
     recipe: Recipe
     pages: Pages
     contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
-    joints: InputFile | None = None  # the skeleton for clips that are arrays
+    skeleton: InputFile | None = None  # the skeleton for clips that are arrays
     time_limit: float | None = None  # of a clip [s]
     fail_fast: bool = False  # whether to end with the first failure
 
@@ -66,20 +66,20 @@ class Batch:
         if self.contacts not in (None, BESIDE):
             load_contacts(self.contacts)
 
-    def record_of(self, clip: Clip, input_hash: str = "") -> BatchRecord:
+    def record_of(self, clip: PlannedClip, input_hash: str = "") -> BatchRecord:
         """Return the record of a clip that is not done, whose file has this hash."""
         settings = {**self._recipe(clip).settings}
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
-        if self.joints and clip.path.suffix.lower() in ARRAYS.others:
-            settings["joints"] = self.joints.hash
+        if self.skeleton and clip.path.suffix.lower() in ARRAYS.others:
+            settings["skeleton"] = self.skeleton.hash
         return new_record(clip, settings, input_hash)
 
-    def _recipe(self, clip: Clip) -> Recipe:
+    def _recipe(self, clip: PlannedClip) -> Recipe:
         """How a clip is retargeted, which may be one of several animations of its file."""
         return replace(self.recipe, clip=clip.animation) if clip.animation else self.recipe
 
-    def _contacts_path(self, clip: Clip) -> Path | None:
+    def _contacts_path(self, clip: PlannedClip) -> Path | None:
         """The path of a clip's contact file; None if it has none."""
         if self.contacts != BESIDE:
             return self.contacts
@@ -150,7 +150,7 @@ class Batch:
 
     def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
         """The clips that are not done; last those that another run is at work on, or was, if it has not done them."""
-        left, others = sum(clip.size for clip in self.clips), list[Clip]()
+        left, others = sum(clip.size for clip in self.clips), list[PlannedClip]()
         for clip in self.clips:
             threads = cores() if clip.size > max(SPLIT_SIZE, left / workers) else None
             left -= clip.size
@@ -159,7 +159,7 @@ class Batch:
         for clip in others:
             yield from self._unless_done(clip, show)
 
-    def _unless_done(self, clip: Clip, show: Show, others: list[Clip] | None = None) -> Iterator[Job]:
+    def _unless_done(self, clip: PlannedClip, show: Show, others: list[PlannedClip] | None = None) -> Iterator[Job]:
         """The job of a clip that is not done; it goes to `others`, if given, if another run is at work on it."""
         record = self.record_of(clip)
         try:
@@ -189,11 +189,11 @@ class Batch:
                     job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[clip.output])
                     yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)))
 
-    def _job(self, source: InputFile, clip: Clip, record: BatchRecord) -> Job:
+    def _job(self, source: InputFile, clip: PlannedClip, record: BatchRecord) -> Job:
         """The job of a clip; an error if a file cannot be read."""
         contacts_path = self._contacts_path(clip)
         return Job(
-            replace(with_files_beside(source), joints=self.joints),
+            replace(with_files_beside(source), skeleton=self.skeleton),
             self._packed[str(clip.target.path)],
             self._recipe(clip),
             record,
@@ -254,7 +254,7 @@ def convert_folder(
     report: str | Path | None = None,
     reports: int | None = 10,
     table: str | Path | None = None,
-    joints: str | Path | None = None,
+    skeleton: str | Path | None = None,
     edits: Edits = NO_EDITS,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
@@ -286,7 +286,8 @@ def convert_folder(
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
         table: a table to write with a row for each clip, .csv or .parquet.
-        joints: the skeleton for clips that are arrays, which folders are searched for then; see `read_motion`.
+        skeleton: the file of the skeleton for clips that are arrays, for which folders are then searched; see
+            `read_motion`.
         edits: what is cut out of each clip, and how it is mirrored, turned, sped up or made a loop.
 
     Returns:
@@ -312,7 +313,7 @@ def convert_folder(
         check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
-    found, unread = find_clips(paths, (), include, exclude, arrays=joints is not None)
+    found, unread = find_clips(paths, (), include, exclude, arrays=skeleton is not None)
     if unread:
         raise unread[0]
     files = [TargetFile.of(load_file(path)) for path in _listed("targets", targets)]
@@ -328,7 +329,7 @@ def convert_folder(
             Path(table) if table else None,
         ),
         None if contacts is None else Path(contacts),
-        load_file(joints) if joints else None,
+        load_file(skeleton) if skeleton else None,
         time_limit,
         fail_fast,
     )

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
-from distretarget.batch.plan import METRICS, Clip, check_page
+from distretarget.batch.plan import METRICS, PlannedClip, check_page
 from distretarget.batch.record import VERSION, BatchRecord
 from distretarget.batch.results import Results
 from distretarget.batch.summary import worst
@@ -37,7 +37,7 @@ class Pages:
     table: Path | None = None  # of all clips, .csv or .parquet
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
-    def check(self, clips: Sequence[Clip], results: Results, map_path: str | Path) -> None:
+    def check(self, clips: Sequence[PlannedClip], results: Results, map_path: str | Path) -> None:
         """Raise a BatchError or FileError if page or table cannot be written, or would replace a file of the batch."""
         if self.table:
             check_table(self.table)
@@ -50,7 +50,7 @@ class Pages:
             elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
                 raise FileError(path, f"nothing can be written to {str(above)!r}")
 
-    def about_at_once(self, clip: Clip) -> About | None:
+    def about_at_once(self, clip: PlannedClip) -> About | None:
         """What the report on a clip says, if all clips get one; they are made as clips are retargeted."""
         return self.about(clip.path, PurePath(clip.output)) if self.index and self.reports is None else None
 

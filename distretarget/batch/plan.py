@@ -24,7 +24,7 @@ WILDCARDS = frozenset("*?[")
 
 
 @dataclass(frozen=True)
-class Clip:
+class PlannedClip:
     """A clip to retarget to a target."""
 
     path: Path  # of the clip's file
@@ -82,7 +82,7 @@ def plan(
     sources: Sequence[Path],
     kinds: Sequence[str] = (),
     animation: str | None = None,
-) -> list[Clip]:
+) -> list[PlannedClip]:
     """Plan to retarget every clip found to every target, the largest clips first.
 
     Results go into `folder`; with several targets, each target has a folder in it. `kinds` are what they are, such as
@@ -111,11 +111,11 @@ def plan(
         for target in targets
     ]
     clips = [
-        Clip(path, target, tuple(PurePath(name, f"{place}{suffix}").as_posix() for suffix in own), size, number)
+        PlannedClip(path, target, tuple(PurePath(name, f"{place}{suffix}").as_posix() for suffix in own), size, number)
         for target, name, own in zip(targets, names, suffixes, strict=True)
         for (path, place, number), size in zip(parts, sizes, strict=True)
     ]
-    taken: dict[str, Clip] = {}
+    taken: dict[str, PlannedClip] = {}
     inputs = _inputs(clips)
     for clip in clips:
         for output in clip.outputs:
@@ -146,7 +146,7 @@ def animations_of(path: Path) -> dict[str | None, str]:
     return found
 
 
-def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
+def check_page(page: Path, clips: Sequence[PlannedClip], folder: Path, map_path: str | Path) -> None:
     """Raise a BatchError if a page or table on all clips would replace an input or a file of the batch in `folder`."""
     written = {
         folder.resolve() / name for name in (DATABASE, METRICS, *(each for clip in clips for each in clip.outputs))
@@ -209,7 +209,7 @@ def _stem(target: Path) -> str:
     return target.stem if target.stem.strip(".") else target.name
 
 
-def _inputs(clips: Sequence[Clip]) -> set[tuple[int, ...]]:
+def _inputs(clips: Sequence[PlannedClip]) -> set[tuple[int, ...]]:
     """The files of clips and targets."""
     return {
         file for path in {path for clip in clips for path in (clip.path, clip.target.path)} if (file := _file(path))

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from operator import itemgetter
 from typing import Any
 
-from distretarget.batch.plan import Clip
+from distretarget.batch.plan import PlannedClip
 from distretarget.report.page import ClipRecord
 
 VERSION = version("distretarget")
@@ -40,7 +40,7 @@ class BatchRecord(ClipRecord):
     alignment: str
 
 
-def new_record(clip: Clip, options: Mapping[str, Any], input_hash: str = "") -> BatchRecord:
+def new_record(clip: PlannedClip, options: Mapping[str, Any], input_hash: str = "") -> BatchRecord:
     """Return the record of a clip that is not done: failed, without a reason; `options` decide its results."""
     return BatchRecord(
         input=str(clip.path),

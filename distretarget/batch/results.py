@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path, PurePath
 
 from distretarget.batch.database import Database
-from distretarget.batch.plan import DATABASE, METRICS, Clip
+from distretarget.batch.plan import DATABASE, METRICS, PlannedClip
 from distretarget.batch.record import BatchRecord, made_from, results_of
 from distretarget.errors import FileError
 from distretarget.io.files import check_inside, check_writable, hash_of, hash_of_file, make_folder, write_whole
@@ -124,7 +124,7 @@ def clips_folder(path: Path) -> Path:
 
 
 def write_merged(
-    path: Path, target: TargetFile, clips: Sequence[Clip], settings: OutputSettings, overwrite: bool
+    path: Path, target: TargetFile, clips: Sequence[PlannedClip], settings: OutputSettings, overwrite: bool
 ) -> int:
     """Write the character file with an animation for each clip that is done, in the order of their names, and return
     how many; if all are done, the folder of clips goes, and the table of their metrics stays beside the file.

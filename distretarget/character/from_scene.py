@@ -13,7 +13,7 @@ from distretarget.body.recognition import by_names
 from distretarget.character.character import Character
 from distretarget.character.deform import with_deform_bones, with_limbs_on_body
 from distretarget.character.joints import are_regular, bind_poses, joint_nodes
-from distretarget.character.nodes import Nodes, Scene
+from distretarget.character.nodes import CharacterScene, Nodes
 from distretarget.errors import FileError, SkeletonError, cut, quoted
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array
@@ -25,7 +25,7 @@ FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of t
 UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 
 
-def character_of(scene: Scene) -> Character:
+def character_of(scene: CharacterScene) -> Character:
     """Return the character of a file, whose joints are those of `joint_nodes`; of bones that deform and controls it has
     the former.
 
@@ -49,7 +49,7 @@ def character_of(scene: Scene) -> Character:
         raise error.in_file(scene.path) from None
 
 
-def _without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
+def _without_flat_scales(scene: CharacterScene) -> tuple[CharacterScene, NDArray[np.bool_]]:
     """The scene with scales that can be inverted, and which nodes had others, (nodes,): axes of length 0 get the length
     of the longest, or 1.
     """
@@ -60,7 +60,7 @@ def _without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
     return replace(scene, nodes=replace(scene.nodes, scales=regular)), flat.any(axis=1)
 
 
-def _check_scales(scene: Scene, line: Sequence[int]) -> None:
+def _check_scales(scene: CharacterScene, line: Sequence[int]) -> None:
     """Raise a FileError unless the transforms of some nodes in the world can be computed with."""
     world = scene.nodes.world[line]
     with np.errstate(all="ignore"):
@@ -75,7 +75,7 @@ def _check_scales(scene: Scene, line: Sequence[int]) -> None:
         )
 
 
-def _scale_warnings(scene: Scene, line: Sequence[int], hidden: Sequence[str]) -> Iterator[str]:
+def _scale_warnings(scene: CharacterScene, line: Sequence[int], hidden: Sequence[str]) -> Iterator[str]:
     """A line each for hidden nodes, for nodes that are scaled unevenly, and for nodes whose scale changes."""
     if hidden:
         yield f"{quoted(hidden)} have the scale 0, as hidden nodes have; they are taken at full size"
@@ -124,7 +124,7 @@ def _local(base: Array, bind: Array, shown: Array, scale: Array, size: float) ->
 
 
 def _character(
-    scene: Scene, line: Sequence[int], shown: Nodes, world: Array, above: int, warnings: tuple[str, ...]
+    scene: CharacterScene, line: Sequence[int], shown: Nodes, world: Array, above: int, warnings: tuple[str, ...]
 ) -> Character:
     """The character of nodes that are at `world` in the bind pose, (nodes, 4, 4), `above` of them above the root."""
     linear = world[:, :3, :3]
@@ -145,7 +145,7 @@ def _character(
     )
 
 
-def _skeleton(scene: Scene, nodes: Sequence[int], places: Array) -> Skeleton:
+def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Skeleton:
     """The skeleton of nodes that are at these places, (nodes, 3), in the bind pose.
 
     Position channels have the root, and if the hips hang below it the hips and all joints that are not of the body,

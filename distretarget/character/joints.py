@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from distretarget.body.conventions import NamedTree
 from distretarget.body.named_anatomy import by_tree
-from distretarget.character.nodes import Nodes, Scene, Skin
+from distretarget.character.nodes import CharacterScene, Nodes, Skin
 from distretarget.errors import FileError, counted, quoted
 from distretarget.numerics.vectors import Array
 
@@ -26,7 +26,7 @@ SHARE = 0.5  # a transform on which this share of the joints agrees is that of t
 REGULAR = 1e-9  # a matrix with a smaller determinant has no inverse [of its largest entry, cubed]
 
 
-def joint_nodes(scene: Scene) -> tuple[list[int], list[int], tuple[str, ...]]:
+def joint_nodes(scene: CharacterScene) -> tuple[list[int], list[int], tuple[str, ...]]:
     """Return the nodes above the root, from the top, and those that are joints, parents before children; and a warning
     if the file has other skeletons as well.
 
@@ -73,7 +73,7 @@ def _branches(above: int, nodes: Nodes) -> list[int]:
     return branches
 
 
-def _wanted(scene: Scene) -> tuple[list[int], tuple[str, ...]]:
+def _wanted(scene: CharacterScene) -> tuple[list[int], tuple[str, ...]]:
     """The nodes that are joints for certain, and a warning of those that are left out: other skeletons in the file,
     whose skins share no branch with the humanoid's or, without one, with the largest.
     """

@@ -93,7 +93,7 @@ class Animation:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class CharacterScene:
     """The content of a file of characters that matters to a motion."""
 
     path: str | Path  # for errors

@@ -184,7 +184,7 @@ def batch_command(
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
-    found, unread = find_clips(sources, listed, include, exclude, arrays=recipe_files.joints_path is not None)
+    found, unread = find_clips(sources, listed, include, exclude, arrays=recipe_files.skeleton_path is not None)
     if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
     results = folder
@@ -204,7 +204,7 @@ def batch_command(
         (replace(recipe_files, writing=DEFAULT_OUTPUT) if merge else recipe_files).read(),
         Pages(about, index, reports, table),
         contacts_path,
-        load_file(recipe_files.joints_path) if recipe_files.joints_path else None,
+        load_file(recipe_files.skeleton_path) if recipe_files.skeleton_path else None,
         time_limit,
         fail_fast,
     )

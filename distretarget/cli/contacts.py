@@ -31,7 +31,7 @@ def contacts_command(
     overwrite: bool,
     clip: str | None,
     fps: float | None,
-    joints_path: Path | None,
+    skeleton_path: Path | None,
     map_path: Path | None,
 ) -> None:
     """List the contacts that are found in CLIP.
@@ -45,8 +45,8 @@ def contacts_command(
     distretarget contacts clap.bvh hero.json -o clap.contacts.json
     distretarget clap.bvh hero.json -o clap_hero.bvh --contacts clap.contacts.json
     """  # noqa: D301
-    check_outputs([output], [source, target, joints_path, map_path], overwrite)
-    motion, _ = parse_motion(read_source(source, joints_path), clip, fps)
+    check_outputs([output], [source, target, skeleton_path, map_path], overwrite)
+    motion, _ = parse_motion(read_source(source, skeleton_path), clip, fps)
     body = pairs = None
     if target is not None:
         file = TargetFile.of(read_input(target))

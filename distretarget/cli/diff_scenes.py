@@ -74,7 +74,7 @@ def is_scene(path: Path) -> bool:
     return is_folder(path) or path.suffix.lower() == ".json"
 
 
-def read_scene(path: Path) -> SceneInput:
+def read_recorded_scene(path: Path) -> SceneInput:
     """Read the scene in a file, or in a folder: its scene.json, or else all motion files in it."""
     file = path / SCENE_NAME if is_folder(path) else path
     if file == path or file.is_file():
@@ -107,7 +107,7 @@ def measure_scenes(
     for path, other in ((a_path, b_path), (b_path, a_path)):
         if not is_scene(path):
             raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two clips")
-    a, b = read_scene(a_path), read_scene(b_path)
+    a, b = read_recorded_scene(a_path), read_recorded_scene(b_path)
     check_outputs(outputs, [*a.files.values(), *b.files.values(), a_path, b_path, map_path], overwrite)
     for scene, less in ((a, b), (b, a)):
         if missing := [name for name in scene.motions if name not in less.motions]:

@@ -226,8 +226,7 @@ READING = (
     ),
     file_option(
         "--skeleton",
-        "--smpl-joints",
-        "joints_path",
+        "skeleton_path",
         help="For a SOURCE in .npz or .npy: the skeleton of its positions or SMPL parameters. It may be a skeleton "
         "file, BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
     ),
@@ -291,7 +290,7 @@ class RecipeFiles:
 
     clip: str | None
     fps: float | None
-    joints_path: Path | None
+    skeleton_path: Path | None
     map_path: Path | None
     rest_path: Path | None
     source_skin: Path | None
@@ -303,7 +302,7 @@ class RecipeFiles:
     @property
     def paths(self) -> list[Path | None]:
         """The paths of its files."""
-        return [self.joints_path, self.map_path, self.rest_path, self.source_skin, self.skin]
+        return [self.skeleton_path, self.map_path, self.rest_path, self.source_skin, self.skin]
 
     def read(self) -> Recipe:
         """Read its files; errors as in `load_map` and `load_build`."""
@@ -329,7 +328,7 @@ def converting(*between: Decorator) -> Decorator:
                 "contact."
             )
         paths = {
-            name: given.pop(name) for name in ("clip", "fps", "joints_path", "map_path", "rest_path", "source_skin")
+            name: given.pop(name) for name in ("clip", "fps", "skeleton_path", "map_path", "rest_path", "source_skin")
         }
         recipe = RecipeFiles(
             **paths, skin=skin if isinstance(skin, Path) else None, options=options, edits=edits, writing=writing

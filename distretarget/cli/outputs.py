@@ -27,16 +27,16 @@ LISTED = 12  # most names in a line
 ARGUMENTS = {  # in messages: what a script would write, and what the program's options are
     "clip=NAME": "--clip NAME",
     "fps=NUMBER": "--fps NUMBER",
-    "joints=FILE": "--skeleton FILE",
+    "skeleton=FILE": "--skeleton FILE",
     "overwrite=True": "--overwrite",
 }
 QUIET = "distretarget.quiet"  # key in a context's `meta`: whether --quiet is given
 OUTPUT_TAKEN = "distretarget.output_taken"  # key in a context's `meta`: whether a file goes to standard output
 
 
-def read_source(path: Path, joints: Path | None) -> InputFile:
+def read_source(path: Path, skeleton: Path | None) -> InputFile:
     """Read a motion's file, and that of the skeleton which its arrays are for; errors as in `load_file`."""
-    return replace(read_input(path), joints=load_file(joints) if joints else None)
+    return replace(read_input(path), skeleton=load_file(skeleton) if skeleton else None)
 
 
 def read_input(path: Path) -> InputFile:

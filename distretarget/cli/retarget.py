@@ -125,7 +125,7 @@ def retarget_command(
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.metrics.json
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --report walk_hero.html
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
-    distretarget amass.npz hero.glb -o hero.glb --smpl-joints smplx_neutral.npz
+    distretarget amass.npz hero.glb -o hero.glb --skeleton smplx_neutral.npz
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
     distretarget retarget --project clap_hero.project.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
@@ -134,7 +134,7 @@ def retarget_command(
         raise click.UsageError(f"{source} is a folder; 'distretarget batch' retargets all clips of a folder.")
     check_outputs([output, metrics, report], [source, target, contacts_path, *recipe_files.paths], overwrite)
     started = time.perf_counter()
-    source_file, target_file = read_source(source, recipe_files.joints_path), read_input(target)
+    source_file, target_file = read_source(source, recipe_files.skeleton_path), read_input(target)
     recipe = recipe_files.read()
     if project and not recipe_files.map_path:
         recipe = replace(recipe, map_file=replace(recipe.map_file, pairs=dict(project.order.pairs)))

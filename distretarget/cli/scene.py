@@ -14,7 +14,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from distretarget.batch.plan import Clip
+from distretarget.batch.plan import PlannedClip
 from distretarget.batch.record import new_record
 from distretarget.batch.results import Results
 from distretarget.cli.options import (
@@ -217,7 +217,7 @@ def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Pa
         check_inside(report, folder)
     names = [path.relative_to(results.folder).as_posix() for path in (*outputs, report) if path]
     inputs = hash_of(*(hash_of(read_bytes(path)).encode() for path in (file, *setup.inputs)))
-    record = new_record(Clip(file, targets[0], (names[0],), 0), {}, inputs)
+    record = new_record(PlannedClip(file, targets[0], (names[0],), 0), {}, inputs)
     record["status"] = "done"
     if results.known(record, names):
         return False

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.mesh import MeshPart
-from distretarget.character.nodes import Animation, Nodes, Scene, Skin
+from distretarget.character.nodes import Animation, CharacterScene, Nodes, Skin
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, METRES, SMALLEST
@@ -48,14 +48,15 @@ SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube 
 
 def parse_fbx(
     content: bytes, path: str | Path, clip: str | None = None, fps: float | None = None, with_animation: bool = True
-) -> Scene:
+) -> CharacterScene:
     """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and the animation named
     `clip` (`choose_animation`), if any is wanted; `path` is for errors.
 
-    Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale. A node is where
-    its pivot is; one that hands down its scale in a way of its own may have a helper node below it. Bind poses are in
-    the world, so the skins name no mesh. Animations are those that have keys of nodes. Frames are the animation's own
-    keys where they are as regular as frames, else frames at the file's frame rate; `fps` asks for another rate.
+    Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale. A node's place
+    is that of its pivot; a node whose children do not inherit its scale in the usual way may get a helper node as a
+    child. Bind poses are in the world, so the skins name no mesh. Animations are those that have keys of nodes. Frames
+    are the animation's own keys where they are as regular as frames, else frames at the file's frame rate; `fps` asks
+    for another rate.
 
     Raises:
         MissingPackageError: the package ufbx is not installed.
@@ -193,10 +194,10 @@ def _influences(
     return joints, shares
 
 
-def _scene(path: str | Path, read: Read) -> Scene:
+def _scene(path: str | Path, read: Read) -> CharacterScene:
     nodes, unit = _nodes(path, read), read["unit"]
     units = (name for name, metres in METRES.items() if unit and math.isclose(unit, metres, rel_tol=1e-6))
-    return Scene(
+    return CharacterScene(
         path=path,
         nodes=nodes,
         skins=_skins(nodes, read),

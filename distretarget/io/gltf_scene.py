@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.animations import choose_animation
-from distretarget.character.nodes import Animation, Nodes, Scene, Skin
+from distretarget.character.nodes import Animation, CharacterScene, Nodes, Skin
 from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import SkeletonFileError
 from distretarget.io.gltf import Gltf
@@ -29,7 +29,7 @@ HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")
 VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names of them
 
 
-def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
+def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> CharacterScene:
     """Return what a glTF file says of a character, with the animation named `clip`, or the only one, at `fps` frames/s
     or its own keys; without an animation if not `animated`. A FileError or SkeletonFileError if the file is not valid,
     or has no such animation.
@@ -45,7 +45,7 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
         for extension, name in COMPRESSIONS.items()
         if extension in used
     )
-    return Scene(gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=notes)
+    return CharacterScene(gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=notes)
 
 
 def animation_names(gltf: Gltf) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ class InputFile:
     content: bytes
     path: str | Path  # of the file, or what stands for it in errors
     beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
-    joints: InputFile | None = None  # the skeleton that arrays are for
+    skeleton: InputFile | None = None  # the skeleton that arrays are for
     has_folder: bool = True  # whether the path is one, so that there may be files beside it
 
     @cached_property
@@ -42,7 +42,7 @@ class InputFile:
 
     def __reduce__(self) -> tuple[type[InputFile], tuple[object, ...]]:
         """What goes to a worker: what was read, not what was made of it."""
-        return InputFile, (self.content, self.path, dict(self.beside), self.joints, self.has_folder)
+        return InputFile, (self.content, self.path, dict(self.beside), self.skeleton, self.has_folder)
 
     @cached_property
     def gltf(self) -> Gltf:

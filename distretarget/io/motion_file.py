@@ -16,7 +16,7 @@ from distretarget.io.arrays import ArraysFile
 from distretarget.io.bvh import doubts, parse_bvh
 from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
-from distretarget.io.target_file import parse_full_target, read_scene
+from distretarget.io.target_file import parse_full_target, read_character_scene
 from distretarget.motion import FASTEST, SLOWEST, Motion, is_frame_time
 from distretarget.numerics.rotations import from_represented
 from distretarget.numerics.vectors import Array
@@ -28,7 +28,7 @@ RATES = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame r
 
 
 def read_motion(
-    path: Source, clip: str | None = None, fps: float | None = None, *, joints: Source | None = None
+    path: Source, clip: str | None = None, fps: float | None = None, *, skeleton: Source | None = None
 ) -> Motion:
     """Return the motion in a file: BVH, glTF 2.0 (.glb, .gltf), VRM 0 or 1, VRM animation (.vrma), FBX, or arrays.
 
@@ -41,7 +41,7 @@ def read_motion(
             The content decides what it is.
         clip: the name of one of several animations in the file, or "#2" for the second.
         fps: the frame rate [frames/s]; the file's own keys if not given. Arrays that do not say theirs have this one.
-        joints: the file of the skeleton that arrays are for: one that `load_target` reads, of SMPL also a model, .npz.
+        skeleton: the file of the skeleton that arrays are for: one that `load_target` reads; of SMPL also a model.
 
     Raises:
         FileError: the file cannot be read or has no such animation.
@@ -55,7 +55,7 @@ def read_motion(
     check_kind("clip", clip, str, NoneType)
     if fps is not None:
         check_number("fps", fps, SLOWEST, FASTEST)
-    file = load_file(path) if joints is None else replace(load_file(path), joints=load_file(joints))
+    file = load_file(path) if skeleton is None else replace(load_file(path), skeleton=load_file(skeleton))
     motion, notes = parse_motion(file, clip, fps)
     for note in notes:
         warnings.warn(note, stacklevel=2)
@@ -77,7 +77,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
                 raise error.in_file(file.path) from None
         case "arrays":
             return _array_motion(file, fps), ()
-    scene = read_scene(file, clip, fps)
+    scene = read_character_scene(file, clip, fps)
     if scene.animation is None:
         raise FileError(file.path, "has no animation; expected a file with a motion")
     character = character_of(scene)
@@ -89,7 +89,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
 
 
 def _array_motion(file: InputFile, fps: float | None) -> Motion:
-    """The motion in a file of arrays, on the skeleton in `file.joints`, or in the file itself."""
+    """The motion in a file of arrays, on the skeleton in `file.skeleton`, or in the file itself."""
     arrays = file.arrays
     is_smpl = "poses" in arrays or PARTS[1] in arrays
     frame_time = _frame_time(arrays, fps)
@@ -98,7 +98,7 @@ def _array_motion(file: InputFile, fps: float | None) -> Motion:
     try:
         if is_smpl:
             motion = smpl_motion(arrays, skeleton, frame_time)
-        elif file.joints is None and all(name in arrays for name in OWN):
+        elif file.skeleton is None and all(name in arrays for name in OWN):
             turns = from_represented(_rotations(arrays))
             motion = Motion(skeleton, arrays.numbers("root_path", "frames", 3), turns, frame_time)
         else:
@@ -124,14 +124,14 @@ def _frame_time(arrays: ArraysFile, fps: float | None) -> str:
 
 def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
     """The skeleton that the arrays are for; of a model in the shape `betas`."""
-    if file.joints is None:
+    if file.skeleton is None:
         if "offsets" in file.arrays:
             return array_skeleton(file.arrays)
         what = "positions of joints" if betas is None else "parameters of SMPL"
-        raise FileError(file.path, f"has {what}, but no skeleton that they are for; expected joints=FILE")
-    if file.joints.kind == "arrays":
-        return array_skeleton(file.joints.arrays, betas)
-    return parse_full_target(file.joints).skeleton
+        raise FileError(file.path, f"has {what}, but no skeleton that they are for; expected skeleton=FILE")
+    if file.skeleton.kind == "arrays":
+        return array_skeleton(file.skeleton.arrays, betas)
+    return parse_full_target(file.skeleton).skeleton
 
 
 def _rotations(arrays: ArraysFile) -> Array:

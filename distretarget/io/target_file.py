@@ -13,7 +13,7 @@ from distretarget.body.build import BUILDS, Build, Builds, average_build, capsul
 from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of
 from distretarget.character.mesh import skinned_mesh
-from distretarget.character.nodes import Scene
+from distretarget.character.nodes import CharacterScene
 from distretarget.checks import check_path
 from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonFileError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
@@ -33,7 +33,9 @@ from distretarget.target import LoadedTarget, SkeletonEdit, Target, with_bones
 VERTICES = b"Vertices"  # in FBX files with a mesh, binary or text
 
 
-def read_scene(file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
+def read_character_scene(
+    file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True
+) -> CharacterScene:
     """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
     if file.kind == "FBX":
         return parse_fbx(file.content, file.path, clip, fps, animated)
@@ -43,7 +45,7 @@ def read_scene(file: InputFile, clip: str | None = None, fps: float | None = Non
 def animations_in(file: InputFile) -> tuple[str, ...]:
     """Return the names of the animations in a file, which may be empty or the same; none in other files than these."""
     if file.kind == "FBX":
-        return read_scene(file, animated=False).animations
+        return read_character_scene(file, animated=False).animations
     return animation_names(file.gltf) if file.kind == "glTF" else ()
 
 
@@ -143,7 +145,7 @@ def parse_target(file: InputFile) -> LoadedTarget:
             return _bvh_target(file.text, file.path)
         case "arrays":
             return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
-    character = character_of(read_scene(file, animated=False))
+    character = character_of(read_character_scene(file, animated=False))
     skeleton = with_bones(character.skeleton, file.path)
     return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character))
 

@@ -29,7 +29,7 @@ from distretarget.objectives.skin import SkinGap
 from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
 
-STEADY = 0.3  # what is to be between joints is averaged over this time before and after [s]
+BETWEEN_SPAN = 0.3  # what is to be between joints is averaged over this time before and after [s]
 FACING = 0.1  # and where skins face each other over this [s]
 LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [body units]
 
@@ -52,7 +52,7 @@ def with_constraints(
             if way is None:
                 now = between(clip.copy, pair, clip)
                 way = now + off_by(constraints, constraint, clip.copy, supports, skins)
-            springs.append(_spring(clip, pair, clip.averaged(way, STEADY), firmness))
+            springs.append(_spring(clip, pair, clip.averaged(way, BETWEEN_SPAN), firmness))
         elif isinstance(constraint.entry, Plant) and not constraint.entry.keep:
             let_go = firmness[:, None] * np.isin(supports.joints, constraint.joints[0])
             supports = replace(supports, weights=supports.weights * (1.0 - let_go))

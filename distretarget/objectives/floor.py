@@ -18,7 +18,7 @@ from distretarget.objectives.clip import Clip
 STIFFNESS = 500.0  # k, shared by the joints of a region
 NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
 ROOT_BLEND = 0.2  # the root rises over about twice this time, and sinks back over as long [s]
-STEADY = 0.16  # the floor of a frame is the lowest within this time before and after it [s]
+FLOOR_SPAN = 0.16  # the floor of a frame is the lowest within this time before and after it [s]
 
 
 class Flesh(NamedTuple):
@@ -90,4 +90,4 @@ def _height_of_floor(clip: Clip) -> Array:
     """(frames, 1), the height of the source's lowest joint around each frame, scaled [target file units]: neither feet
     that leave the floor nor a faulty frame raise it.
     """
-    return -clip.scale.height * largest(-clip.source_floor[:, None], round(STEADY / clip.frame_time))
+    return -clip.scale.height * largest(-clip.source_floor[:, None], round(FLOOR_SPAN / clip.frame_time))

@@ -47,7 +47,7 @@ FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter,
 ROLL = 0.05  # height over which the lowest point of the sole rolls from heel to toe [leg lengths]
 WAY = 0.1  # a place is averaged over about the way that a foot which does not stand still moves meanwhile [leg lengths]
 STILL = 1e-5  # a foot counts as moving at least as far as this in each frame [leg lengths]
-STEADY = 0.05  # speeds of feet are averaged over this time before and after [s]
+SPEED_SPAN = 0.05  # speeds of feet are averaged over this time before and after [s]
 LITTLE = 1e-3  # weight of a foot that hardly rests
 
 
@@ -163,7 +163,7 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
     """The places of ankle and toe, (frames, 2, 3) [target file units]; `weights`, (frames,), are 1 at rest, and
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
-    scale, up, reach = clip.scale, clip.up, round(STEADY / clip.frame_time)
+    scale, up, reach = clip.scale, clip.up, round(SPEED_SPAN / clip.frame_time)
     paths = np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0]
 
     def offset(longer: Array, wider: Array, weights: Array, paths: Array) -> Array:
@@ -189,7 +189,7 @@ def _on_mesh(
     clip: Clip, undersides: Undersides, rests: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]
 ) -> list[Foot]:
     """The feet of the rotation copy with the lowest points of their mesh as soles: so far below the toe that the foot
-    lock brings them to their level. What this changes is averaged over `STEADY`, as a sole may have edges.
+    lock brings them to their level. What this changes is averaged over `SPEED_SPAN`, as a sole may have edges.
 
     `rests`, (frames, 2) each, is how much ankle and toe of the source rest; `sources` and `copies` are feet by joints.
     """
@@ -197,14 +197,14 @@ def _on_mesh(
     for height, pair, source, copy in zip(_sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
         own = undersides.target.lowest_of_foot(clip.copy, pair.target.ankle, up) + undersides.soles[1]
         rise = scale * (height - source.toe @ up) + copy.toe @ up - own
-        feet.append(replace(copy, below=scale * source.below + clip.averaged(rise, STEADY)))
+        feet.append(replace(copy, below=scale * source.below + clip.averaged(rise, SPEED_SPAN)))
     return feet
 
 
 def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
     """(frames, legs), how high the source's soles belong [source file units]; `rests` as in `_on_mesh`."""
     heights, steady_heights, length = [], [], clip.leg_lengths[0]
-    steady = partial(_steadied_offset, reach=round(STEADY / clip.frame_time))
+    steady = partial(_steadied_offset, reach=round(SPEED_SPAN / clip.frame_time))
     for pair, resting in zip(clip.legs, rests, strict=True):
         heights.append(sole_height(clip.source, pair.source_sole, clip.up))
         paths = clip.source.positions[:, [pair.source.ankle, pair.source.toe]] / length

@@ -35,7 +35,7 @@ OF_ALIGNMENT = ("head_tilt", "palm_turn", "sole_tilt", "heading")
 
 
 @dataclass(frozen=True)
-class Limb:
+class LimbJoints:
     """An arm or a leg of the target."""
 
     name: str
@@ -70,13 +70,13 @@ class Causes:
             return self._of_rests(limb, frame)
         return self._of_holds(limb, frame) if metric.key in OF_HOLDS else ""
 
-    def is_straight(self, limb: Limb, frame: int) -> bool:
+    def is_straight(self, limb: LimbJoints, frame: int) -> bool:
         """Whether a limb is straight in a frame."""
         x = self.motion[frame].positions[0]
         reach = self.motion.skeleton.paths_from(limb.top)[limb.end]
         return bool(lengths(x[limb.end] - x[limb.top]) >= STRAIGHT * reach)
 
-    def leg_of(self, support: int) -> Limb | None:
+    def leg_of(self, support: int) -> LimbJoints | None:
         """The leg of a support; None if it is no foot's."""
         legs = self._legs()
         return legs[support // 2] if legs and support < self.supports.feet else None
@@ -86,7 +86,7 @@ class Causes:
         lie = [name for name, body in bodies.items() if not body.stands]
         return f"nobody can stand in the rest pose of the {' or the '.join(lie)}" if lie else ""
 
-    def _of_rests(self, limb: Limb, frame: int) -> str:
+    def _of_rests(self, limb: LimbJoints, frame: int) -> str:
         """Whether a joint of a limb comes to rest or leaves its rest at a frame, in words."""
         changes = np.diff(self.supports.weights[max(frame - 1, 0) : frame + 2], axis=0)
         for support in self._supports_of(limb):
@@ -96,11 +96,11 @@ class Causes:
                 return f"{self._key(support)} leaves its rest"
         return ""
 
-    def _of_holds(self, limb: Limb, frame: int) -> str:
+    def _of_holds(self, limb: LimbJoints, frame: int) -> str:
         held = (one for one in self._supports_of(limb) if self.supports.weights[frame, one] >= RESTS)
         return next((f"{self._key(support)} is held where it rests" for support in held), "")
 
-    def _supports_of(self, limb: Limb) -> Iterator[int]:
+    def _supports_of(self, limb: LimbJoints) -> Iterator[int]:
         """The supports in a limb."""
         return (k for k, joint in enumerate(self.supports.joints.tolist()) if self._is_below(joint, limb.top))
 
@@ -119,17 +119,17 @@ class Causes:
         side = part.partition(" ")[0]
         return next((limb.end for limb in self._arms() if limb.name == f"{side} arm"), None)
 
-    def _limbs(self) -> list[Limb]:
+    def _limbs(self) -> list[LimbJoints]:
         return [*self._legs(), *self._arms()]
 
-    def _legs(self) -> list[Limb]:
+    def _legs(self) -> list[LimbJoints]:
         legs = self.matching.legs[1] if self.matching.legs else ()
-        return [Limb(f"{side} leg", leg.hip, leg.ankle) for side, leg in zip(SIDES, legs, strict=False)]
+        return [LimbJoints(f"{side} leg", leg.hip, leg.ankle) for side, leg in zip(SIDES, legs, strict=False)]
 
-    def _arms(self) -> Iterator[Limb]:
+    def _arms(self) -> Iterator[LimbJoints]:
         body = self.matching.target
         roles = body.anatomy.roles if body.anatomy else {}
         for side in SIDES:
             for arm in body.arms:
                 if arm.wrist == roles.get(f"{side}Hand"):
-                    yield Limb(f"{side} arm", arm.shoulder, arm.wrist)
+                    yield LimbJoints(f"{side} arm", arm.shoulder, arm.wrist)

@@ -1,8 +1,9 @@
 """A performer as the user asks: with contacts dropped and made, parts planted and directions kept.
 
-Where what is asked sets in and lets go, motions are blended: what differs, a rotation of each joint and a way of the
-root, is added to the one motion. Beyond the frames in which the other holds it goes on as in the nearest of them, and
-fades. So nothing is solved where nothing is asked, and what eases in is as smooth as the motion below it.
+The motion with all constraints is blended into the motion without: the difference, a rotation of each joint and an
+offset of the root, is added with a weight that rises before a constraint and falls after it. Before and after the
+frames that are solved, the difference of the nearest of these fades out. So frames without a constraint are not solved,
+and the blend is as smooth as the motion below it.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ SMOOTHING = 0.1  # what is asked changes is averaged over this time before and a
 ROUNDS = 2  # in which what is between parts is found
 # Without skin limbs close what is left, averaged over these times before and after [s], until all is nearer than `MET`
 # [heights], or until what is left does not become less.
-STEADY = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
+CLOSING = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
 MET = 0.002
 EARLY = 0.3  # with skin motions are blended in the frames that are as asked by less than this share
 TURNS = 4  # with skin it is solved so many times at most
@@ -141,7 +142,7 @@ def _closed(asked: Performer, motion: Motion, constraints: Constraints) -> Motio
     motion = _brought_out(asked, with_looks(motion, constraints, body), constraints, weights)
     poles = poles_of(_thick(asked).landmarks, motion, limbs)
     left, last = np.inf, np.inf
-    for steady in STEADY:
+    for steady in CLOSING:
         motion, last = reached(motion, constraints, weights, asked.supports, limbs, skins, poles, steady), left
         left = _farthest(asked, constraints, motion)
         if left <= MET * body.height or left >= last:

@@ -35,7 +35,7 @@ from distretarget.target import AnyTarget, SkeletonEdit, Target
 LISTED = 0.5  # a contact whose activation never reaches this is not listed
 TOUCHING = 1.0  # skins that are nearer than this touch [cm]
 FARTHEST = 0.3  # skins that are farther apart are not measured [body units]
-STEADY = 0.1  # spans that last less are not listed [s]
+SHORTEST = 0.1  # spans that last less are not listed [s]
 
 
 def find_contacts(
@@ -123,7 +123,7 @@ def _touching(matching: Matching, clip: Clip, supports: Supports, settings: Cont
     gaps = _SkinGaps(matching, clip)
     for (a, b), each in f.items():
         for first, end in spans_of(np.asarray(each > 0.0)).tolist():
-            if each[first:end].max() >= LISTED and (end - first) * clip.frame_time >= STEADY:
+            if each[first:end].max() >= LISTED and (end - first) * clip.frame_time >= SHORTEST:
                 on = first + np.flatnonzero(each[first:end] >= LISTED)
                 found = gaps.of(a, b, on)
                 yield Contact(between=(names[a], names[b]), frames=(first, end - 1), found=found)
@@ -159,5 +159,5 @@ def _resting(clip: Clip, supports: Supports) -> Iterator[Entry]:
     rests: NDArray[np.bool_] = np.asarray(supports.weights >= RESTS)
     for region in np.unique(supports.regions).tolist():
         for first, end in spans_of(np.asarray(rests[:, supports.regions == region].any(axis=1))).tolist():
-            if (end - first) * clip.frame_time >= STEADY:
+            if (end - first) * clip.frame_time >= SHORTEST:
                 yield Plant(plant=clip.regions.names[region], frames=(first, end - 1), found="planted")

@@ -113,7 +113,7 @@ def copy_on_path(one: Performer) -> Motion:
     return replace(one.clip.copy, root_positions=one.clip.root)
 
 
-def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> SceneContacts:
+def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> SceneContacts:
     """Find all contacts, and move supports that rest on another performer or on a prop to there."""
     points = [_contact_points(one) for one in performers]
     between, on_props, supported = {}, {}, []

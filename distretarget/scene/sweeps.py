@@ -34,7 +34,7 @@ from distretarget.pipeline.performer import Performer
 from distretarget.scene.apart import kept_apart
 from distretarget.scene.prop_surface import nearest_on_bones
 from distretarget.scene.props import PlacedProp, Placement
-from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, find_contacts
+from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, find_scene_contacts
 from distretarget.scene.skin import with_skins
 
 MOST_SWEEPS = 4
@@ -83,7 +83,7 @@ def solve_scene(
     copies = [copy_on_path(one) for one in performers]
     found = constraints_of(copies, [each.free for each in props])
     dropped = [dropping(one, constraints.drops) for one, constraints in zip(performers, found, strict=True)]
-    free = solved(kept_apart(find_contacts(dropped, props), skins))
+    free = solved(kept_apart(find_scene_contacts(dropped, props), skins))
     if not any(constraints.made for constraints in found):
         return free
     found = constraints_of(free.motions, free.contacts.placements(free.motions))
