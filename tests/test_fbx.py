@@ -9,6 +9,8 @@ import pytest
 from fbx_text import Y_UP, Z_UP, Node, Stack, fbx
 from scipy.spatial.transform import Rotation
 
+from distretarget.batch.audit import audit
+from distretarget.batch.plan import animations_of
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io import fbx as reader
 from distretarget.io.fbx import parse_fbx
@@ -386,3 +388,14 @@ def test_a_file_of_version_6100():
     )
     expected = (shift((0.0, 90.0, 0.0)) @ turn((0.0, 0.0, 30.0)) @ shift((0.0, -40.0, 0.0)))[:3, 3]
     np.testing.assert_allclose(worlds(scene, 3)["Knee"][:3, 3], expected, atol=1e-4)
+
+
+def test_each_animation_of_a_file_is_a_clip_of_a_folder(tmp_path):
+    walk, run = (Stack(name, {(1, "R", "X"): (TIMES, n * TIMES)}) for n, name in enumerate(("walk", "run"), start=1))
+    (tmp_path / "two.fbx").write_bytes(fbx(chain({}), [walk, run]))
+    (tmp_path / "one.fbx").write_bytes(fbx(chain({}), [walk]))
+    assert animations_of(tmp_path / "two.fbx") == {"#1": "walk", "#2": "run"}
+    assert animations_of(tmp_path / "one.fbx") == {None: ""}
+    audited = audit(sorted(tmp_path.glob("*.fbx")))
+    assert [(clip.path.stem, clip.animation) for clip in audited] == [("one", None), ("two", "#1"), ("two", "#2")]
+    assert all(clip.frames == len(TIMES) for clip in audited)

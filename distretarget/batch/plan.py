@@ -12,7 +12,7 @@ from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
-from distretarget.io.formats import ARRAYS, GLTF, MOTION_SUFFIXES, format_of_name
+from distretarget.io.formats import ARRAYS, MOTION_SUFFIXES, format_of_name
 from distretarget.io.gltf_writer import free_name
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_writer import suffix_of
@@ -134,8 +134,8 @@ def plan(
 
 def animations_of(path: Path) -> dict[str | None, str]:
     """Return the animations of a file, such as "#2", each with a name for its result; None for the only one."""
-    names: Sequence[str] = ()
-    if format_of_name(path) is GLTF:
+    names, named = tuple[str, ...](), format_of_name(path)
+    if named and named.has_characters:
         with suppress(DistretargetError):  # reading the clip will report it
             names = animations_in(InputFile(read_bytes(path), path))
     if len(names) < 2:
