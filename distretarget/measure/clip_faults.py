@@ -57,6 +57,7 @@ KINDS: Mapping[str, Kind] = {
     "cuts": Kind("cuts, at which all joints jump"),
     "jumps": Kind("frames to which a joint jumps, or in which it leaps out and back", "frames"),
     "flips": Kind("frames to which a joint turns by more than 90 degrees at once", "frames"),
+    "still": Kind("no joint moves in the whole clip", plain=True),
     "frozen": Kind("the longest time for which a moving body stops dead", "s", 0.1),
     "repeated": Kind("frames that repeat the one before in the middle of a movement", "%", 1.0),
     "skating": Kind("the time for which a standing foot moves along the floor", "s", 0.3),
@@ -120,7 +121,7 @@ def _at(found: Finding, frames: Numbers) -> Finding:
 
 
 def _still(steps: Array, frame_time: float) -> Findings:
-    """Equal frames in the middle of a movement: for long, and for a few frames."""
+    """Equal frames: in the whole clip, and in the middle of a movement for long, and for a few frames."""
     speeds, equal = steps.mean(axis=1) / frame_time, steps.max(axis=1) < SAME
     frozen, repeated, first, first_repeated = 0.0, 0, None, None
     for start, end in spans_of(equal):
@@ -131,7 +132,8 @@ def _still(steps: Array, frame_time: float) -> Findings:
         elif min(sides) > MOVING:
             repeated, first_repeated = repeated + end - start, first_repeated or int(start) + 1
     share = 100.0 * repeated / (len(steps) + 1)
-    return {"frozen": Finding(frozen, first), "repeated": Finding(share, first_repeated)}
+    still = Finding(float(len(equal) > 0 and bool(equal.all())))
+    return {"still": still, "frozen": Finding(frozen, first), "repeated": Finding(share, first_repeated)}
 
 
 def _shots(motion: Motion, body: Body) -> Shots:
