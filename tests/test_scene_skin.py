@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, read_bvh, retarget, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
-from distretarget.measure.gaps import measure_overlap
+from distretarget.measure.gaps import measure_overlap, measure_skin_gap
 from distretarget.measure.skin import find_skin
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, FARTHEST, Bodies
@@ -130,3 +130,23 @@ def test_how_deep_performers_are_in_each_other_has_known_answers():
     one, other = overlap(0.2), overlap(0.2, (1, 0))
     np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)
     assert one.parts == other.parts[::-1]
+
+
+def test_performers_who_overlap_in_the_source_may_just_touch():
+    result = retarget(read_bvh(SAMPLES / "walk.bvh")[:3], load_target(HERO))
+    skin = find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
+    motion, height = result.motion, skin.height
+
+    def pair(aside):
+        path = motion.root_positions + np.array([aside * height, 0.0, 0.0])
+        return [motion, replace(motion, root_positions=path)]
+
+    def errors(aside, of_source=0.2):
+        touches = measure_skin_gap(pair(of_source), pair(aside), [skin] * 2, [skin] * 2).touches
+        return np.array([touch.error for touch in touches])
+
+    assert errors(0.2).max() < 1e-9
+    assert np.median(errors(0.202)) == 0.0
+    assert errors(0.202).max() < 0.3
+    assert errors(0.19).max() > 0.3
+    assert errors(0.5).min() > 5.0

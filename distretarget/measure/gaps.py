@@ -197,7 +197,7 @@ def measure_skin_gap(
     touches: list[Touch] = []
     for one, other in ((0, 1), (1, 0)):
         for block in blocks_of(len(sources[0])):
-            gaps = _gaps(sources, source_skins, one, other, block, TOUCHING)
+            gaps = _gaps(sources, source_skins, one, other, block, 2.0 * TOUCHING)  # gaps end there, but for rounding
             touching = gaps < TOUCHING
             if not touching.any():
                 continue
