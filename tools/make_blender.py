@@ -12,8 +12,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+import tomllib
 import zipfile
-from importlib.metadata import version
 from pathlib import Path
 
 import click
@@ -47,6 +47,11 @@ files = "Read clips, and keep a job in a temporary folder while it runs"
 """
 
 
+def own_version() -> str:
+    """Return the version of the package."""
+    return str(tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"])
+
+
 def download(folder: Path, platform: str) -> None:
     """Download the wheels of what is needed for a platform."""
     systems = [word for name in PLATFORMS[platform] for word in ("--platform", name)]
@@ -73,7 +78,7 @@ def main(folder: Path, platform: str, wheel: Path | None) -> None:
             own_wheel(wheels)
         files = sorted([*wheels.glob("*.whl"), *([wheel] if wheel else [])], key=lambda path: path.name)
         listed = "\n".join(f'  "./wheels/{path.name}",' for path in files)
-        manifest = MANIFEST.format(version=version("distretarget"), platform=platform, wheels=listed)
+        manifest = MANIFEST.format(version=own_version(), platform=platform, wheels=listed)
         path = folder / f"distretarget_blender_{platform}.zip"
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("blender_manifest.toml", manifest)
