@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 import pytest
 from input_files import named_target
 
-from distretarget.batch.plan import find_clips, plan
+from distretarget.batch.plan import animations_of, find_clips, plan
 from distretarget.errors import BatchError
 
 
@@ -213,3 +213,9 @@ def test_the_folder_of_results_is_not_inside_a_source(tmp_path):
         with pytest.raises(BatchError, match="is inside"):
             plan([], [target(tmp_path)], folder, [tmp_path / "in"])
     assert plan([], [target(tmp_path)], tmp_path / "in2", [tmp_path / "in"]) == []
+
+
+@pytest.mark.parametrize("name", ["bad.fbx", "bad.glb"])
+def test_a_file_that_cannot_be_read_is_one_clip_that_will_fail(tmp_path, name):
+    (tmp_path / name).write_bytes(b"no file of this kind")
+    assert animations_of(tmp_path / name) == {None: ""}
