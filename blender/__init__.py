@@ -29,6 +29,15 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
         description="How thick the character is",
         items=[("auto", "Its meshes", ""), ("average", "Average", ""), ("none", "None", "")],
     )
+    keys: bpy.props.EnumProperty(
+        name="Keys",
+        description="Which bones get the keys",
+        items=[
+            ("JOINTS", "Bones of the meshes", "Whatever else moves them is muted"),
+            ("FK", "Controls, FK", "FK and IK controls, with switches at FK"),
+            ("IK", "Controls, IK", "FK and IK controls, with switches at IK"),
+        ],
+    )
     verdict: bpy.props.StringProperty()
     warnings: bpy.props.CollectionProperty(type=DISTRETARGET_PG_warning)
 
@@ -42,7 +51,7 @@ class DISTRETARGET_PT_panel(bpy.types.Panel):
     def draw(self, context):
         settings, layout = context.scene.distretarget, self.layout
         layout.use_property_split = True
-        for name in ("clip", "animation", "start", "mirror", "loop", "supports", "skin"):
+        for name in ("clip", "animation", "start", "mirror", "loop", "supports", "skin", "keys"):
             layout.prop(settings, name)
         layout.operator("distretarget.retarget", icon="ARMATURE_DATA")
         if settings.verdict:

@@ -9,7 +9,9 @@ from mathutils import Matrix, Quaternion
 
 from .rig import constraints_on, drivers_on, moved_bones
 
-STILL = 1e-6  # locations up to this get no keys [of the body]
+Poses = dict[str, list[Matrix]]  # of bones in the space of their armature, by frame
+
+STILL = 1e-5  # locations up to this get no keys [of the bone]
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Result:
     frame_time: float
 
 
-def new_action(armature: bpy.types.Object, result: Result, name: str, start: int, rate: float) -> bpy.types.Action:
+def keyed_joints(armature: bpy.types.Object, result: Result, name: str, start: int, rate: float) -> bpy.types.Action:
     """Give the armature an action with the motion from a frame on, at a scene's frame rate; return it.
 
     What it had as action stays in the file. Constraints and drivers that would move its bones are muted.
@@ -34,30 +36,53 @@ def new_action(armature: bpy.types.Object, result: Result, name: str, start: int
         constraint.mute = True
     for _, curve in drivers_on(armature, moved):
         curve.mute = True
-    keys = _local(armature, moved, result)
+    poses = poses_of(armature, result)
+    action, times = new_action(armature, name), times_of(result, start, rate)
+    for bone in moved:
+        above = poses[bone.parent.name] if bone.parent else [None] * len(times)
+        set_keys(
+            action,
+            bone,
+            [converted(bone, *each, invert=True) for each in zip(poses[bone.name], above, strict=True)],
+            times,
+        )
+    return action
+
+
+def new_action(armature: bpy.types.Object, name: str) -> bpy.types.Action:
+    """Give the armature an empty action; the one that it had stays in the file."""
     data = armature.animation_data_create()
     if data.action is not None:
         data.action.use_fake_user = True
     data.action = bpy.data.actions.new(name)
-    times = start + np.arange(len(result.places)) * result.frame_time * rate
-    still = STILL * float(np.ptp(result.places[0], axis=0).max())
-    for bone in moved:
-        locations, rotations = keys[bone.name]
-        bone.rotation_mode = "QUATERNION"
-        tracks = {"rotation_quaternion": rotations}
-        if np.abs(locations).max() > still:
-            tracks["location"] = locations
-        for path, values in tracks.items():
-            setattr(bone, path, values[0])
-            bone.keyframe_insert(path, frame=times[0], group=bone.name)
-            full = bone.path_from_id(path)
-            for curve in (each for each in _curves(data.action) if each.data_path == full):
-                points = curve.keyframe_points
-                points.add(len(times) - 1)
-                points.foreach_set("co", np.column_stack([times, values[:, curve.array_index]]).ravel())
-                points.foreach_set("interpolation", np.full(len(times), 1, np.int32))  # linear
-                curve.update()
     return data.action
+
+
+def times_of(result: Result, start: int, rate: float) -> np.ndarray:
+    """The frames of the scene at which a motion has its frames."""
+    return start + np.arange(len(result.places)) * result.frame_time * rate
+
+
+def set_keys(action: bpy.types.Action, bone: bpy.types.PoseBone, bases: list[Matrix], times: np.ndarray) -> None:
+    """Set the keys of a bone: its own transforms at some times; locations only where it has any."""
+    parts = [basis.decompose()[:2] for basis in bases]
+    locations, rotations = (np.array([[*part[index]] for part in parts]) for index in (0, 1))
+    flips = np.cumprod(np.where((rotations[1:] * rotations[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
+    rotations[1:] *= flips[:, None]
+    bone.rotation_mode = "QUATERNION"
+    tracks = {"rotation_quaternion": rotations}
+    if np.abs(locations).max() > STILL * bone.bone.length:
+        tracks["location"] = locations
+    for path, values in tracks.items():
+        setattr(bone, path, values[0])
+        bone.keyframe_insert(path, frame=times[0], group=bone.name)
+        full = bone.path_from_id(path)
+        for curve in (each for each in _curves(action) if each.data_path == full):
+            points = curve.keyframe_points
+            points.add(len(times) - 1)
+            points.foreach_set("co", np.column_stack([times, values[:, curve.array_index]]).ravel())
+            points.foreach_set("interpolation", np.full(len(times), 1, np.int32))  # linear
+            curve.update()
 
 
 def _curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
@@ -68,40 +93,32 @@ def _curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
     return [*action.fcurves]
 
 
-def _local(
-    armature: bpy.types.Object, moved: list[bpy.types.PoseBone], result: Result
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Locations, (frames, 3), and rotations, (frames, 4), w x y z, of bones relative to their rest pose and parent."""
+def poses_of(armature: bpy.types.Object, result: Result) -> Poses:
+    """Poses of the bones of joints, and of those above them, which keep to their parents."""
     frames, world = len(result.places), np.array(armature.matrix_world)
     number = {name: index for index, name in enumerate(result.names)}
-    back, poses, found = np.linalg.inv(world), {}, {}
-    for bone in moved:
-        above = poses[bone.parent.name] if bone.parent else [Matrix()] * frames
-        rest = bone.bone.matrix_local
-        over = bone.bone.parent.matrix_local if bone.parent else Matrix()
-        own = []
+    back, poses = np.linalg.inv(world), {}
+    for bone in moved_bones(armature, result.names):
         if bone.name in number:
-            joint, axes = number[bone.name], (world @ np.array(rest))[:3, :3]
+            joint, axes = number[bone.name], (world @ np.array(bone.bone.matrix_local))[:3, :3]
             poses[bone.name] = [
                 Matrix(back @ _matrix(place, turn, axes))
                 for place, turn in zip(result.places[:, joint], result.turns[:, joint], strict=True)
             ]
-            for pose, parent in zip(poses[bone.name], above, strict=True):
-                local = bone.bone.convert_local_to_pose(
-                    pose, rest, parent_matrix=parent, parent_matrix_local=over, invert=True
-                )
-                own.append(local.decompose()[:2])
         else:
-            poses[bone.name] = [
-                bone.bone.convert_local_to_pose(Matrix(), rest, parent_matrix=parent, parent_matrix_local=over)
-                for parent in above
-            ]
-            own = [(Matrix().translation, Quaternion())] * frames
-        rotations = np.array([[*rotation] for _, rotation in own])
-        flips = np.cumprod(np.where((rotations[1:] * rotations[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
-        rotations[1:] *= flips[:, None]
-        found[bone.name] = np.array([[*location] for location, _ in own]), rotations
-    return found
+            above = poses[bone.parent.name] if bone.parent else [None] * frames
+            poses[bone.name] = [converted(bone, Matrix(), parent, invert=False) for parent in above]
+    return poses
+
+
+def converted(bone: bpy.types.PoseBone, matrix: Matrix, parent: Matrix | None, invert: bool) -> Matrix:
+    """A bone's own transform as its pose in the armature, or the other way round with `invert`."""
+    if parent is None:
+        return bone.bone.convert_local_to_pose(matrix, bone.bone.matrix_local, invert=invert)
+    above = bone.bone.parent.matrix_local
+    return bone.bone.convert_local_to_pose(
+        matrix, bone.bone.matrix_local, parent_matrix=parent, parent_matrix_local=above, invert=invert
+    )
 
 
 def _matrix(place: np.ndarray, turn: np.ndarray, axes: np.ndarray) -> np.ndarray:

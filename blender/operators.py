@@ -13,7 +13,8 @@ import bpy
 import numpy as np
 
 from .character import arrays_of
-from .keys import Result, new_action
+from .controls import keyed_controls
+from .keys import Result, keyed_joints
 from .rig import constraints_on, drivers_on, moved_bones
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
@@ -93,8 +94,13 @@ class Job:
         arrays = np.load(Path(self.folder.name, "result.npz"))
         result = Result(self.names, arrays["places"], arrays["turns"], float(arrays["frame_time"]))
         rate = scene.render.fps / scene.render.fps_base
-        told["warnings"] += _muted(self.armature, self.names)
-        action = new_action(self.armature, result, self.clip.stem, start, rate)
+        where = (self.armature, result, self.clip.stem, start, rate)
+        if scene.distretarget.keys == "JOINTS":
+            told["warnings"] += _muted(self.armature, self.names)
+            action = keyed_joints(*where)
+        else:
+            action, lines = keyed_controls(*where, scene.distretarget.keys)
+            told["warnings"] += lines
         return action, told | {"frames": len(result.places), "step": result.frame_time * rate, "start": start}
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from bodies import SAMPLES
 
+from distretarget import read_bvh, write_bvh
+
 ROOT = Path(__file__).resolve().parents[1]
 HERO = ROOT / "sample_characters" / "hero.glb"
 BLENDER = os.environ.get("DISTRETARGET_BLENDER") or (sys.executable if importlib.util.find_spec("bpy") else None)
@@ -56,11 +58,11 @@ armature = character(sys.argv[3])
 before = armature.animation_data_create()
 before.action = bpy.data.actions.new("before")
 from extension import operators
-results, made = [], operators.new_action
+results, made = [], operators.keyed_joints
 def kept(armature, result, *more):
     results.append(result)
     return made(armature, result, *more)
-operators.new_action = kept
+operators.keyed_joints = kept
 settings.clip, settings.start, scene.render.fps = sys.argv[4], 11, 60
 status = said(bpy.ops.distretarget.retarget)
 (result,) = results
@@ -100,6 +102,119 @@ status = said(bpy.ops.distretarget.retarget_folder)
 found = {each.name: [each.use_fake_user, each.asset_data is not None] for each in bpy.data.actions}
 extension.unregister()
 end({"status": status, "actions": found, "verdict": settings.verdict if hasattr(scene, "distretarget") else ""})
+"""
+
+
+RIGIFY = """
+def made():
+    bpy.ops.preferences.addon_enable(module="rigify")
+    bpy.ops.object.armature_basic_human_metarig_add()
+    bpy.ops.pose.rigify_generate()
+    return bpy.context.object
+"""
+
+# Deforming bones copy FK bones, or IK bones with poles by a property of the targets.
+COPIES = """
+def made():
+    bpy.ops.preferences.addon_enable(module="rigify")
+    bpy.ops.object.armature_basic_human_metarig_add()
+    rig = bpy.context.object
+    deforming = [bone.name for bone in rig.data.bones]
+    limbs = [(one + side, two + side, end + side) for side in (".L", ".R")
+             for one, two, end in (("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot"))]
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = rig.data.edit_bones
+    def copied(name, new, parent):
+        bone = bones.new(new)
+        bone.head, bone.tail, bone.roll = bones[name].head, bones[name].tail, bones[name].roll
+        bone.parent, bone.use_deform = bones.get(parent) if parent else None, False
+        return bone
+    for name in deforming:
+        above = bones[name].parent
+        copied(name, "fk " + name, "fk " + above.name if above else None)
+    for one, two, end in limbs:
+        copied(one, "ik " + one, "fk " + bones[one].parent.name)
+        copied(two, "ik " + two, "ik " + one)
+        copied(end, "target " + end, None)
+        pole = copied(two, "pole " + end, None)
+        way = bones[two].head - (bones[one].head + bones[end].head) / 2
+        place = bones[two].head + way.normalized() * 0.4
+        pole.head, pole.tail = place, place + way.normalized() * 0.1
+    bpy.ops.object.mode_set(mode="OBJECT")
+    poses, shape = rig.pose.bones, bpy.data.objects.new("shape", None)
+    def copy(name, source, kind, driver=None):
+        constraint = poses[name].constraints.new(kind)
+        constraint.target, constraint.subtarget = rig, source
+        if driver:
+            curve = constraint.driver_add("influence")
+            variable = curve.driver.variables.new()
+            variable.targets[0].id = rig
+            variable.targets[0].data_path = f'pose.bones["{driver}"]["ik"]'
+            curve.driver.type = "AVERAGE"
+    for name in deforming:
+        copy(name, "fk " + name, "COPY_TRANSFORMS")
+    for one, two, end in limbs:
+        poses["target " + end]["ik"] = 0.0
+        for name, source in ((one, "ik " + one), (two, "ik " + two)):
+            copy(name, source, "COPY_TRANSFORMS", "target " + end)
+        copy(end, "target " + end, "COPY_TRANSFORMS", "target " + end)
+        ik = poses["ik " + two].constraints.new("IK")
+        ik.target = ik.pole_target = rig
+        ik.subtarget, ik.pole_subtarget, ik.chain_count = "target " + end, "pole " + end, 2
+        def away(degrees):
+            ik.pole_angle = np.radians(degrees)
+            bpy.context.view_layer.update()
+            return (poses["ik " + two].head - rig.data.bones[two].head_local).length
+        ik.pole_angle = np.radians(min(range(-180, 180), key=away))
+    for bone in poses:
+        if bone.name.split()[0] in ("fk", "target", "pole"):
+            bone.custom_shape = shape
+    return rig
+"""
+
+CONTROLS = """
+rig = made()
+before = sum(each.mute for bone in rig.pose.bones for each in bone.constraints)
+bpy.context.view_layer.objects.active = rig
+from extension import controls, operators
+results, solved, keyed, solve = [], [], operators.keyed_controls, controls.solve
+operators.keyed_controls = lambda one, result, *more: results.append(result) or keyed(one, result, *more)
+def kept(*arguments):
+    solved.append(solve(*arguments))
+    return solved[-1]
+controls.solve = kept
+settings.clip, settings.keys = sys.argv[3], sys.argv[4]
+status = said(bpy.ops.distretarget.retarget)
+(result,), (answer,) = results, solved
+rate, number = scene.render.fps / scene.render.fps_base, {name: each for each, name in enumerate(result.names)}
+
+def worst():
+    found = 0.0
+    for frame in range(len(result.places)):
+        time = 1 + frame * result.frame_time * rate
+        scene.frame_set(int(time), subframe=time - int(time))
+        shown = rig.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        for name in answer.joints:
+            head = np.array(shown.matrix_world @ shown.pose.bones[name].head)
+            found = max(found, float(np.linalg.norm(head - result.places[frame, number[name]])))
+    return found * 1700 / float(np.ptp(result.places[0], axis=0).max())
+
+first, action = worst(), rig.animation_data.action
+paths = {each.data_path.rpartition("]")[0] + "]" for each in action.fcurves}
+keyed_bones = [bone.name for bone in rig.pose.bones if bone.path_from_id() in paths]
+muted = sum(each.mute for bone in rig.pose.bones for each in bone.constraints)
+values = [rig.pose.bones[each.bone][each.name] == each.values[sys.argv[4]] for each in answer.switches]
+names = {f'pose.bones["{each.bone}"]["{each.name}"]' for each in answer.switches}
+for curve in [each for each in action.fcurves if each.data_path in names]:
+    action.fcurves.remove(curve)
+for each in answer.switches:
+    rig.pose.bones[each.bone][each.name] = each.values["IK" if sys.argv[4] == "FK" else "FK"]
+rig.update_tag()
+bpy.context.view_layer.update()
+end({"status": status, "worst": first, "switched": worst(), "values": values, "joints": len(answer.joints),
+     "turned": float(np.degrees(answer.turns.max())), "keyed": keyed_bones,
+     "deforming": [bone.name for bone in rig.data.bones if bone.use_deform],
+     "warnings": [each.text for each in settings.warnings], "muted": muted - before})
 """
 
 
@@ -149,3 +264,25 @@ def test_a_folder_becomes_an_action_for_each_clip(tmp_path):
     assert found["status"] == ["FINISHED"]
     assert found["actions"]["wave"] == [True, True]
     assert found["actions"]["squat"] == [True, True]
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """A few frames of a clip."""
+    path = tmp_path_factory.mktemp("clips") / "short.bvh"
+    write_bvh(path, read_bvh(SAMPLES / "clap.bvh")[100:200:16])
+    return path
+
+
+@pytest.mark.parametrize("mode", ["FK", "IK"])
+@pytest.mark.parametrize(("rig", "switched"), [(COPIES, 1.0), (RIGIFY, 17.0)], ids=["copies", "rigify"])
+def test_controls_bring_joints_to_where_the_motion_has_them(short, rig, switched, mode):
+    found = told(rig + CONTROLS, short, mode)
+    assert found["status"] == ["FINISHED"]
+    assert found["joints"] >= 20
+    assert found["worst"] < 1.0, found["warnings"]  # mm on a body of 1.7 m
+    assert found["switched"] < switched  # Rigify's own IK bones change their lengths by up to 2 %, and elbows with them
+    assert found["values"] == [True] * 4
+    assert not found["muted"]
+    assert not {*found["keyed"]} & {*found["deforming"]}
+    assert any("turned from where they should be" in each for each in found["warnings"]) == (found["turned"] > 2.0)
