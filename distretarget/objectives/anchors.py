@@ -147,8 +147,7 @@ def _tie(
     on = ((one == segment) & np.isin(other, numbers)) | ((other == segment) & np.isin(one, numbers))
     tie = np.zeros(len(firmness))
     for spot in np.unique(spots.of_pair[on]):
-        farther = in_source[:, on & (spots.of_pair == spot)].min(axis=1) - in_source[:, spots.of_pair == spot].min(
-            axis=1
-        )
+        own = spots.of_pair == spot
+        farther = in_source[:, on & own].min(axis=1) - in_source[:, own].min(axis=1)
         tie = np.maximum(tie, firmness[:, spot] * smoothstep(1.0 - farther / NEARER))
     return np.asarray(tie)

@@ -7,12 +7,14 @@ that would meet inside the trunk are brought out of it first, forwards.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
+from distretarget.body.build import average_for
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
@@ -20,7 +22,7 @@ from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.constraint_springs import off_by
 from distretarget.objectives.constraints import Constraint, Constraints
-from distretarget.objectives.part_axes import PARTS, Landmarks
+from distretarget.objectives.part_axes import PARTS
 from distretarget.objectives.supports import Supports
 from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
 from distretarget.skin.limbs import Limb, bent, reaching
@@ -32,96 +34,78 @@ OUT = 0.15  # they lead in time over twice this [s]
 TRUNK = [SEGMENTS.index(name) for name in (*TRUNK_SEGMENTS, "left thigh", "right thigh")]
 
 
-def reached(
-    motion: Motion,
-    constraints: Constraints,
-    weights: Sequence[Array],
-    supports: Supports,
-    limbs: Sequence[Limb],
-    skins: Skins | None,
-    poles: Array,
-    steady: float = 0.0,
-) -> Motion:
-    """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others, by the
-    weight of each constraint, (frames,), with middles towards `poles`, (frames, limbs, 3). What limbs do is averaged
-    over the time `steady` before and after each frame [s].
-    """
-    ways, _ = to_reach(motion, constraints, weights, supports, limbs, skins)
-    return _moved(motion, constraints, limbs, ways, poles, steady)
+@dataclass(frozen=True, eq=False)
+class Reaching:
+    """A body whose limbs reach for what a user asks. Weights are those of each constraint, (frames,)."""
 
+    constraints: Constraints
+    supports: Supports
+    body: Body
+    skins: Skins | None  # None for a stick figure
 
-def poles_of(landmarks: Landmarks | None, motion: Motion, limbs: Sequence[Limb]) -> Array:
-    """Return where elbows point, (frames, limbs, 3): down and out of the trunk. Knees point nowhere."""
-    poles = np.zeros((len(motion), len(limbs), 3))
-    if landmarks is not None:
-        trunk = landmarks.axes(motion).directions[:, [*PARTS].index("trunk")]
-        for number, limb in enumerate(limbs):
-            if limb.is_arm:
-                side = 1.0 if landmarks.joints["leftUpperArm"] == limb.top else -1.0
-                poles[:, number] = side * OUTWARDS * trunk[:, 2] - DOWN * trunk[:, 0]
-    return poles
+    @cached_property
+    def skin(self) -> BodySkin:
+        """The skin of the body; an average one of a stick figure."""
+        return self.skins.target if self.skins else BodySkin.of(self.body, average_for(self.body).on(self.body))
 
+    def ways(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array]:
+        """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file
+        units], times the weights; and the largest of these, (frames, limbs).
+        """
+        constraints, limbs = self.constraints, self.skin.limbs
+        ways, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
+        for constraint, weight in zip(constraints, weights, strict=True):
+            moving = _moving(constraints, constraint, self.supports, limbs) if weight.any() else []
+            if moving:
+                off = off_by(constraints, constraint, motion, self.supports, self.skins)
+                way, total = weight[:, None] * constraints.clip.unit * off, sum(free for _, _, free, _ in moving)
+                for number, sign, free, share in moving:
+                    part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
+                    ways[:, number] += (sign / share * part * free)[:, None] * way
+                    firmness[:, number] = np.maximum(firmness[:, number], weight * (part > 0.0))
+        return ways, firmness
 
-def to_reach(
-    motion: Motion,
-    constraints: Constraints,
-    weights: Sequence[Array],
-    supports: Supports,
-    limbs: Sequence[Limb],
-    skins: Skins | None,
-) -> tuple[Array, Array]:
-    """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file units],
-    times the weight of each constraint, (frames,); and the largest of these weights, (frames, limbs).
-    """
-    ways, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
-    for constraint, weight in zip(constraints, weights, strict=True):
-        moving = _moving(constraints, constraint, supports, limbs)
-        if moving:
-            way = weight[:, None] * constraints.clip.unit * off_by(constraints, constraint, motion, supports, skins)
-            total = sum(free for _, _, free, _ in moving)
-            for number, sign, free, share in moving:
-                part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
-                ways[:, number] += (sign / share * part * free)[:, None] * way
-                firmness[:, number] = np.maximum(firmness[:, number], weight * (part > 0.0))
-    return ways, firmness
+    def reached(self, motion: Motion, weights: Sequence[Array], steady: float) -> Motion:
+        """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others. What
+        limbs do is averaged over the time `steady` before and after each frame [s].
+        """
+        return self._moved(motion, self.ways(motion, weights)[0], steady)
 
+    def brought_out(self, motion: Motion, weights: Sequence[Array]) -> Motion:
+        """Return a motion in which arms that touch something are brought out of the trunk, forwards."""
+        constraints, body, limbs = self.constraints, self.body, self.skin.limbs
+        clip, moved = constraints.clip, np.zeros((len(motion), len(limbs), 3))
+        spine = body.anatomy.spine if body.anatomy else ()
+        front, posed = front_of(body, motion, spine[-1] if spine else clip.pelvis), self.skin.posed(motion)
+        for constraint, weight in zip(constraints, weights, strict=True):
+            if isinstance(constraint.entry, Contact):
+                moving = _moving(constraints, constraint, self.supports, limbs)
+                on, far = np.flatnonzero(constraint.frames), np.zeros(len(motion))
+                far[on] = _way_out(self.skin, posed[on], np.concatenate(constraint.joints), front[on])
+                far = clip.averaged(clip.widened(far[:, None], OUT)[:, 0], OUT)
+                for number, _, free, _ in moving:
+                    if limbs[number].is_arm:
+                        moved[:, number] += (free * weight * far)[:, None] * clip.unit * front
+        return self._moved(motion, moved, 0.0)
 
-def brought_out(
-    motion: Motion,
-    constraints: Constraints,
-    weights: Sequence[Array],
-    supports: Supports,
-    limbs: Sequence[Limb],
-    skin: BodySkin,
-    body: Body,
-    poles: Array,
-) -> Motion:
-    """Return a motion in which arms that touch something are brought out of the trunk, forwards, by the weight of each
-    constraint, (frames,).
-    """
-    clip, moved = constraints.clip, np.zeros((len(motion), len(limbs), 3))
-    spine = body.anatomy.spine if body.anatomy else ()
-    front, posed = front_of(body, motion, spine[-1] if spine else clip.pelvis), skin.posed(motion)
-    for constraint, weight in zip(constraints, weights, strict=True):
-        if isinstance(constraint.entry, Contact):
-            arms = [each for each in _moving(constraints, constraint, supports, limbs) if limbs[each[0]].is_arm]
-            on = np.flatnonzero(constraint.frames)
-            parts = np.concatenate(constraint.joints)
-            far = np.zeros(len(motion))
-            far[on] = _way_out(skin, posed[on], parts, front[on])
-            far = clip.averaged(clip.widened(far[:, None], OUT)[:, 0], OUT)
-            for number, _, free, _ in arms:
-                moved[:, number] += (free * weight * far)[:, None] * clip.unit * front
-    return _moved(motion, constraints, limbs, moved, poles, 0.0)
+    def _moved(self, motion: Motion, ways: Array, steady: float) -> Motion:
+        """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
+        clip, limbs, poles = self.constraints.clip, self.skin.limbs, self._poles(motion)
+        ways = clip.averaged(ways, steady) * (self.constraints.share > 0.0)[:, None, None]
+        displaced = [reaching(motion, limb, ways[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
+        return bent(motion, limbs, clip.averaged(np.stack(displaced, axis=1), steady))
 
-
-def _moved(
-    motion: Motion, constraints: Constraints, limbs: Sequence[Limb], moved: Array, poles: Array, steady: float
-) -> Motion:
-    """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
-    moved = constraints.clip.averaged(moved, steady) * (constraints.share > 0.0)[:, None, None]
-    displaced = [reaching(motion, limb, moved[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
-    return bent(motion, limbs, constraints.clip.averaged(np.stack(displaced, axis=1), steady))
+    def _poles(self, motion: Motion) -> Array:
+        """(frames, limbs, 3), where elbows point: down and out of the trunk. Knees point nowhere."""
+        landmarks, limbs = self.skin.landmarks, self.skin.limbs
+        poles = np.zeros((len(motion), len(limbs), 3))
+        if landmarks is not None:
+            trunk = landmarks.axes(motion).directions[:, [*PARTS].index("trunk")]
+            for number, limb in enumerate(limbs):
+                if limb.is_arm:
+                    side = 1.0 if landmarks.joints["leftUpperArm"] == limb.top else -1.0
+                    poles[:, number] = side * OUTWARDS * trunk[:, 2] - DOWN * trunk[:, 0]
+        return poles
 
 
 def _moving(

@@ -123,17 +123,17 @@ def _displaced(
         firmness=firmness,
         **anchors(clip.source, posed, skins, spots, in_source, firmness),
     )
-    shots = clip.shots, clip.frame_time
+    shots, found = (clip.shots, clip.frame_time), len(spots.limbs)
     if reach is not None:
         frames, spots = _reaching(frames, spots, reach)
     d = find_start(balls, body.displaced, frames, *shots)
     bend = partial(brought_out, balls, body.displaced, spots)
     if body.surface is None:
         return bend(frames, body.limbs, *shots, REACH, start=d)
-    asked = np.arange(len(spots.limbs)) >= len(spots.limbs) - (len(reach.gaps) if reach else 0)
     for _ in range(ROUNDS):
         now = bent(posed, body.limbs, body.unit * d)
-        nearer = np.where(asked, 0.0, near(body, spots=spots, motion=now, touching=frames.firmness))
+        nearer = near(body, spots=spots, motion=now, touching=frames.firmness)
+        nearer[:, found:] = 0.0  # gaps that a user asks for are those of the capsules
         soft = np.where(IS_HARD[balls.pairs[:, 0]], frames.soft - nearer[:, spots.of_pair], frames.soft)
         d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), body.limbs, *shots, REACH, start=d)
     return d

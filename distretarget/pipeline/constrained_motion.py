@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.build import average_for
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.body_skin import BodySkin, limbs_of
-from distretarget.objectives.constraint_reach import brought_out, poles_of, reached, to_reach, with_looks
+from distretarget.objectives.body_skin import limbs_of
+from distretarget.objectives.constraint_reach import Reaching, with_looks
 from distretarget.objectives.constraint_springs import between, eased_gap, off_by, with_constraints
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
@@ -66,19 +65,25 @@ def constrained_result(free: Performer, poses: Poses, constraints: Constraints, 
 
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
-    made, ways = constraints.made, list[Array | None]()
-    for _ in range(ROUNDS):
+    made, asked = constraints.made, constrained(free, constraints)
+    held = _held(asked, poses, mapper)
+    for _ in range(1, ROUNDS):
+        closed = _closed(asked, asked.posed(held), made)
+        ways = [between(closed, constraint.pair, asked.clip) if constraint.pair else None for constraint in made]
         asked = constrained(free, constraints, ways)
-        held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
-        held = replace(held, v=poses.v + _steady(asked, held.v - poses.v))
-        motion = _closed(asked, asked.posed(held), made)
-        ways = [between(motion, constraint.pair, asked.clip) if constraint.pair else None for constraint in made]
+        held = _held(asked, poses, mapper)
     log = np.where(made.share > 0.0, held.log, poses.log)
     unbent, whole = free.posed(poses), free.match.skins is not None and not made.rest_on_body
     led = layered([made], unbent, asked.posed(_with_arms(held, poses, free))) if whole else asked.posed(held)
     posed = layered([made], free.with_own_skin(unbent), met(asked, led, made), whole)
     asked = replace(asked, supports=constrained_supports(free.supports, asked.supports, made.share))
     return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
+
+
+def _held(asked: Performer, poses: Poses, mapper: Mapper) -> Poses:
+    """The poses of a performer as asked, changed steadily from those `poses` without what is made."""
+    held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
+    return replace(held, v=poses.v + _steady(asked, held.v - poses.v))
 
 
 def _with_arms(held: Poses, poses: Poses, performer: Performer) -> Poses:
@@ -114,54 +119,42 @@ def met(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
     """
     skins, body = asked.match.skins, asked.match.matching.target
     if skins is None or constraints.rest_on_body:
-        return _closed(asked, asked.with_own_skin(_closed(asked, motion, constraints)), constraints)
-    limbs, weights = skins.target.limbs, [constraint.weight for constraint in constraints]
-    before = _brought_out(asked, with_looks(motion, constraints, body), constraints, weights)
-    poles = poles_of(skins.target.landmarks, before, limbs)
-    before = reached(before, constraints, weights, asked.supports, limbs, skins, poles, SMOOTHING)
+        closed = asked.with_own_skin(_closed(asked, motion, constraints))
+        return _closed(asked, closed, constraints)  # what averages, and skin, have left
+    limbs, weights = _reaching(asked, constraints), [constraint.weight for constraint in constraints]
+    before = limbs.brought_out(with_looks(motion, constraints, body), weights)
+    before = limbs.reached(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
-    ways, ties = to_reach(before, constraints, places, asked.supports, limbs, skins)
+    ways, ties = limbs.ways(before, places)
     best, least = before, np.inf
     for _ in range(TURNS):
         now = asked.with_own_skin(before, Reach(ways / body.unit, ties, tuple(filter(None, gaps))))
         left = _farthest(asked, constraints, now)
         if left < least:
             best, least = now, left
-        more = to_reach(now, constraints, places, asked.supports, limbs, skins)[0]
-        if left <= MET * body.height or not more.any():
+        if left <= MET * body.height or not ties.any():
             break
-        ways += (ties == 1.0)[..., None] * more
+        ways += (ties == 1.0)[..., None] * limbs.ways(now, places)[0]
     return with_looks(best, constraints, body)
 
 
 def _closed(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
     """A motion with its limbs and looks as a user asks, whatever skin they enter."""
-    skins, body = asked.match.skins, asked.match.matching.target
-    weights, limbs = constraints.all_firmness, limbs_of(body)
-    motion = _brought_out(asked, with_looks(motion, constraints, body), constraints, weights)
-    poles = poles_of(_thick(asked).landmarks, motion, limbs)
+    limbs, weights, body = _reaching(asked, constraints), constraints.all_firmness, asked.match.matching.target
+    motion = limbs.brought_out(with_looks(motion, constraints, body), weights)
     left, last = np.inf, np.inf
     for steady in CLOSING:
-        motion, last = reached(motion, constraints, weights, asked.supports, limbs, skins, poles, steady), left
+        motion, last = limbs.reached(motion, weights, steady), left
         left = _farthest(asked, constraints, motion)
         if left <= MET * body.height or left >= last:
             break
     return with_looks(motion, constraints, body)
 
 
-def _brought_out(asked: Performer, motion: Motion, constraints: Constraints, weights: Sequence[Array]) -> Motion:
-    """A motion in which arms that touch something are in front of the trunk."""
-    body, thick = asked.match.matching.target, _thick(asked)
-    limbs = limbs_of(body)
-    poles = poles_of(thick.landmarks, motion, limbs)
-    return brought_out(motion, constraints, weights, asked.supports, limbs, thick, body, poles)
-
-
-def _thick(performer: Performer) -> BodySkin:
-    """The skin of a performer; an average one of a stick figure."""
-    skins, body = performer.match.skins, performer.match.matching.target
-    return skins.target if skins else BodySkin.of(body, average_for(body).on(body))
+def _reaching(asked: Performer, constraints: Constraints) -> Reaching:
+    """The limbs of a performer, which reach for what is asked."""
+    return Reaching(constraints, asked.supports, asked.match.matching.target, asked.match.skins)
 
 
 def _farthest(performer: Performer, constraints: Constraints, posed: Motion) -> float:
