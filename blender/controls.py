@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion, Vector
 
-from .keys import Poses, Result, converted, new_action, poses_of, set_keys, times_of
+from .keys import Poses, Result, converted, new_action, poses_of, set_keys, times_of, without_action
 
 TURN = Quaternion((0.8, 0.0, 0.6), 0.2).to_matrix().to_4x4()  # by which controls are tried: not along the bone
 SHIFT = 0.03  # by which they are tried [of the body]
@@ -335,10 +335,7 @@ def keyed_controls(
     armature: bpy.types.Object, result: Result, name: str, start: int, rate: float, mode: str
 ) -> tuple[bpy.types.Action, list[str]]:
     """Give the armature an action with keys on its controls; return it, and what cannot follow, in lines."""
-    data = armature.animation_data_create()
-    if data.action is not None:
-        data.action.use_fake_user = True
-    data.action = None
+    without_action(armature)
     bones = armature.data.bones
     poses = {each: poses for each, poses in poses_of(armature, result).items() if each in result.names}
     deforming = {each: poses[each] for each in poses if bones[each].use_deform}

@@ -49,11 +49,18 @@ def keyed_joints(armature: bpy.types.Object, result: Result, name: str, start: i
     return action
 
 
-def new_action(armature: bpy.types.Object, name: str) -> bpy.types.Action:
-    """Give the armature an empty action; the one that it had stays in the file."""
+def without_action(armature: bpy.types.Object) -> bpy.types.AnimData:
+    """Take its action from the armature; it stays in the file. Return what holds actions."""
     data = armature.animation_data_create()
     if data.action is not None:
         data.action.use_fake_user = True
+    data.action = None
+    return data
+
+
+def new_action(armature: bpy.types.Object, name: str) -> bpy.types.Action:
+    """Give the armature an empty action; the one that it had stays in the file."""
+    data = without_action(armature)
     data.action = bpy.data.actions.new(name)
     return data.action
 
