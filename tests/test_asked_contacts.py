@@ -467,6 +467,15 @@ def test_a_hand_that_reaches_for_the_head_has_its_elbow_in_front(walk, hero):
     assert np.median(((elbow - shoulder) * front).sum(axis=1)) > 0.03 * body.height
 
 
+def test_no_part_of_an_arm_flips_as_it_reaches_for_the_head(walk, hero):
+    """The forearm turns by nearly half a turn in all, from hanging to upright."""
+    made = asked(walk, hero, Contact(between=("left hand", "head"), gap=0.0, frames=FRAMES))
+    roles = made.matching.target.anatomy.roles
+    for name in ("leftUpperArm", "leftLowerArm", "leftHand"):
+        turns = Rotation.from_quat(made.motion.world_rotations[:, roles[name]])
+        assert np.degrees((turns[1:] * turns[:-1].inv()).magnitude()).max() < 40.0
+
+
 @pytest.mark.parametrize("other", ["right hand", "hips"])
 def test_the_gap_of_the_source_is_that_of_its_skin_in_proportion(walk, hero, other):
     made = asked(walk, hero, Contact(between=("left hand", other), gap="source", frames=FRAMES))

@@ -93,7 +93,7 @@ class Reaching:
         clip, limbs, poles = self.constraints.clip, self.skin.limbs, self._poles(motion)
         ways = clip.averaged(ways, steady) * (self.constraints.share > 0.0)[:, None, None]
         displaced = [reaching(motion, limb, ways[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
-        return bent(motion, limbs, clip.averaged(np.stack(displaced, axis=1), steady))
+        return _bent_in_steps(motion, limbs, clip.averaged(np.stack(displaced, axis=1), steady))
 
     def _poles(self, motion: Motion) -> Array:
         """(frames, limbs, 3), where elbows point: down and out of the trunk. Knees point nowhere."""
@@ -106,6 +106,18 @@ class Reaching:
                     side = 1.0 if landmarks.joints["leftUpperArm"] == limb.top else -1.0
                     poles[:, number] = side * OUTWARDS * trunk[:, 2] - DOWN * trunk[:, 0]
         return poles
+
+
+def _bent_in_steps(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
+    """The motion with middles and ends of limbs displaced, (frames, limbs, 2, 3) [file units]: limbs turn as a whole,
+    and then bend. In one step a forearm may have to turn by half a turn, about any axis, and its twist would jump.
+    """
+    whole, joints = displacements.copy(), np.array([limb.joints for limb in limbs], np.intp).reshape(-1, 3)
+    bones = np.diff(motion.positions[:, joints], axis=2)
+    turned = least_rotation(bones[:, :, 0].reshape(-1, 3), (bones[:, :, 0] + whole[:, :, 0]).reshape(-1, 3))
+    lower = Rotation.from_quat(turned).apply(bones[:, :, 1].reshape(-1, 3)).reshape(bones[:, :, 1].shape)
+    whole[:, :, 1] = whole[:, :, 0] + lower - bones[:, :, 1]
+    return bent(bent(motion, limbs, whole), limbs, displacements - whole)
 
 
 def _moving(
