@@ -13,8 +13,8 @@ from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.measure.skin import FARTHEST, TOUCHING, find_skin, find_source_skin
-from distretarget.measure.skin_depths import find_depths
-from distretarget.measure.skin_shapes import SkinPoints, one_by_one
+from distretarget.measure.skin_depths import PARTS, find_depths
+from distretarget.measure.skin_shapes import SkinPoints, one_by_one, points_of_mesh
 from distretarget.measure.solids import solids_of_mesh
 from distretarget.numerics.vectors import normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
@@ -127,10 +127,26 @@ def depths_in(mesh, places, motion):
     """(places, segments), how deep places are inside each segment of a mesh in the first frame of a motion."""
     offsets = (places - motion.positions[0, 0])[:, None]  # of the root, which is not turned
     ones, zeros = np.ones((len(places), 1)), np.zeros((len(places), 1), int)
-    points = one_by_one(SkinPoints(zeros[:, 0], zeros, ones, offsets, ones[:, 0]))
+    points = one_by_one(SkinPoints(zeros[:, 0], zeros, ones, offsets, np.zeros((0, 2), int)))
     solids = solids_of_mesh(mesh, PERSON, find_segments(BODY).of_joint)
     posed = motion.positions[:1], motion.world_rotations[:1]
     return find_depths(points, solids, posed, np.full((1, 1, 1), np.inf))[0][0]
+
+
+def test_the_deepest_of_all_vertices_is_found_although_few_are_looked_at_first():
+    mesh, motion = round_body(rings=60)[0], bending()
+    skin, of_joint = find_skin(BODY, no_capsules(), mesh), find_segments(BODY).of_joint
+    points = points_of_mesh(mesh, PERSON, of_joint)
+    hand, pelvis = SEGMENTS.index("left hand"), SEGMENTS.index("pelvis")
+    every = one_by_one(points[points.parts == hand])
+    assert 5 * skin.patches.counts.size < len(points)
+    posed = motion.positions, motion.world_rotations
+    reach = np.where(np.arange(len(SEGMENTS)) == pelvis, 0.1, -np.inf)[None, None]
+    found = find_depths(skin.patches, skin.solids, posed, np.tile(reach, (1, len(PARTS), 1)))[0][:, hand, pelvis]
+    each = find_depths(every, skin.solids, posed, np.tile(reach, (1, len(every.counts), 1)))[0][:, :, pelvis]
+    known = each.max(axis=1)
+    assert known.max() > 0.05
+    np.testing.assert_allclose(found[known > 0.0], known[known > 0.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("inside_out", [False, True])

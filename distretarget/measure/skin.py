@@ -29,6 +29,7 @@ from distretarget.skin.mesh import SkinnedMesh
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
 GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
+BESIDE_POINTS = 0.5  # where a point is nearer than this, its neighbours may be inside [% of height]
 FARTHEST = 10.0  # what touches in the source and is farther off than this in the result is so far off [% of height]
 RATE = 30.0  # skin is measured about as often [1/s]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
@@ -100,7 +101,7 @@ def _skin(points: SkinPoints, solids: Solids, body: Body) -> Skin:
     points = points[(depths.max(axis=1, initial=0.0) <= 0.0) & ~_folds(points, body)]
     there = np.isin(np.arange(len(SEGMENTS)), np.append(solids.groups[:-1, 1], solids.segments))
     can_touch = TOUCHABLE & there & np.isin(np.arange(len(PARTS)), points.parts)[:, None]
-    return Skin(patches_of(points), solids, body.height, can_touch, find_part_frames(body))
+    return Skin(patches_of(points, rest), solids, body.height, can_touch, find_part_frames(body))
 
 
 def _folds(points: SkinPoints, body: Body) -> Flags:
@@ -333,6 +334,7 @@ def _around_changes(seen: Numbers, touches: Numbers) -> Numbers:
 def _depths(skin: Skin, motion: Motion, frames: Numbers, reach: Array) -> tuple[Array, Array, Array]:
     """`find_depths` in some frames, where two parts meet those of the first of the two."""
     posed = motion.positions[frames], world_rotations(motion.skeleton.parents, motion.rotations[frames])
+    reach = np.where(reach >= 0.0, np.maximum(reach, BESIDE_POINTS / 100.0 * skin.height), reach)
     depths, places, inside = find_depths(skin.patches, skin.solids, posed, reach, GRAZING / 100.0 * skin.height)
     return _of_first(depths), places, inside
 

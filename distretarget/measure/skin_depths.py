@@ -19,14 +19,18 @@ RIGID = 0.999  # share of a joint from which on nothing else moves a point
 
 
 class Patches(NamedTuple):
-    """Points of one part that one joint moves most, in patches of a few neighbours."""
+    """Points of one part that one joint moves most, in patches of a few neighbours; behind them the other vertices of
+    the mesh, which are looked at around the deepest of these points.
+    """
 
     parts: I1  # (parts + 1,), the first patch of each; the last is their end
     patches: I2  # (patches + 1, 2), joint and first point of each; the last is their end
     balls: F2  # (patches, 4), centre relative to the joint, and radius [file units]
-    joints: I2  # (points, influences), as in `SkinPoints`, but in this order
-    bound: F3  # (points, influences, 4), their offsets and weights
-    counts: F1  # (points,)
+    joints: I2  # (points and others, influences), as in `SkinPoints`, but in this order
+    bound: F3  # (points and others, influences, 4), their offsets and weights
+    counts: F1  # (points,), the number of vertices that each stands for, those nearest to it
+    first: I1  # (points and others + 1,), the first neighbour of each; the last is their end
+    neighbours: I1  # those at the other ends of its edges
 
 
 class Solids(NamedTuple):
@@ -253,17 +257,14 @@ def _depth(x, q, moved, body, group, a, b, c, blended):  # type: ignore[no-untyp
 
 
 @inlined()
-def _exact(x, q, body, group, deep, place, a, b, c, corners):  # type: ignore[no-untyped-def]
-    """How deep the point a b c is by the triangles nearest to the nodes of the lattice around its place in the bind
-    pose, as they are posed; `deep` is what is known of it, `corners`, (3, 3), scratch.
+def _to_triangles(moved, body, lattice, deep, i, j, k, a, b, c, corners):  # type: ignore[no-untyped-def]
+    """How deep the point a b c, whose place in the bind pose is i j k, is by the triangles nearest to the nodes of a
+    lattice around this place, as they are posed; inside if `deep` is positive. `corners`, (3, 3), is scratch.
     """
-    number = body.groups[group, 3]
-    if number < 0:
-        return deep
-    lattice, size = body.lattices[number], body.sizes[number]
-    l, _s, _u = _node(lattice, 0, size, place[0])
-    m, _t, _v = _node(lattice, 1, size, place[1])
-    n, _r, _w = _node(lattice, 2, size, place[2])
+    origin, size = body.lattices[lattice], body.sizes[lattice]
+    l, _s, _u = _node(origin, 0, size, i)
+    m, _t, _v = _node(origin, 1, size, j)
+    n, _r, _w = _node(origin, 2, size, k)
     first, least, before = size[3] + (l * size[1] + m) * size[2] + n, np.inf, -1
     for corner in range(8):
         node = first + (corner & 1) * size[1] * size[2] + (corner >> 1 & 1) * size[2] + (corner >> 2)
@@ -273,18 +274,43 @@ def _exact(x, q, body, group, deep, place, a, b, c, corners):  # type: ignore[no
         before = triangle
         for of_triangle in range(3):
             vertex, at = body.triangles[triangle, of_triangle], corners[of_triangle]
+            v = body.vertices[vertex]
             at[0] = at[1] = at[2] = 0.0
             for influence in range(4):
                 share = body.weights[vertex, influence]
                 if share > 0.0:
-                    joint = body.joints[vertex, influence]
-                    v, o, e = body.vertices[vertex], body.rest[joint], q[joint]
-                    i, j, k = turned(e[0], e[1], e[2], e[3], v[0] - o[0], v[1] - o[1], v[2] - o[2])
-                    at[0] += share * (x[joint, 0] + i)
-                    at[1] += share * (x[joint, 1] + j)
-                    at[2] += share * (x[joint, 2] + k)
+                    move = moved[body.joints[vertex, influence]]
+                    for axis in range(3):
+                        row = 3 * axis
+                        along = move[row] * v[0] + move[row + 1] * v[1] + move[row + 2] * v[2] + move[9 + axis]
+                        at[axis] += share * along
         least = min(least, squared_distance(corners[0], corners[1], corners[2], a, b, c))
     return np.sqrt(least) if deep > 0.0 else -np.sqrt(least)
+
+
+@inlined()
+def _exact(x, q, moved, skin, body, group, segment, point, deep, place, blended, corners):  # type: ignore[no-untyped-def]
+    """The point that is reached from one by way of neighbours that are deeper in a segment, and how deep it is, by
+    triangles; writes its place in the bind pose. `deep` and `place` are what is known of the first point.
+    """
+    lattice = body.groups[group, 3]
+    if lattice < 0:
+        return point, deep
+    a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
+    exact = _to_triangles(moved, body, lattice, deep, place[0], place[1], place[2], a, b, c, corners)
+    before = -1
+    while before != point:
+        before = point
+        for n in range(skin.first[before], skin.first[before + 1]):
+            other = skin.neighbours[n]
+            a, b, c = _posed(x, q, skin.joints[other], skin.bound[other])
+            depth, on, i, j, k = _depth(x, q, moved, body, group, a, b, c, blended)
+            if on == segment:
+                depth = _to_triangles(moved, body, lattice, depth, i, j, k, a, b, c, corners)
+                if depth > exact:
+                    point, exact = other, depth
+                    place[0], place[1], place[2] = i, j, k
+    return point, exact
 
 
 @inlined()
@@ -415,6 +441,7 @@ def _find(
             for segment in range(len(deepest_of)):
                 point, place = last[part, segment, 0], places[frame, part, segment]
                 if point >= 0 and place[0] < np.inf and deepest_of[segment] > -np.inf:
-                    a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
                     deep, group = deepest_of[segment], last[part, segment, 1]
-                    deepest_of[segment] = _exact(x, q, body, group, deep, place, a, b, c, corners)
+                    last[part, segment, 0], deepest_of[segment] = _exact(
+                        x, q, moved, skin, body, group, segment, point, deep, place, blended, corners
+                    )

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from distretarget.measure.skin_depths import PARTS, Patches
-from distretarget.measure.solids import strongest
+from distretarget.measure.solids import strongest, welded
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised, spread_out
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import Capsules
@@ -26,33 +26,34 @@ class SkinPoints:
     """Points of the skin, bound to joints as a mesh is."""
 
     parts: Numbers  # (points,), the part of the body of each, a number of `PARTS`
-    joints: Numbers  # (points, influences), the joints that move each
+    joints: Numbers  # (points, influences), the joints that move each, the strongest first
     weights: Array  # (points, influences), their shares, which sum to 1
     offsets: Array  # (points, influences, 3), from each of these joints to the point in the rest pose [file units]
-    counts: Array  # (points,), the number of vertices of the mesh that each stands for, those nearest to it
+    edges: Numbers  # (edges, 2), those of the mesh between two points
 
     def __len__(self) -> int:
         return len(self.parts)
 
     def __getitem__(self, chosen: Flags | Numbers) -> SkinPoints:
-        return SkinPoints(*(each[chosen] for each in vars(self).values()))
+        """Return some of the points, with the edges between two of these."""
+        numbers = np.full(len(self), -1)
+        numbers[chosen] = np.arange(len(self.parts[chosen]))
+        edges = numbers[self.edges]
+        kept = edges[(edges >= 0).all(axis=1)]
+        return SkinPoints(self.parts[chosen], self.joints[chosen], self.weights[chosen], self.offsets[chosen], kept)
 
 
 def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
-    """Return vertices of a mesh, spread over each part; `segments`, (joints,), are those that joints carry, or -1."""
+    """Return the vertices of a mesh on `PARTS`, of those at one place the first; `segments`, (joints,), are those that
+    joints carry, or -1.
+    """
     joints, weights = strongest(mesh)
-    of_vertex = segments[joints[:, 0]]
-    chosen, parts, counts = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros(0)]
-    for part in range(len(PARTS)):
-        on = np.flatnonzero(of_vertex == part)
-        if len(on):
-            chosen.append(on[spread_out(mesh.vertices[on], _most(part))])
-            parts.append(np.full(len(chosen[-1]), part))
-            nearest = KDTree(mesh.vertices[chosen[-1]]).query(mesh.vertices[on])[1]
-            counts.append(np.bincount(nearest, minlength=len(chosen[-1])).astype(np.float64))
-    vertices = np.concatenate(chosen)
-    offsets = mesh.vertices[vertices][:, None] - skeleton.rest_positions[joints[vertices]]
-    return SkinPoints(np.concatenate(parts), joints[vertices], weights[vertices], offsets, np.concatenate(counts))
+    triangles, of_vertex = welded(mesh), segments[joints[:, 0]]
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges = np.unique(np.sort(edges, axis=1), axis=0)
+    offsets = mesh.vertices[:, None] - skeleton.rest_positions[joints]
+    points = SkinPoints(of_vertex, joints, weights, offsets, edges)
+    return points[np.unique(triangles[np.isin(of_vertex[triangles], range(len(PARTS)))])]
 
 
 def points_of_capsules(capsules: Capsules) -> SkinPoints:
@@ -67,7 +68,7 @@ def points_of_capsules(capsules: Capsules) -> SkinPoints:
             offsets.append(points)
     moved = np.array(joints, np.intp)[:, None]
     places = np.concatenate([np.zeros((0, 3)), *offsets])[:, None]
-    return SkinPoints(np.array(parts, np.intp), moved, np.ones(moved.shape), places, np.ones(len(parts)))
+    return SkinPoints(np.array(parts, np.intp), moved, np.ones(moved.shape), places, np.zeros((0, 2), np.intp))
 
 
 def _most(part: int) -> int:
@@ -91,40 +92,56 @@ def _spiral(ends: Array, radii: Array, count: int) -> Array:
     return np.asarray(start + places[:, None] * along + radii[:, None] * around)
 
 
-def patches_of(points: SkinPoints) -> Patches:
-    """Return points in patches."""
-    rows, most = np.arange(len(points)), points.weights.argmax(axis=1)
-    joints, offsets = points.joints[rows, most], points.offsets[rows, most]
+def patches_of(points: SkinPoints, rest: Array) -> Patches:
+    """Return points in patches; `rest`, (joints, 3), are the places of the joints in the rest pose."""
+    joints, offsets = points.joints[:, 0], points.offsets[:, 0]
+    places = rest[joints] + offsets
     parts, patches, balls = [0], [], []
     order: list[int] = []
+    counts = np.zeros(len(points))
     for part in range(len(PARTS)):
-        for joint in np.unique(joints[points.parts == part]).tolist():
-            for patch in _halves(offsets, np.flatnonzero((points.parts == part) & (joints == joint)), PATCH):
+        on = np.flatnonzero(points.parts == part)
+        chosen = on[spread_out(places[on], _most(part))] if len(on) else on
+        if len(on):
+            counts[chosen] = np.bincount(KDTree(places[chosen]).query(places[on])[1], minlength=len(chosen))
+        for joint in np.unique(joints[chosen]).tolist():
+            for patch in _halves(offsets, chosen[joints[chosen] == joint], PATCH):
                 middle = offsets[patch].mean(axis=0)
                 patches.append((joint, len(order)))
                 balls.append((*middle, BLENDED * lengths(offsets[patch] - middle).max()))
                 order.extend(patch.tolist())
         parts.append(len(patches))
-    points = points[np.array(order, np.intp)]
+    in_patches = np.array(order, np.intp)
+    points = points[np.append(in_patches, np.setdiff1d(np.arange(len(points)), in_patches))]
+    first, neighbours = _neighbours(points)
     return Patches(
         parts=np.array(parts, np.intp),
         patches=np.array([*patches, (-1, len(order))], np.intp),
         balls=np.array(balls).reshape(-1, 4),
         joints=points.joints,
         bound=np.concatenate([points.offsets, points.weights[..., None]], axis=2),
-        counts=points.counts,
+        counts=counts[in_patches],
+        first=first,
+        neighbours=neighbours,
     )
 
 
 def one_by_one(points: SkinPoints) -> Patches:
     """Return points as patches of one point each, each a part of its own."""
     rows = np.arange(len(points) + 1)
-    most = points.weights.argmax(axis=1)[:, None]
-    joints = np.append(np.take_along_axis(points.joints, most, axis=1)[:, 0], -1)
-    middles = np.take_along_axis(points.offsets, most[..., None], axis=1)[:, 0]
     bound = np.concatenate([points.offsets, points.weights[..., None]], axis=2)
-    balls = np.column_stack([middles, np.zeros(len(points))])
-    return Patches(rows, np.column_stack([joints, rows]), balls, points.joints, bound, points.counts)
+    balls = np.column_stack([points.offsets[:, 0], np.zeros(len(points))])
+    patches = np.column_stack([np.append(points.joints[:, 0], -1), rows])
+    alone = np.zeros(len(rows), np.intp), np.zeros(0, np.intp)
+    return Patches(rows, patches, balls, points.joints, bound, np.ones(len(points)), *alone)
+
+
+def _neighbours(points: SkinPoints) -> tuple[Numbers, Numbers]:
+    """The points at the other ends of the edges of each point: the first of each, (points + 1,), and all."""
+    on = points.edges[(points.parts[points.edges] == points.parts[points.edges[:, :1]]).all(axis=1)]
+    there = np.concatenate([on, on[:, ::-1]])
+    there = there[np.argsort(there[:, 0], kind="stable")]
+    return np.searchsorted(there[:, 0], np.arange(len(points) + 1)), np.ascontiguousarray(there[:, 1])
 
 
 def _halves(places: Array, on: Numbers, most: int) -> list[Numbers]:

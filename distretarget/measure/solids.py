@@ -63,7 +63,7 @@ def solids_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Solids:
 def solids_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> Solids:
     """Return the inside of a mesh; `segments`, (joints,), is the part of the body that each joint carries, or -1."""
     joints, weights = strongest(mesh)
-    of_vertex, triangles = segments[joints[:, 0]], _welded(mesh)
+    of_vertex, triangles = segments[joints[:, 0]], welded(mesh)
     of_triangle = np.sort(of_vertex[triangles], axis=1)[:, 1]
     triangles = triangles[of_triangle >= 0]
     solids = SOLID_OF[of_triangle[of_triangle >= 0]]
@@ -114,8 +114,8 @@ def strongest(mesh: SkinnedMesh) -> tuple[Numbers, Array]:
     return np.pad(joints, room), np.pad(weights / weights.sum(axis=1, keepdims=True), room)
 
 
-def _welded(mesh: SkinnedMesh) -> Numbers:
-    """The triangles between vertices of which those at one place are the first of them, without those of no extent."""
+def welded(mesh: SkinnedMesh) -> Numbers:
+    """Return the triangles of a mesh, of vertices at one place the first, without those of no extent."""
     size = float(np.ptp(mesh.vertices, axis=0).max(initial=0.0))
     places = np.round(mesh.vertices / (SAME * size or 1.0)).astype(np.int64)
     _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
