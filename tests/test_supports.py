@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bodies import SAMPLES, lengthened
 from sample_supports import FLOOR, SUPPORTED, WORLD
+from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, read_bvh, retarget
 
@@ -133,3 +134,15 @@ def test_free_supports_and_those_of_feet_alone_hold_less():
     joints = {supports: len(on("push_up", "child", supports).supports.joints) for supports in ("hold", "feet", "free")}
     assert joints["hold"] > joints["feet"] == 4
     assert joints["free"] == 0
+
+
+@pytest.mark.parametrize("arms", [0.2, 0.5])
+def test_a_body_whose_arms_are_too_short_for_the_floor_sits_upright(arms):
+    found = retarget(source("sit"), lengthened(source("walk").rigid_skeleton, {"Elbow": arms, "Wrist": arms}))
+    sits = found.supports.weights[:, found.supports.feet :].min(axis=1) > 0.99
+    chest = found.motion.skeleton.names.index("Chest")
+    copied, result = (
+        Rotation.from_quat(motion.world_rotations_of(chest)[sits]) for motion in (found.rotation_copy, found.motion)
+    )
+    assert sits.sum() > 50
+    assert np.degrees((result * copied.inv()).magnitude()).max() < 25

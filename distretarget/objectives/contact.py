@@ -37,6 +37,7 @@ from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import Contacts
 from distretarget.objectives.contact_terms import Given, solve_frames
+from distretarget.objectives.resting_joints import within_reach
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
 
@@ -68,7 +69,7 @@ def solve_contact(
     """
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
-    poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
+    poses = solve_in_chunks(solve, clip, within_reach(clip, supports), margin, mapper, progress)
     smooth_flips(poses.v, held_parts(clip, supports, settings), clip.shots, clip.frame_time)
     smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses

@@ -13,18 +13,20 @@ out in the limb rests too, such as the foot in a kneel, the joint keeps its dist
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import takewhile
 from typing import Literal
 
 import numpy as np
 
 from distretarget.body.anatomy import TRUNK_REGIONS, WITHOUT_SIDE
+from distretarget.body.axes import perpendicular
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, smoothed, spans_of, widened
-from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths, level, normalised
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
 
@@ -35,6 +37,8 @@ INSIDE = 0.25  # a joint of trunk or head that the body lies on is no higher tha
 APPROACH_SPEED = 0.5  # a joint moves from the rotation copy to a distant place at about this speed [leg lengths/s] ...
 LONGEST_BLEND = 0.6  # ... but takes no longer than twice this time [s]
 
+LEANS = np.radians(20.0)  # a seated trunk leans so far for a hand that reaches where it rests by this [rad]; ...
+SHORT = 0.1  # ... the more is missing, the less it leans, not at all for a hand that is farther off [leg lengths]
 SEAT = 10.0  # weight of a resting region of the trunk, which only the root can move to its place
 
 
@@ -103,6 +107,36 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
         count += (feet.weights[:, leg : leg + 2] >= RESTS).any(axis=1)
     smooth = partial(smoothed, frames=ROOT_BLEND / clip.frame_time)
     return by_shot(smooth, clip.shots, sums / np.maximum(count, 1.0)[:, None], count)
+
+
+def within_reach(clip: Clip, supports: Supports) -> Supports:
+    """Return the supports with the places of the hands of a body that sits or lies as near to the shoulders of the
+    rotation copy as stretched arms reach if the trunk leans by up to `LEANS`: a body whose arms are too short for the
+    floor sits upright. One that does not sit goes down to its hands.
+    """
+    in_trunk = clip.regions.inside(*TRUNK_REGIONS)
+    seat = supports.weights[:, in_trunk[supports.joints]].max(axis=1, initial=0.0)
+    places, short = supports.places.copy(), SHORT * clip.leg_lengths[1]
+    for column in range(supports.feet, len(supports.joints) if seat.any() else 0):
+        joint = int(supports.joints[column])
+        *_, top = joint, *takewhile(lambda each: not in_trunk[each], clip.skeleton.line(joint))
+        if top == joint:
+            continue
+        pelvis, shoulder = clip.copy_on_path(np.array([clip.pelvis, top])).transpose(1, 0, 2)
+        trunk, aim, reach = shoulder - pelvis, places[:, column] - pelvis, clip.skeleton.paths_from(top)[joint]
+        lean = np.minimum(angles_between(trunk, aim), LEANS)
+        missing = np.maximum(lengths(aim - _turned(trunk, aim, lean)) - reach, 0.0)
+        away = aim - _turned(trunk, aim, lean * np.maximum(1.0 - missing / short, 0.0))
+        beyond = np.maximum(1.0 - reach / np.maximum(lengths(away), reach), 0.0)[:, None] * away
+        for first, end in spans_of(supports.weights[:, column] > 0.0):
+            places[first:end, column] -= seat[first:end].max() * beyond[first:end]
+    return replace(supports, places=places)
+
+
+def _turned(vectors: Array, aims: Array, angles: Array) -> Array:
+    """Vectors, (frames, 3), turned towards others by angles, (frames,)."""
+    aside = lengths(vectors)[:, None] * normalised(perpendicular(aims, normalised(vectors)))
+    return np.asarray(np.cos(angles)[:, None] * vectors + np.sin(angles)[:, None] * aside)
 
 
 def _limb_bases(clip: Clip) -> Numbers:
