@@ -8,9 +8,11 @@ from __future__ import annotations
 import inspect
 import json
 import re
+from copy import copy
 from pathlib import Path
 from typing import Any
 
+import click
 from command_contexts import contexts
 from tables import table, with_tables
 
@@ -41,8 +43,23 @@ def documents() -> dict[Path, str]:
 
 
 def reference() -> str:
-    """The help text of every command."""
-    sections = [f"## {context.command_path}\n\n```text\n{context.get_help().rstrip()}\n```\n" for context in contexts()]
+    """The help text of every command, `retarget` first; an option that two commands share has its text once."""
+    first: dict[tuple[str, str], str] = {}  # where an option and its text were first seen
+    sections = []
+    for context in sorted(contexts(), key=lambda each: (each.parent is not None, each.info_name != "retarget")):
+        path, shared = context.command_path, dict[str, list[str]]()
+        own = copy(context.command)
+        own.params, own.add_help_option = [], context.parent is None
+        for param in context.command.params:
+            record = param.get_help_record(context) if isinstance(param, click.Option) else None
+            if record is None or (where := first.setdefault(record, path)) == path:
+                own.params.append(param)
+            else:
+                shared.setdefault(where, []).append(f"`{param.opts[-1]}`")
+        context.command = own
+        section = f"## {path}\n\n```text\n{context.get_help().rstrip()}\n```\n"
+        also = (f"{', '.join(names)} as in `{where}`" for where, names in shared.items())
+        sections.append(section + (f"\nAlso {'; '.join(also)}.\n" if shared else ""))
     return "\n".join(sections)
 
 
