@@ -32,7 +32,7 @@ def documents() -> dict[Path, str]:
     return {
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
-        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table(), "limits": limit_table()}),
+        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table()}),
         DOCS / "data_sets.md": with_tables(DOCS / "data_sets.md", {"faults": fault_table()}),
         README: with_tables(README, {"front": front_table()}),
         SCHEMA: schema(),
@@ -84,22 +84,13 @@ FRAME = ("frame", "time", "contacts", "stance", "supports")  # keys of a frame i
 
 
 def metric_table() -> str:
-    """The metrics, and what `--fail-over` compares."""
+    """The metrics, the limits above which a run has a warning, and the usual causes."""
     rows = []
     for metric in METRICS:
-        formula = metric.comparison("A", "B").replace("|", r"\|") or "B"
-        rows.append((f"`{metric.key}`", metric.explanation("A", "B"), formula))
-    return table(("metric", "", "`--fail-over` is for"), rows)
-
-
-def limit_table() -> str:
-    """The limits above which a run has a warning."""
-    rows = (
-        (f"`{metric.key}`", limit.formula(metric.unit), limit.reason, limit.cause)
-        for metric in METRICS
-        if (limit := metric.limit)
-    )
-    return table(("metric", "above", "means", "usual cause"), rows)
+        meaning = metric.explanation("A", "B").removesuffix(" 0 is best.").replace("The same as in A is", "As in A is")
+        limit = metric.limit.formula("").strip() if metric.limit else ""
+        rows.append((f"`{metric.key}`", meaning, limit, metric.limit.cause if metric.limit else ""))
+    return table(("metric", "", "limit", "usual cause"), rows)
 
 
 def fault_table() -> str:
