@@ -135,9 +135,9 @@ def closed(properties: Json) -> Json:
     return {"type": "object", "required": list(properties), "additionalProperties": False, "properties": properties}
 
 
-# ---- README.md: the scoreboard of docs/results.md in short, which a benchmark writes; a line for each column
+# ---- README.md: the scoreboard of docs/results.md in short, which a benchmark writes
 
-METHODS = {  # how lines of the scoreboard begin, by their names on the front page
+METHODS = {  # how columns of the scoreboard begin, by their names on the front page
     "copied rotations": "copied rotations",
     "three.js": "three.js",
     "mink": r"mink.*hands and feet",
@@ -145,7 +145,7 @@ METHODS = {  # how lines of the scoreboard begin, by their names on the front pa
     "the paper": "paper's objective",
     "distretarget": "distretarget$",
 }
-FRONT = {  # how its columns begin, by what the front page says of them
+FRONT = {  # how its lines begin, by what the front page says of them
     "hands and forearms inside the body, % of their skin": "skin inside",
     "hands that miss what they touch in the source, % of touches": "touches missed",
     "how far feet slide, over the source's": "foot skate",
@@ -161,10 +161,9 @@ def front_table() -> str:
     def place(start: str, names: list[str]) -> int:
         return next(place for place, name in enumerate(names) if re.match(start, name))
 
-    shown = [rows[place(start, [row[0] for row in rows])] for start in METHODS.values()]
-    columns = [place(start, head) for start in FRONT.values()]
-    values = ([what, *(row[column] for row in shown)] for what, column in zip(FRONT, columns, strict=True))
-    return table(("", *METHODS), values)
+    shown = [rows[place(start, [row[0] for row in rows])] for start in FRONT.values()]
+    columns = [place(start, head) for start in METHODS.values()]
+    return table(("", *METHODS), ([what, *(row[c] for c in columns)] for what, row in zip(FRONT, shown, strict=True)))
 
 
 def lines(name: str) -> list[list[str]]:

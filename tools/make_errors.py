@@ -58,7 +58,6 @@ class Message:
         raise SystemExit(f"tools/cures.toml says nothing of {self.text!r} in {self.file}")
 
 
-
 def messages() -> list[Message]:
     """All messages, in the order of the files and lines."""
     found = (
