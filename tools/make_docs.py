@@ -147,9 +147,9 @@ METHODS = {  # how columns of the scoreboard begin, by their names on the front 
 }
 FRONT = {  # how its lines begin, by what the front page says of them
     "hands and forearms inside the body, % of their skin": "skin inside",
-    "hands that miss what they touch in the source, % of touches": "touches missed",
-    "how far feet slide, over the source's": "foot skate",
-    "limbs that point elsewhere, mean, degrees": "direction",
+    "touches of hands that are lost, % of the source's": "touches missed",
+    "how far feet slide, times the source's": "foot skate",
+    "how far limbs point elsewhere than in the source, degrees": "direction",
     "frames per second on one core": "frames/s$",
 }
 
