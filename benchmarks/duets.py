@@ -24,9 +24,9 @@ from distretarget.measure.gaps import Gap, body_part, measure_gap
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
-    "take, bodies | frames that touch | gap, % of leg: source / rotation copy / each alone / scene | "
+    "take, bodies | gap, % of leg: source / rotation copy / each alone / scene | "
     "gap in units of the world, scene / source | foot skate (source, strides as in this world) | "
-    "foot height, % of leg | jerk / copy's | turn, degrees | pops | not converged | "
+    "foot height, % of leg | jerk / copy's | turn, degrees | pops | "
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )
@@ -93,13 +93,12 @@ def cells(name: str, duet: Duet) -> Iterator[str]:
     strides = [(one.metrics["source"]["foot_skate"] or 0.0) * scale / one.root_scale for one in scene.results]
     jerks = [np.divide(*(one.metrics[v]["jerk"] or 1.0 for v in ("result", "rotation_copy"))) for one in scene.results]
     yield name
-    yield str(gap.frames)
     yield several([100 * mean for mean in (gap.a, duet.copy_gap.b, duet.gap_alone.b, gap.b)], ".1f")
     yield f"{scale * gap.b / gap.a:.2f}"
     yield f"{_both(scene, 'foot_skate', '.3f')} ({several(strides, '.3f')})"
     yield _both(scene, "foot_height", ".2f")
     yield several(jerks, ".2f")
-    for key, form in (("turn", ".1f"), ("pop", ".0f"), ("not_converged", ".0f")):
+    for key, form in (("turn", ".1f"), ("pop", ".0f")):
         yield _both(scene, key, form)
     yield several(duet.worst_gaps, ".1f")
     yield several(duet.hips, ".1f")

@@ -203,22 +203,21 @@ def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
     yield "jerk against the copy's, mean / largest", mean_and_largest(jerk), "1.03 / 1.5"
 
 
-def lying_rows(name: str, found: dict[str, list[float]]) -> Iterator[Row]:
-    """The lines about a rig that lies."""
-    text = mean_and_largest(found["heads"], ".1f")
-    yield f"{name}: head's axis up off its standing twin's, degrees, mean / largest", text, "15"
-    text = several(found["spreads"], ".0f")
-    yield f"{name}: alignment between clips, largest, degrees, with {' / '.join(ONTO)}", text, "8"
+def lying_rows(found: Sequence[dict[str, list[float]]]) -> Iterator[Row]:
+    """The lines about rigs that lie."""
+    text = mean_and_largest(np.concatenate([each["heads"] for each in found]), ".1f")
+    yield "rigs that lie: head's axis up off its standing twin's, degrees, mean / largest", text, "15"
+    text = several(np.max([each["spreads"] for each in found], axis=0), ".0f")
+    yield f"rigs that lie: alignment between clips, largest, degrees, onto {' / '.join(ONTO)}", text, "8"
 
 
 def answer_rows(known: dict[tuple[str, str], list[dict[str, list[float]]]]) -> Iterator[Row]:
     """The lines about known answers, by the folders of source and target."""
-    what = "direction [degrees]; foot's place [% of height]; hips [% of leg]: copy / result"
     for (source, target), many in known.items():
         keys = ("direction", "foot", "hips")
         means = [np.mean([metrics[key] for metrics in many if metrics[key]], axis=0) for key in keys]
         text = "; ".join(several(each, ".2f") for each in means)
-        yield f"{source} on the body of {target}, off the known answer: {what}", text, "the copy's"
+        yield f"known answer, {source} on the body of {target}: copy / result", text, "the copy's"
 
 
 def equivalent_rows(same: Sequence[dict[str, tuple[float, float]]]) -> Iterator[Row]:
@@ -226,8 +225,7 @@ def equivalent_rows(same: Sequence[dict[str, tuple[float, float]]]) -> Iterator[
     for key, goal in zip(same[0], ("3", "", "1", "4"), strict=True):
         values = np.array([each[key] for each in same]).T
         text = "; ".join(several((each.max(), np.median(each)), ".1f") for each in values)
-        what = f"largest distance, % of height, worst / median of {len(same)} cases; of the copies"
-        yield f"{key}: {what}", text, goal
+        yield f"equivalent, {key}, {len(same)} cases: worst / median; copies", text, goal
 
 
 def duet_rows(duets: Sequence[scenes.Duet]) -> Iterator[Row]:
@@ -261,8 +259,7 @@ def main(corpus: Path, duets: Path | None, frames: int, page: Path | None) -> No
     with ProcessPoolExecutor(PROCESSES) as pool:
         of_zoo = pool.map(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)])
         rows = list(run_rows([*pool.map(partial(edited_run, frames), tasks), *of_zoo]))
-        for name, lies in zip(rigs, pool.map(partial(lying, frames, stand), rigs), strict=True):
-            rows += lying_rows(name, lies)
+        rows += lying_rows(list(pool.map(partial(lying, frames, stand), rigs)))
         ways = [FOLDERS, FOLDERS[::-1]] if both else []
         rows += answer_rows({way: list(pool.map(partial(known_answer, frames, corpus, way), both)) for way in ways})
         rows += equivalent_rows(list(pool.map(partial(equivalent, frames), zip(clips, cycle(TARGETS), strict=False))))

@@ -25,7 +25,7 @@ from distretarget.measure.metrics import BY_KEY
 from distretarget.numerics.vectors import angles_between
 
 COLUMNS = (
-    "clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder | "
+    "clip | direction off MotionBuilder's, degrees: copy / result | "
     "contact error, copy / MotionBuilder / result | foot skate, source / MotionBuilder / result"
 )
 
@@ -36,8 +36,8 @@ def measure(corpus: Path, clip: str) -> Iterator[str]:
     run = retarget(source, peer.skeleton)
     reference = Reference(run.source, run.matching, run.world.up_vector)
     copy, other, result = (reference.compare(motion) for motion in (run.rotation_copy, peer, run.motion))
-    yield from (clip, str(len(source)))
-    yield from (f"{directions(peer, motion, run.drivers).mean():.1f}" for motion in (run.rotation_copy, run.motion))
+    yield clip.removesuffix(".bvh")
+    yield several((directions(peer, motion, run.drivers).mean() for motion in (run.rotation_copy, run.motion)), ".1f")
     yield several([BY_KEY["contact_error"].of_clip(one.tracks) or 0.0 for one in (copy, other, result)], ".4f")
     tracks = result.source_tracks, other.tracks, result.tracks
     yield several([BY_KEY["foot_skate"].of_clip(one) or 0.0 for one in tracks], ".3f")

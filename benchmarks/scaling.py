@@ -17,7 +17,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from timeit import timeit
 
@@ -88,7 +87,7 @@ def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
             long_forearms = clip.skeleton.lengths * np.where(np.isin(clip.skeleton.names, HANDS), 1.3, 1.0)
             runs.append(partial(retarget, clip, clip.skeleton.with_lengths(long_forearms)))
         times = alternating(runs, rounds)
-        for a, b in [*pairwise(range(len(clips))), (0, -1)]:
+        for a, b in ((0, -1), (-2, -1)):
             before, after = len(clips[a].skeleton), len(clips[b].skeleton)
             exponents = np.log(times[:, b] / times[:, a]) / np.log(after / before)
             yield _line(f"exponent in joints, {what}, {before} to {after}", exponents)

@@ -32,7 +32,7 @@ from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
 from skin_gaps import PAIRS, Gaps, gap_error, near, source_gaps
 from skins import Skin
-from tables import mean_and_largest, publish, several, table
+from tables import publish, several, table
 from winding import Sinking
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
@@ -316,27 +316,27 @@ def cells(metrics: Mapping[str, float]) -> Iterator[str]:
 
 
 def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping[str, float]]) -> str:
-    """The table of all contestants, in which those that are missing say why."""
-    lines = (
-        [who.name, f"skipped: {who.missing}", *["-"] * (len(COLUMNS) - 1)]
-        if who.missing
-        else [who.name, *cells(metrics[who.name])]
+    """A line for each metric, a column for each contestant; those that are missing say why."""
+    columns = (
+        [f"skipped: {who.missing}", *["-"] * (len(COLUMNS) - 1)] if who.missing else list(cells(metrics[who.name]))
         for who in all_of_them
     )
-    return table(["", *COLUMNS.values()], lines)
+    lines = zip(COLUMNS.values(), *columns, strict=True)
+    return table(["", *(who.name for who in all_of_them)], lines)
 
 
 def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """The skin inside of each body by each contestant, mean and largest over the clips."""
+    """The skin inside of each body by each contestant, the mean over the clips; of the last, the largest as well."""
 
-    def cell(body: str, name: str) -> str:
-        inside = [row.metrics["inside"] for row in rows if (row.body, row.contestant) == (body, name)]
-        return mean_and_largest(inside, ".1f")
+    def inside(body: str, name: str) -> list[float]:
+        return [row.metrics["inside"] for row in rows if (row.body, row.contestant) == (body, name)]
 
-    bodies = dict.fromkeys(row.body for row in rows)
-    return table(
-        ["skin inside, mean / largest over clips, %", *names], ([b, *(cell(b, n) for n in names)] for b in bodies)
+    bodies, last = dict.fromkeys(row.body for row in rows), names[-1]
+    lines = (
+        [body, *(f"{np.nanmean(inside(body, name)):.1f}" for name in names), f"{np.nanmax(inside(body, last)):.1f}"]
+        for body in bodies
     )
+    return table(["skin inside, %", *names, f"{last}, largest"], lines)
 
 
 # ---- what is run

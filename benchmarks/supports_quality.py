@@ -28,9 +28,9 @@ BODIES = ("child", "H")
 FRAMES = 1500  # of each clip
 TURNS = 30.0  # a joint that turns by this much more than the source's between two frames at 60 fps [degrees]
 COLUMNS = (
-    "run; rotation copy / feet alone / supports | height of supports, % of leg (largest) | "
-    "skate of supports, legs/s (source) | foot skate (source) | foot height | direction error, degrees | "
-    "jerk / copy's | turn, degrees"
+    "run | height of supports, % of leg (largest) | skate of supports, legs/s (source) | "
+    "foot skate, supports (source) | foot height, supports | direction error, degrees: feet / supports | "
+    "jerk / copy's: feet / supports | turn, degrees"
 )
 
 
@@ -80,11 +80,11 @@ class Run:
         """The row of the run."""
         yield self.name
         yield f"{several(self.metrics('support_height')[1:], '.2f')} ({self.highest:.2f})"
-        for key in ("support_skate", "foot_skate"):
+        for key, first in (("support_skate", 0), ("foot_skate", -1)):
             source, *others = self.metrics(key)
-            yield f"{several(others, '.3f')} ({several([source], '.3f')})"
-        yield several(self.metrics("foot_height")[1:], ".2f")
-        yield several(self.metrics("direction_error")[1:], ".1f")
+            yield f"{several(others[first:], '.3f')} ({several([source], '.3f')})"
+        yield several(self.metrics("foot_height")[-1:], ".2f")
+        yield several(self.metrics("direction_error")[2:], ".1f")
         yield several(self.jerk, ".2f")
         yield several(self.metrics("turn")[-1:], ".1f")
 

@@ -31,7 +31,11 @@ APART = (7, 16)  # a member is the source of the members so many places after it
 SHARE = 3  # each clip is retargeted to one in three members, the next clip to the members after these
 SIDES: tuple[Variant, ...] = ("result", "rotation_copy", "source")
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
-NAMED = 3  # of the runs that a row counts, at most this many are named
+NAMED = 1  # of the runs that a row counts, at most this many are named
+SHOWN = {  # the metrics of the table; eye.py has those that are found from gravity, and counts pops
+    *("contact_error", "contact_gap", "direction_error", "direction_error_p99", "foot_skate", "foot_height"),
+    *("foot_pitch", "ankle_height", "hips_height", "hips_height_largest", "jerk", "turn", "bone_error"),
+}
 OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's height]
 # A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the metric].
 WORSE = {"foot_skate": 0.01, "contact_error": 0.002, "foot_height": 0.1}
@@ -132,14 +136,12 @@ def _deviation(result: RetargetResult) -> float:
 
 
 def metric_rows(runs: Sequence[Run]) -> Iterator[Row]:
-    """Each metric, mean / largest of result, copy and source, with the worst run."""
+    """Metrics, mean / largest of result, copy and source."""
     for metric in METRICS:
-        values = ((run.metrics[side].get(metric.key) for side in ("result", "source")) for run in runs)
-        judged = np.array([metric.judgement(*each) for each in values], float)  # nan for None
-        if np.isfinite(judged).any():
+        if metric.key in SHOWN:
             unit = f" [{metric.unit}]" if metric.unit else ""
             spread = (mean_and_largest([run.metric(metric.key, side) for run in runs], ".3g") for side in SIDES)
-            yield metric.label + unit, *spread, runs[int(np.nanargmax(judged))].name if np.nanmax(judged) > 0 else ""
+            yield metric.label + unit, *spread
 
 
 def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterator[Row]:
@@ -219,7 +221,7 @@ def main(
             *pool.map(partial(_own_body_of_member, frames), first.values()),
         ]
     tables = {
-        "metrics": table(["metric, mean / largest", "result", "copy", "source", "worst run"], metric_rows(runs)),
+        "metrics": table(["metric, mean / largest", "result", "copy", "source"], metric_rows(runs)),
         "faults": table(["over all runs", "value", "worst"], fault_rows(runs, own)),
     }
     if listed:

@@ -90,7 +90,7 @@ def test_samples_go_to_all_bodies_and_others_to_some_in_turn():
 def test_the_table_names_what_is_missing():
     metrics = {"here": dict.fromkeys([*scoreboard.COLUMNS, *scoreboard.SECOND.values()], 1.0) | {"gap": np.nan}}
     all_of_them = [Contestant("here", None, None), Contestant("peer", None, None, "not installed: peer")]
-    *_, here, peer = scoreboard.score_table(all_of_them, metrics).splitlines()
-    assert here.startswith("| here | 1.00 | 1.0 | 1.00 / 1.00 | 1 | - / 1.00 |")
-    assert peer.startswith("| peer | skipped: not installed: peer | - |")
-    assert here.count("|") == peer.count("|")
+    head, _, *lines = (line.split(" | ") for line in scoreboard.score_table(all_of_them, metrics).splitlines())
+    assert head[1:] == ["here", "peer |"]
+    assert [here for _, here, _ in lines[:5]] == ["1.00", "1.0", "1.00 / 1.00", "1", "- / 1.00"]
+    assert [peer for *_, peer in lines[:2]] == ["skipped: not installed: peer |", "- |"]

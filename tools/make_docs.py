@@ -8,9 +8,11 @@ from __future__ import annotations
 import inspect
 import json
 import re
+from copy import copy
 from pathlib import Path
 from typing import Any
 
+import click
 from command_contexts import contexts
 from tables import table, with_tables
 
@@ -30,7 +32,7 @@ def documents() -> dict[Path, str]:
     return {
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
-        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table(), "limits": limit_table()}),
+        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table()}),
         DOCS / "data_sets.md": with_tables(DOCS / "data_sets.md", {"faults": fault_table()}),
         README: with_tables(README, {"front": front_table()}),
         SCHEMA: schema(),
@@ -41,8 +43,23 @@ def documents() -> dict[Path, str]:
 
 
 def reference() -> str:
-    """The help text of every command."""
-    sections = [f"## {context.command_path}\n\n```text\n{context.get_help().rstrip()}\n```\n" for context in contexts()]
+    """The help text of every command, `retarget` first; an option that two commands share has its text once."""
+    first: dict[tuple[str, str], str] = {}  # where an option and its text were first seen
+    sections = []
+    for context in sorted(contexts(), key=lambda each: (each.parent is not None, each.info_name != "retarget")):
+        path, shared = context.command_path, dict[str, list[str]]()
+        own = copy(context.command)
+        own.params, own.add_help_option = [], context.parent is None
+        for param in context.command.params:
+            record = param.get_help_record(context) if isinstance(param, click.Option) else None
+            if record is None or (where := first.setdefault(record, path)) == path:
+                own.params.append(param)
+            else:
+                shared.setdefault(where, []).append(f"`{param.opts[-1]}`")
+        context.command = own
+        section = f"## {path}\n\n```text\n{context.get_help().rstrip()}\n```\n"
+        also = (f"{', '.join(names)} as in `{where}`" for where, names in shared.items())
+        sections.append(section + (f"\nAlso {'; '.join(also)}.\n" if shared else ""))
     return "\n".join(sections)
 
 
@@ -67,22 +84,13 @@ FRAME = ("frame", "time", "contacts", "stance", "supports")  # keys of a frame i
 
 
 def metric_table() -> str:
-    """The metrics, and what `--fail-over` compares."""
+    """The metrics, the limits above which a run has a warning, and the usual causes."""
     rows = []
     for metric in METRICS:
-        formula = metric.comparison("A", "B").replace("|", r"\|") or "B"
-        rows.append((f"`{metric.key}`", metric.explanation("A", "B"), formula))
-    return table(("metric", "", "`--fail-over` is for"), rows)
-
-
-def limit_table() -> str:
-    """The limits above which a run has a warning."""
-    rows = (
-        (f"`{metric.key}`", limit.formula(metric.unit), limit.reason, limit.cause)
-        for metric in METRICS
-        if (limit := metric.limit)
-    )
-    return table(("metric", "above", "means", "usual cause"), rows)
+        meaning = metric.explanation("A", "B").removesuffix(" 0 is best.").replace("The same as in A is", "As in A is")
+        limit = metric.limit.formula("").strip() if metric.limit else ""
+        rows.append((f"`{metric.key}`", meaning, limit, metric.limit.cause if metric.limit else ""))
+    return table(("metric", "", "limit", "usual cause"), rows)
 
 
 def fault_table() -> str:
@@ -127,9 +135,9 @@ def closed(properties: Json) -> Json:
     return {"type": "object", "required": list(properties), "additionalProperties": False, "properties": properties}
 
 
-# ---- README.md: the scoreboard of docs/results.md in short, which a benchmark writes; a line for each column
+# ---- README.md: the scoreboard of docs/results.md in short, which a benchmark writes
 
-METHODS = {  # how lines of the scoreboard begin, by their names on the front page
+METHODS = {  # how columns of the scoreboard begin, by their names on the front page
     "copied rotations": "copied rotations",
     "three.js": "three.js",
     "mink": r"mink.*hands and feet",
@@ -137,11 +145,11 @@ METHODS = {  # how lines of the scoreboard begin, by their names on the front pa
     "the paper": "paper's objective",
     "distretarget": "distretarget$",
 }
-FRONT = {  # how its columns begin, by what the front page says of them
+FRONT = {  # how its lines begin, by what the front page says of them
     "hands and forearms inside the body, % of their skin": "skin inside",
-    "hands that miss what they touch in the source, % of touches": "touches missed",
-    "how far feet slide, over the source's": "foot skate",
-    "limbs that point elsewhere, mean, degrees": "direction",
+    "touches of hands that are lost, % of the source's": "touches missed",
+    "how far feet slide, times the source's": "foot skate",
+    "how far limbs point elsewhere than in the source, degrees": "direction",
     "frames per second on one core": "frames/s$",
 }
 
@@ -153,10 +161,9 @@ def front_table() -> str:
     def place(start: str, names: list[str]) -> int:
         return next(place for place, name in enumerate(names) if re.match(start, name))
 
-    shown = [rows[place(start, [row[0] for row in rows])] for start in METHODS.values()]
-    columns = [place(start, head) for start in FRONT.values()]
-    values = ([what, *(row[column] for row in shown)] for what, column in zip(FRONT, columns, strict=True))
-    return table(("", *METHODS), values)
+    shown = [rows[place(start, [row[0] for row in rows])] for start in FRONT.values()]
+    columns = [place(start, head) for start in METHODS.values()]
+    return table(("", *METHODS), ([what, *(row[c] for c in columns)] for what, row in zip(FRONT, shown, strict=True)))
 
 
 def lines(name: str) -> list[list[str]]:

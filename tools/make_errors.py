@@ -1,4 +1,4 @@
-"""Write `docs/errors.md`: every message of the program, taken from its source, and what helps.
+"""Write `docs/errors.md`: the messages of the program that do not say themselves what helps, and what does.
 
 python tools/make_errors.py
 """
@@ -48,16 +48,13 @@ class Message:
     text: str
 
     @property
-    def cause_and_cure(self) -> tuple[str, str]:
-        """The cause and what helps, from `cures.toml`, or else from the second half of the message."""
+    def cure(self) -> str | None:
+        """What helps, from `cures.toml`; None if the message says it."""
         if self.text in CURES:
-            return self.text, CURES[self.text]
-        for mark in ("; ", ", expected "):
-            cause, found, cure = self.text.rpartition(mark)
-            if found and cause and cure.strip(GAP):
-                return cause, cure
-        if self.text.startswith("expected "):
-            return f"found {GAP}", self.text.removeprefix("expected ").replace(f", found {GAP}", "")
+            return str(CURES[self.text])
+        said = (self.text.rpartition(mark) for mark in ("; ", ", expected "))
+        if self.text.startswith("expected ") or any(cause and cure.strip(GAP) for cause, _, cure in said):
+            return None
         raise SystemExit(f"tools/cures.toml says nothing of {self.text!r} in {self.file}")
 
 
@@ -101,21 +98,25 @@ def _text(node: ast.AST) -> str:
 
 
 def page() -> str:
-    """The text of the page."""
-    left = messages()
-    sections = []
+    """The text of the page: under each heading, the messages that leave open what helps, by what does."""
+    left, sections = messages(), []
     for heading, files in HEADINGS.items():
         here = [message for message in left if message.file.startswith(tuple(files.split()))]
         left = [message for message in left if message not in here]
-        rows = (map(_cell, message.cause_and_cure) for message in here)
-        sections.append(f"## {heading}\n\n{table(('cause', 'what was expected, or helps'), rows)}")
+        causes: dict[str, list[str]] = {}
+        for message in here:
+            if message.cure is not None:
+                causes.setdefault(message.cure, []).append(message.text)
+        if causes:
+            rows = ([_cell("<br>".join(dict.fromkeys(texts))), _cell(cure)] for cure, texts in causes.items())
+            sections.append(f"## {heading}\n\n{table(('message', 'what helps'), rows)}")
     if left:
         raise SystemExit(f"no heading for the messages of {', '.join(sorted({message.file for message in left}))}")
     return with_tables(PAGE, {"messages": "\n".join(sections)})
 
 
 def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("<", "&lt;")
+    return text.replace("|", "\\|").replace("<", "&lt;").replace("&lt;br>", "<br>")
 
 
 if __name__ == "__main__":

@@ -68,7 +68,7 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
     "--exclude",
     multiple=True,
     metavar="GLOB",
-    help="Leave out files whose name or path in the folder matches; with a / at the end, files in such folders.",
+    help="Leave out such files.",
 )
 @click.option(
     "--input-list",
@@ -78,8 +78,8 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
 )
 @converting(
     contacts_option(
-        help="Contacts to drop, make or change, in all clips; or 'beside', for the file beside each clip that has one, "
-        "such as walk.contacts.json beside walk.bvh."
+        help="Contacts to drop, make or change, in all clips; or 'beside', for files such as walk.contacts.json beside "
+        "walk.bvh."
     ),
     click.option(
         "--format",
@@ -108,7 +108,7 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
     "--time-limit",
     type=click.FloatRange(*TIME_LIMITS),
     metavar="SECONDS",
-    help="The longest time for a clip. One that takes longer fails, and the next run tries it again. Default: none.",
+    help="A clip that takes longer fails, and the next run tries it again. Default: none.",
 )
 @click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
 @file_option(

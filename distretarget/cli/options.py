@@ -141,20 +141,18 @@ rest_option = functools.partial(
     file_option,
     "--rest",
     "rest_path",
-    help="A BVH file of SOURCE's rig that stands in its first frame, in T-pose, A-pose or with arms down: the pose in "
-    "which SOURCE is aligned with TARGET. For rigs whose rest pose does not stand; see 'skeleton match' to keep it in "
-    "a map.",
+    help="For a SOURCE whose rest pose does not stand: a BVH file of its rig that stands in the first frame, in "
+    "T-pose, A-pose or with arms down. 'skeleton match' keeps it in a map.",
 )
 SUPPORTS_OPTION = _choice(
     "supports",
-    "What stays in place while it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
-    "something. feet: feet alone, the usual foot lock. free: nothing.",
+    "What stays in place while it rests. hold: all that rests on the floor or holds on to something, such as feet, "
+    "hands and knees. feet: feet alone. free: nothing.",
 )
 ENVIRONMENT_OPTION = _choice(
     "environment",
-    "Where walls, rails, rungs and all else that the body holds on to are in the result. body: where the limbs of "
-    "TARGET meet them, on average. scaled: where they are in SOURCE, scaled like the root's path, for a set that is "
-    "scaled with the body.",
+    "Where walls, rails and rungs that the body holds on to are in the result. body: where the limbs of TARGET meet "
+    "them, on average. scaled: where they are in SOURCE, scaled like the root's path.",
 )
 STRIP_NAMESPACE_OPTION = click.option(
     "--strip-namespace",
@@ -163,8 +161,8 @@ STRIP_NAMESPACE_OPTION = click.option(
 )
 RETARGETING = (
     map_option(
-        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs '
-        "overrule those in the target's file; joints in neither are matched by names or shape."
+        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. It overrules '
+        "the target's file; other joints are matched by names or shape."
     ),
     rest_option(),
     click.option(
@@ -184,9 +182,9 @@ RETARGETING = (
     ),
     _choice(
         "root_follows",
-        "What the root of TARGET follows if it is on the floor, as in rigs for game engines. pelvis: it stays on the "
-        "floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
-        "origin. Default: source if SOURCE has a root that moves on the floor, else pelvis.",
+        "What a root of TARGET on the floor follows, as in rigs for game engines. pelvis: it stays under the pelvis "
+        "and turns with it. source: it follows SOURCE's root. nothing: it stays at the origin. Default: source if SOURCE "
+        "has a root that moves on the floor, else pelvis.",
     ),
     _choice(
         "objective",
@@ -202,16 +200,16 @@ RETARGETING = (
         default="auto",
         show_default=True,
         help="How thick TARGET is, so that skin touches and does not sink in. auto: as its mesh or the radii in its "
-        "file show; a TARGET with neither has no thickness. average: as an average adult, child or baby, whichever its "
-        f"bones show. BUILD: as average people of this build, {', '.join(BUILDS[:-1])} or {BUILDS[-1]}. none: not at "
-        "all; distances count from joint to joint. FILE: as the character in this file, of any size, with any names.",
+        "file show, else not at all. average: as an average adult, child or baby, whichever its bones show. BUILD: "
+        f"{', '.join(BUILDS[:-1])} or {BUILDS[-1]}. none: not at all. FILE: as the character in this file, of any size "
+        "and names.",
     ),
     click.option(
         "--source-skin",
         type=PATH,
         metavar="[BUILD|FILE]",
-        help="How thick the performer of SOURCE is: a BUILD as in --skin, or a character of the same build, such as a "
-        "scan. Default: what the mesh in SOURCE shows, else an average adult, child or baby.",
+        help="How thick the performer of SOURCE is, a BUILD or FILE as in --skin. Default: what the mesh in SOURCE shows, else an "
+        "average adult, child or baby.",
     ),
 )
 
@@ -227,8 +225,8 @@ READING = (
     file_option(
         "--skeleton",
         "skeleton_path",
-        help="For a SOURCE in .npz or .npy: the skeleton of its positions or SMPL parameters. It may be a skeleton "
-        "file, BVH or character, or .npz with the joints J of a rest pose, or a model of SMPL.",
+        help="The skeleton of a SOURCE in .npz or .npy: a skeleton file, BVH or character, or .npz with the joints J "
+        "of a rest pose, or a model of SMPL.",
     ),
 )
 EDITING = (

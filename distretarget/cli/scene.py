@@ -98,16 +98,14 @@ EACH = {  # what is given once for all performers or once for each, as in `Perfo
     multiple=True,
     type=of_skin,
     metavar="[auto|average|BUILD|none|FILE]",
-    help="How thick a target is, once for all performers, or once for each in order. auto, the default: as its mesh or "
-    "the radii in its file show; others have no thickness of their own. average, BUILD, none and FILE: as in retarget.",
+    help="How thick a target is, as in retarget: once for all performers, or once for each in order. Default: auto.",
 )
 @click.option(
     "--source-skin",
     multiple=True,
     type=PATH,
     metavar="[BUILD|FILE]",
-    help="How thick the performer of a source is, once for all, or once for each in order, as in retarget. Default: "
-    "what the mesh in the source shows, else an average adult, child or baby.",
+    help="How thick the performer of a source is, as in retarget: once for all, or once for each in order.",
 )
 @file_option(
     "--contacts",
