@@ -27,7 +27,7 @@ from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.target import Target
 
 if TYPE_CHECKING:
-    from inverse_kinematics import InverseKinematics
+    from inverse_kinematics import ScaledGoals
 
 STEPS = 3  # of mink a frame
 LONG, SHORT = 1000, 60  # frames on which speed is measured: of what is fast, and of mink
@@ -121,7 +121,7 @@ def _mink() -> Iterator[Contestant]:
         yield Contestant(f"{known}, {what}", _by_mink(kind), _mink_timer(kind), missing)
 
 
-def _peer(kind: str, case: Case) -> InverseKinematics:
+def _peer(kind: str, case: Case) -> ScaledGoals:
     """The class of this name for a case."""
     import inverse_kinematics  # needs packages that may not be there
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from fuzz_outcomes import LONGEST_LINE, REFUSED, RIGHT, NotReadBackError
+from fuzz_outcomes import LIMIT, REFUSED, RIGHT, NotReadBackError, TooLongError, no_line
 from hypothesis import strategies as st
 from mutated_gltf import mutated
 
@@ -22,10 +24,12 @@ from distretarget.io.target_file import animations_in
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
-from program import run
+from program import command, run
 
 TOO_LONG = "frames/s that is too much"  # of a .vrma whose frames are 1000 s apart, which the reader refuses
 FOLDER, PIPE, LINK, CHARACTER = "@folder", "@pipe", "@link:", "@character:"  # files that are no texts
+STREAMS = (">&-", "2>&-", "<&-", ">&- 2>&- <&-", ">/dev/full", "2>/dev/full")
+REPORTS = ("--report", "out.html", "--json", "out.json")
 SPECIAL = (FOLDER, PIPE, f"{LINK}/dev/zero", f"{LINK}none", f"{LINK}.", f"{LINK}../../../etc/passwd", "")
 
 
@@ -80,6 +84,12 @@ objects = st.lists(
     ),
     max_size=8,
 ).map(lambda lines: "\n".join(["v 5 5 5", "v 9 0 3", "v 0 7 1", *lines]))
+
+
+flags = made.often(made.options, made.strange_options).map(
+    lambda options: [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
+)
+maps = _mostly(made.map_files, made.broken_json(made.map_files))
 
 
 def _spoilt(draw: st.DrawFn, files: dict[str, str]) -> dict[str, str]:
@@ -167,26 +177,16 @@ def commands(draw: st.DrawFn) -> Folder:
     suffix = draw(st.sampled_from((".bvh", ".glb", ".json", ".npz", ".vrma")))
     a, b = f"a{draw(st.sampled_from(('.bvh', '.bvh', '.glb', '.npz')))}", f"b{suffix}"
     contents = {".bvh": clips, ".json": bodies, ".glb": characters, ".vrma": characters, ".npz": characters | clips}
-    files = {a: draw(contents[Path(a).suffix]), b: draw(contents[suffix])}
+    files = {a: draw(contents[Path(a).suffix]), b: draw(contents[suffix]), "map.json": draw(maps)}
+    if not draw(st.integers(0, 9)):
+        files["out/results.sqlite"] = draw(st.sampled_from(("", "SQLite format 3\0", "a text")))
     out = draw(st.sampled_from(("out.bvh", "out.bvh", "out.glb", "out.vrma", "out.npz", "-", a, "none/out.bvh", "out")))
     line = draw(
         st.sampled_from(
             (
-                ["retarget", a, b, "-o", out],
-                [
-                    "retarget",
-                    a,
-                    b,
-                    "-o",
-                    out,
-                    "--fps",
-                    "12",
-                    "--in-place",
-                    "--report",
-                    "out.html",
-                    "--json",
-                    "out.json",
-                ],
+                ["retarget", a, b, "-o", out, *draw(flags)],
+                ["retarget", a, b, "-o", out, "--map", "map.json"],
+                ["retarget", a, b, "-o", out, "--fps", "12", "--in-place", *REPORTS],
                 ["diff", a, b, "--json", "out.json"],
                 ["diff", a, a, "-v"],
                 ["skeleton", "show", b],
@@ -204,8 +204,32 @@ def commands(draw: st.DrawFn) -> Folder:
     return Folder(_spoilt(draw, files), line)
 
 
+def with_streams() -> st.SearchStrategy[tuple[Folder, str]]:
+    """Any command, and which streams are closed or full."""
+    return st.tuples(commands(), st.sampled_from(("", "", "", *STREAMS)))
+
+
 def run_in_folder(case: Folder) -> str:
-    """Run the program once among these files, and return the outcome.
+    """Run the program once among these files, in this process, and return the outcome."""
+    return _ran(case, run)
+
+
+def run_with_streams(case: tuple[Folder, str]) -> str:
+    """Run the program once in its own process, some of whose streams are closed or full, and return the outcome."""
+    folder, streams = case
+
+    def start(*arguments: str) -> subprocess.CompletedProcess[str]:
+        program = ["sh", "-c", f'exec "$@" {streams}', "sh", *command(*arguments)]
+        try:
+            return subprocess.run(program, capture_output=True, text=True, timeout=LIMIT, stdin=subprocess.DEVNULL)
+        except subprocess.TimeoutExpired as error:
+            raise TooLongError from error
+
+    return _ran(folder, start, is_told=">" not in streams)
+
+
+def _ran(case: Folder, start: Callable[..., subprocess.CompletedProcess[str]], is_told: bool = True) -> str:
+    """Run the program among these files, and return the outcome.
 
     Raises:
         RuntimeError: it printed a traceback, no line that says why, or one that is no line for a user.
@@ -215,19 +239,19 @@ def run_in_folder(case: Folder) -> str:
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         for path, content in files.items():
             _make(Path(path), content)
-        done = run(*arguments)
-        if done.returncode not in (0, 1, 2):
+        done = start(*arguments)
+        if done.returncode not in (0, 1, 2) or "Traceback" in done.stderr or "Exception ignored" in done.stderr:
             raise RuntimeError(f"status {done.returncode}: {done.stderr[-600:]}")
-        for line in done.stderr.splitlines():
-            if len(line) > LONGEST_LINE or not line.isprintable():
-                raise RuntimeError(f"no line for a user: {line!r}")
-        if done.returncode and not (done.stderr or done.stdout).strip():
+        if fault := next(filter(None, map(no_line, done.stderr.splitlines())), ""):
+            raise RuntimeError(fault)
+        if is_told and done.returncode and not (done.stderr or done.stdout).strip():
             raise RuntimeError(f"status {done.returncode}, and no line says why")
         _check_written(files)
     return REFUSED if done.returncode else RIGHT
 
 
 def _make(path: Path, content: str) -> None:
+    path.parent.mkdir(exist_ok=True)
     if content == FOLDER:
         path.mkdir()
     elif content == PIPE:
@@ -235,7 +259,7 @@ def _make(path: Path, content: str) -> None:
     elif content.startswith(LINK):
         path.symlink_to(content.removeprefix(LINK))
     elif content.startswith(CHARACTER):
-        path.write_bytes(mutated(int(content.removeprefix(CHARACTER)), None)[1])
+        path.write_bytes(mutated(int(content.removeprefix(CHARACTER)))[1])
     else:
         path.write_bytes(content.encode("utf-8", "surrogatepass"))
 
@@ -248,15 +272,7 @@ def _check_written(files: dict[str, str]) -> None:
         if path.name.startswith(".distretarget-"):
             raise NotReadBackError(f"{path} is left")
         if path.suffix in (".bvh", ".glb", ".vrma"):
-            try:
-                names = animations_in(load_file(path))
-                motion = read_motion(path, clip=f"#{len(names)}" if len(names) > 1 else None)
-            except DistretargetError as error:
-                if TOO_LONG not in str(error):
-                    raise NotReadBackError(str(error)) from error
-                continue
-            if not np.isfinite(motion.positions).all():
-                raise NotReadBackError(f"{path} is not finite")
+            _check_motion(path)
         elif path.suffix == ".json":
             json.loads(path.read_bytes(), parse_constant=_no_constant)
         elif path.suffix == ".npz":
@@ -264,6 +280,18 @@ def _check_written(files: dict[str, str]) -> None:
                 for key in arrays:
                     if key != "contact_gaps" and arrays[key].dtype.kind == "f" and not np.isfinite(arrays[key]).all():
                         raise NotReadBackError(f"{path} is not finite")
+
+
+def _check_motion(path: Path) -> None:
+    try:
+        names = animations_in(load_file(path))
+        motion = read_motion(path, clip=f"#{len(names)}" if len(names) > 1 else None)
+    except DistretargetError as error:
+        if TOO_LONG not in str(error):
+            raise NotReadBackError(str(error)) from error
+    else:
+        if not np.isfinite(motion.positions).all():
+            raise NotReadBackError(f"{path} is not finite")
 
 
 def _no_constant(name: str) -> None:

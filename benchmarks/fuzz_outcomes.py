@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import signal
+import traceback
+import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from distretarget import DistretargetError
 
 RIGHT, REFUSED, TRACEBACK = "written right", "refused in one line", "traceback"
-HANG, UNREADABLE = "no end within 10 s", "not finite or not read back"
+HANG, MEMORY, UNREADABLE = "no end within 10 s", "too much memory", "not finite or not read back"
+OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, MEMORY, UNREADABLE)
 LIMIT = 10  # time after which an input counts as one that hangs [s]
-LONGEST_LINE = 1000  # characters of an error, without the file's name
+MOST_MEMORY = 2 * 2**30  # of an input [bytes]
+LONGEST_LINE = 1000  # characters of an error
 
 
 class NotReadBackError(Exception):
@@ -16,6 +27,10 @@ class NotReadBackError(Exception):
 
 class TooLongError(Exception):
     """No end within the limit."""
+
+
+class TooLargeError(Exception):
+    """More memory than an input may take."""
 
 
 class Memory:
@@ -30,10 +45,64 @@ class Memory:
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(key))
 
-    def peak(self) -> int:
-        return self._status("VmHWM") - self._before
+    def check(self, most: int) -> None:
+        """Check that it was no more than this [bytes]."""
+        if (used := self._status("VmHWM") - self._before) > most:
+            raise TooLargeError(f"{used / 2**20:.0f} MB")
 
 
-def late(_number: int, _frame: object) -> None:
-    """Handle an alarm."""
+def _late(_number: int, _frame: object) -> None:
     raise TooLongError
+
+
+def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str]:
+    """Return the outcome of an action on an input, and the details of a failure."""
+    before = signal.signal(signal.SIGALRM, _late)
+    signal.alarm(LIMIT)
+    memory = Memory()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)  # which a user would see
+            warnings.simplefilter("ignore", UserWarning)
+            outcome = action(case) or RIGHT
+        memory.check(MOST_MEMORY)
+        return outcome, ""
+    except DistretargetError as error:
+        fault = no_line(str(error))
+        return (TRACEBACK, fault) if fault else (REFUSED, "")
+    except TooLongError as error:
+        return HANG, "".join(traceback.format_exception(error)[-6:])
+    except (TooLargeError, MemoryError) as error:
+        return MEMORY, str(error)
+    except NotReadBackError as error:
+        return UNREADABLE, str(error)
+    except Exception as error:  # whatever a user would see as a traceback
+        return TRACEBACK, "".join(traceback.format_exception(error)[-4:])
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def no_line(text: str) -> str:
+    """Why a text is no line for a user; empty for one that is."""
+    if text.isprintable() and len(text) <= LONGEST_LINE:
+        return ""
+    return f"no line for a user, {len(text)} characters: {text[:300]!r}"
+
+
+def read_back(reading: Callable[[], Any]) -> Any:
+    """Read what the program has written; an error means that it cannot be read back."""
+    try:
+        return reading()
+    except DistretargetError as error:
+        raise NotReadBackError(str(error)) from error
+
+
+def check_close(values: np.ndarray, others: np.ndarray, off: float, what: str) -> None:
+    """Check that values are finite and read back as they were, but for so much."""
+    if values.shape != others.shape:
+        raise NotReadBackError(f"{what}: {others.shape} of {values.shape}")
+    if not (np.isfinite(values).all() and np.isfinite(others).all()):
+        raise NotReadBackError(f"{what} are not finite")
+    if (most := np.abs(values - others).max(initial=0.0)) > off:
+        raise NotReadBackError(f"{what} are off by {most:g}")

@@ -26,12 +26,11 @@ W_FIRST, W_LAST = [3, 0, 1, 2], [1, 2, 3, 0]  # quaternions from x y z w to MuJo
 TIMESTEP = 1.0  # mink solves for velocities; a step moves along them for so long [s]
 
 
-class InverseKinematics:
+class ScaledGoals:
     """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it.
 
-    The tasks: hands, feet and hips are where the contact objective put them, and joints turn as in the rotation copy.
-    So mink balances what the contact objective balances, and is given its result for the ends. Joints that follow
-    their parents, as fingers without a counterpart do, are fixed in the model.
+    The tasks: hands, feet and hips are where they are in the source, scaled as the root's path, and joints turn as in
+    the rotation copy. Joints that follow their parents, as fingers without a counterpart do, are fixed in the model.
     """
 
     def __init__(self, result: RetargetResult) -> None:
@@ -44,9 +43,10 @@ class InverseKinematics:
         self.configuration = mink.Configuration(self.model)
         quaternions = copy.rotations[:, turning][..., W_FIRST]
         self.postures = np.concatenate([copy.root_positions / self.unit, quaternions.reshape(len(copy), -1)], axis=1)
-        self.ends = _ends(result.matching.target)
-        self.places = result.motion.positions[:, self.ends] / self.unit
-        self.frames = [_frame_task(end, 1.0, 0.0) for end in self.ends]
+        drivers = result.matching.drivers
+        ends = [end for end in _ends(result.matching.target) if drivers[end] >= 0]
+        self.places = result.source.positions[:, drivers[ends]] * result.root_scale / self.unit
+        self.frames = [_frame_task(end, 1.0, 0.0) for end in ends]
         self.posture = mink.PostureTask(self.model, cost=POSTURE)
 
     def solve(self, steps: int) -> Array:
@@ -78,25 +78,8 @@ class InverseKinematics:
                 _step(self.configuration, [*self.frames, self.posture], DAMPING)
             yield self.configuration.data
 
-    def miss(self, positions: Array) -> float:
-        """Mean distance of hands, feet and hips from their given places [% of leg length]."""
-        return _miss(positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit, self.places)
 
-
-class ScaledGoals(InverseKinematics):
-    """The same model and tasks, but hands, feet and hips are to be where they are in the source, scaled as the root's
-    path: what a user without the contact objective's result has.
-    """
-
-    def __init__(self, result: RetargetResult) -> None:
-        super().__init__(result)
-        drivers = result.matching.drivers
-        driven = [n for n, end in enumerate(self.ends) if drivers[end] >= 0]
-        self.ends, self.frames = ([each[n] for n in driven] for each in (self.ends, self.frames))
-        self.places = result.source.positions[:, drivers[self.ends]] * result.root_scale / self.unit
-
-
-class Gmr(InverseKinematics):
+class Gmr(ScaledGoals):
     """The same model, posed as GMR does.
 
     Each body is given the place of the source joint that drives it, scaled about the origin, and the rotation that
@@ -106,12 +89,12 @@ class Gmr(InverseKinematics):
     def __init__(self, result: RetargetResult) -> None:
         super().__init__(result)
         matching = result.matching
-        self.driven = [body for body in self.bodies if matching.drivers[body] >= 0]
-        self.places = result.source.positions[:, matching.drivers[self.driven]] * result.root_scale / self.unit
-        self.rotations = result.rotation_copy.world_rotations[:, self.driven][..., W_FIRST]
+        driven = [body for body in self.bodies if matching.drivers[body] >= 0]
+        self.places = result.source.positions[:, matching.drivers[driven]] * result.root_scale / self.unit
+        self.rotations = result.rotation_copy.world_rotations[:, driven][..., W_FIRST]
         feet = {leg.ankle for leg in matching.target.legs or ()}
         self.stages = [
-            [_frame_task(body, *_weights(stage, body, feet), lm_damping=GMR_TASK_DAMPING) for body in self.driven]
+            [_frame_task(body, *_weights(stage, body, feet), lm_damping=GMR_TASK_DAMPING) for body in driven]
             for stage in (1, 2)
         ]
 
@@ -138,21 +121,10 @@ class Gmr(InverseKinematics):
         """The norm of the tasks' errors."""
         return float(np.linalg.norm(np.concatenate([task.compute_error(self.configuration) for task in tasks])))
 
-    def miss(self, positions: Array) -> float:
-        """Mean distance of hands, feet and hips from their given places [% of leg length]."""
-        ends = [end for end in self.ends if end in self.driven]
-        bodies, places = ([each.index(end) for end in ends] for each in (self.bodies, self.driven))
-        return _miss(positions[:, bodies] / self.unit, self.places[:, places])
-
 
 def _frame_task(body: int, position: float, rotation: float, **others: float) -> mink.FrameTask:
     """The task that brings a body to a place and rotation, with the costs of missing them."""
     return mink.FrameTask(f"joint{body}", "body", position_cost=position, orientation_cost=rotation, **others)
-
-
-def _miss(ends: Array, places: Array) -> float:
-    """The mean distance of end effectors from their places, both (frames, ends, 3) [body units], in % of leg length."""
-    return float(200 * np.linalg.norm(ends - places, axis=-1).mean())
 
 
 def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:

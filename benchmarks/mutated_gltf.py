@@ -7,7 +7,7 @@ import copy
 import json
 import struct
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -99,8 +99,12 @@ SUFFIXES = {"VRM 1": ".vrm", "VRM 0": ".vrm", "VRMA": ".vrma"}
 
 @cache
 def whole(name: str) -> tuple[Document, bytes]:
-    """The document and buffer of a whole file, by a key of `WHOLE`, or the path of a GLB."""
-    return made.chunks(WHOLE[name]().glb() if name in WHOLE else Path(name).read_bytes())
+    """The document and buffer of a whole file, by a key of `WHOLE`."""
+    return made.chunks(WHOLE[name]().glb())
+
+
+def _one(draw: Draw, choices: Sequence[Any]) -> Any:
+    return choices[draw.integers(len(choices))]
 
 
 # ---- places in a document
@@ -114,7 +118,7 @@ def _places(draw: Draw, document: Document) -> Place:
     keys = [key for key in parts if key in document] if draw.random() < 0.9 else list(document)
     if not keys or draw.random() < 0.03:
         keys = list(document) or ["asset"]
-    holder, key = document, keys[draw.integers(len(keys))]
+    holder, key = document, _one(draw, keys)
     while isinstance(value := holder.get(key) if isinstance(holder, dict) else holder[key], dict | list) and value:
         if draw.random() < 0.12:
             break
@@ -126,11 +130,11 @@ def _odd(draw: Draw, document: Document) -> Any:
     """Some value of any kind."""
     kind = draw.integers(8)
     if kind < 3:
-        return ODD_NUMBERS[draw.integers(len(ODD_NUMBERS))]
+        return _one(draw, ODD_NUMBERS)
     if kind == 3:
-        return ODD_NAMES[draw.integers(len(ODD_NAMES))]
+        return _one(draw, ODD_NAMES)
     if kind == 4:
-        return [None, True, False, [], {}, [[]], [{}], {"": None}][draw.integers(8)]
+        return _one(draw, (None, True, False, [], {}, [[]], [{}], {"": None}))
     if kind == 5:
         return [ODD_NUMBERS[n] for n in draw.integers(len(ODD_NUMBERS), size=draw.choice([1, 3, 4, 16]))]
     if kind == 6:
@@ -155,7 +159,7 @@ def _double(draw: Draw, document: Document) -> None:
     if isinstance(holder, list):
         holder.insert(draw.integers(len(holder) + 1), copy.deepcopy(holder[key]))
     else:
-        holder[ODD_NAMES[draw.integers(len(ODD_NAMES))]] = copy.deepcopy(holder[key])
+        holder[_one(draw, ODD_NAMES)] = copy.deepcopy(holder[key])
 
 
 def _swap(draw: Draw, document: Document) -> None:
@@ -184,7 +188,7 @@ def _rename(draw: Draw, document: Document) -> None:
         entry for entry in document.get(("nodes", "animations")[draw.integers(2)], ()) if isinstance(entry, dict)
     ]
     for number in draw.integers(len(entries), size=draw.integers(1, 9)) if entries else ():
-        entries[number]["name"] = ODD_NAMES[draw.integers(len(ODD_NAMES))]
+        entries[number]["name"] = _one(draw, ODD_NAMES)
 
 
 def _transform(draw: Draw, document: Document) -> None:
@@ -192,7 +196,7 @@ def _transform(draw: Draw, document: Document) -> None:
     nodes = [entry for entry in document.get("nodes", ()) if isinstance(entry, dict)]
     if not nodes:
         return
-    node, size = nodes[draw.integers(len(nodes))], ODD_FLOATS[draw.integers(len(ODD_FLOATS))]
+    node, size = _one(draw, nodes), _one(draw, ODD_FLOATS)
     key, count = [("translation", 3), ("rotation", 4), ("scale", 3), ("matrix", 16)][draw.integers(4)]
     node[key] = (size * draw.choice([0, 1, -1, 0.3], count)).tolist()
 
@@ -208,7 +212,7 @@ def _retarget(draw: Draw, document: Document) -> None:
     for key in ("skin", "mesh", "inverseBindMatrices", "input", "output", "sampler", "bufferView", "buffer", "node"):
         found += [(entry, key) for entry in _objects(document) if key in entry]
     if found:
-        holder, key = found[draw.integers(len(found))]
+        holder, key = _one(draw, found)
         holder[key] = int(draw.integers(-1, 40)) if draw.random() < 0.8 else _odd(draw, document)
 
 
@@ -281,7 +285,7 @@ def _numbers(draw: Draw, document: Document, buffer: bytearray) -> None:
     used = sorted({each for each in used if isinstance(each, int) and 0 <= each < len(document["accessors"])})
     if not used:
         return
-    accessor = document["accessors"][used[0] if draw.random() < 0.3 else used[draw.integers(len(used))]]
+    accessor = document["accessors"][used[0] if draw.random() < 0.3 else _one(draw, used)]
     view = document["bufferViews"][accessor.get("bufferView", 0)]
     start, length = view.get("byteOffset", 0), view["byteLength"] // 4 * 4
     values = np.frombuffer(buffer, "<f4", length // 4, start).copy()
@@ -292,9 +296,9 @@ def _numbers(draw: Draw, document: Document, buffer: bytearray) -> None:
     if kind <= 1:
         values[at] = [ODD_FLOATS[n] for n in draw.integers(len(ODD_FLOATS), size=len(at))]
     elif kind == 2:
-        values[:] = values[::-1] if draw.random() < 0.5 else ODD_FLOATS[draw.integers(len(ODD_FLOATS))]
+        values[:] = values[::-1] if draw.random() < 0.5 else _one(draw, ODD_FLOATS)
     elif kind == 3:
-        values *= np.float32(ODD_FLOATS[draw.integers(len(ODD_FLOATS))])
+        values *= np.float32(_one(draw, ODD_FLOATS))
     elif kind == 4:
         first = at[0] // 4 * 4
         values[first : first + 4] = 0
@@ -336,10 +340,10 @@ def _packed(draw: Draw, document: Document, buffer: bytes, as_text: bool) -> byt
 
 
 @np.errstate(all="ignore")
-def mutated(seed: int, of: str | None = None) -> tuple[str, bytes]:
-    """A file's suffix and content; `of` is the path of the GLB to mutate instead of one of `WHOLE`."""
+def mutated(seed: int) -> tuple[str, bytes]:
+    """A file's suffix and content."""
     draw = np.random.default_rng(seed)
-    name = of or list(WHOLE)[draw.integers(len(WHOLE))]
+    name = _one(draw, list(WHOLE))
     document, binary = whole(name)
     document, buffer = copy.deepcopy(document), bytearray(binary)
     way = draw.random()
@@ -347,7 +351,7 @@ def mutated(seed: int, of: str | None = None) -> tuple[str, bytes]:
         _numbers(draw, document, buffer)
     elif way < 0.85:
         for _ in range(draw.choice([1, 2, 3, 6], p=[0.6, 0.2, 0.1, 0.1])):
-            change = _grow if draw.random() < 0.05 else STRUCTURE[draw.integers(len(STRUCTURE))]
+            change = _grow if draw.random() < 0.05 else _one(draw, STRUCTURE)
             try:
                 change(draw, document)
             except (LookupError, TypeError, AttributeError, RecursionError):

@@ -15,10 +15,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from timeit import timeit
 
 import click
 import numpy as np
@@ -28,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
+from timing import alternating
 
 from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
@@ -65,11 +65,6 @@ def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
             chain_names = [f"{name}Chain{chain}Joint{link}" for link in range(CHAIN_JOINTS)]
             body = with_chain(body, number, dict(zip(chain_names, offsets, strict=True)))
     return on_skeleton(clip, body)
-
-
-def alternating(runs: list[Callable[[], object]], rounds: int, clock: Callable[[], float] = time.process_time) -> Array:
-    """(rounds, runs), the seconds of each run; a first round is not counted."""
-    return np.array([[timeit(run, timer=clock, number=1) for run in runs] for _ in range(1 + rounds)])[1:]
 
 
 def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:

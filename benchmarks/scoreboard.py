@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -21,7 +20,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 
 import click
@@ -33,6 +31,7 @@ from numpy.typing import NDArray
 from skin_gaps import PAIRS, Gaps, gap_error, near, source_gaps
 from skins import Skin
 from tables import publish, several, table
+from timing import alone
 from winding import Sinking
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
@@ -80,7 +79,6 @@ TWENTY = (
 )
 FRAME_TIME = "0.0333333"
 SPEED_CLIP, SPEED_BODIES, ROUNDS = "hands_on_hips.bvh", ("average", "fat", "child"), 3  # what speed is measured on
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
 LIMBS = [
     (f"{side}{upper}", f"{side}{lower}")
     for side, (upper, lower) in product(
@@ -401,10 +399,8 @@ def main(
             for clip, body in matrix(paths, names, each)
         ]
         rows = [row for run in runs for row in run.result()]
-        os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # of the next process
-        with ProcessPoolExecutor(1, get_context("spawn")) as alone:
-            timed = [bodies[name] for name in SPEED_BODIES]
-            speed = alone.submit(speeds, paths[SPEED_CLIP], timed, sampling, 1 if quick else ROUNDS).result()
+        timed = [bodies[name] for name in SPEED_BODIES]
+        speed = alone(speeds, paths[SPEED_CLIP], timed, sampling, 1 if quick else ROUNDS)
     all_of_them = list(contestants())
     present = [who.name for who in all_of_them if not who.missing]
     metrics = summary(rows, present, speed)

@@ -4,9 +4,10 @@
     python benchmarks/winding.py CHARACTER CLIP --retarget
 
 CHARACTER is a GLB, glTF or VRM; MOTION any motion of its joints (BVH, GLB): the skin is posed here, not by the package.
-With `--retarget`, the clip is retargeted first, and the rotation copy is measured beside the result. Prints the share
-of the points of forearms and hands that are inside [%], the frames in which more than 1 % are [%], and how deep the
-deepest is [% of height]. Points inside already in the bind pose do not count. Needs the extra `bench`.
+With `--retarget`, the clip is retargeted first, and the rotation copy is measured beside the result, each with what the
+package's own metrics `skin_frames` and `skin_depth` say of it. Prints the share of the points of forearms and hands
+that are inside [%], the frames in which more than 1 % are [%], and how deep the deepest is [% of height]. Points inside
+already in the bind pose do not count. Needs the extra `bench`.
 """
 
 from __future__ import annotations
@@ -94,20 +95,16 @@ class Sinking:
         return Inside(rows[:, 0], rows[:, 1])
 
 
-def sampled(frames: int, step: int) -> Numbers:
-    """Every so manieth of the frames of a clip."""
-    return np.arange(0, frames, step)
-
-
-def motions(character: Path, clip: Path, retargeted: bool) -> Iterator[tuple[str, Motion]]:
-    """The motions to measure, by name."""
+def motions(character: Path, clip: Path, retargeted: bool) -> Iterator[tuple[str, Motion, str]]:
+    """The motions to measure, by name, and what the package's metrics say of each."""
     target, motion = load_target(character), read_motion(clip)
     if not retargeted:
-        yield "", motion if motion.skeleton.looks_back == target.skeleton.looks_back else motion.turned_round()
+        yield "", motion if motion.skeleton.looks_back == target.skeleton.looks_back else motion.turned_round(), ""
         return
     result = retarget(motion, target)
-    yield "rotation copy: ", result.rotation_copy
-    yield "result: ", result.motion
+    for name, made in (("rotation_copy", result.rotation_copy), ("result", result.motion)):
+        found = (f"{key} {result.metrics[name][key] or 0.0:.2f} %" for key in ("skin_frames", "skin_depth"))
+        yield f"{name.replace('_', ' ')}: ", made, f" ({', '.join(found)})"
 
 
 @click.command(help=__doc__)
@@ -120,8 +117,8 @@ def main(character: Path, clip: Path, retargeted: bool, step: int) -> None:
     target = load_target(character)
     assert isinstance(target, Target)
     sinking = Sinking(Skin.read(character, target.skeleton))
-    for name, motion in motions(character, clip, retargeted):
-        print(f"{name}{sinking.of(motion, sampled(len(motion), step))}")
+    for name, motion, metrics in motions(character, clip, retargeted):
+        print(f"{name}{sinking.of(motion, np.arange(0, len(motion), step))}{metrics}")
 
 
 if __name__ == "__main__":

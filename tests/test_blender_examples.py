@@ -57,7 +57,7 @@ def characters(tmp_path_factory):
     folder = tmp_path_factory.mktemp("characters")
     names = ["names_with_spaces", "odd_names", "scale_001", "scale_uneven", "ik", "no_inherited_rotation", "drivers"]
     more = ["constraints", "hidden", "two_armatures", "two_characters", "two_roots", "meshes_on_bones", "posed"]
-    blender(ROOT / "benchmarks" / "odd_characters.py", folder, *names, *more)
+    blender(ROOT / "tests" / "odd_characters.py", folder, *names, *more)
     return folder
 
 
@@ -134,7 +134,7 @@ def test_bones_without_a_common_root_hang_from_the_armature(characters, tmp_path
 
 
 def test_a_rigify_rig_moves_by_its_deforming_bones(tmp_path):
-    blender(ROOT / "benchmarks" / "odd_characters.py", tmp_path, "rigify")
+    blender(ROOT / "tests" / "odd_characters.py", tmp_path, "rigify")
     hero = tmp_path / "rigify.blend"
     target, printed = exported(hero, tmp_path)
     assert "175 joints of the 706 bones of 'rig'" in printed

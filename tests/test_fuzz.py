@@ -2,6 +2,9 @@
 
 import fuzz
 import pytest
+from fuzz_outcomes import HANG, REFUSED, RIGHT, TRACEBACK, UNREADABLE, NotReadBackError, TooLongError, outcome_of
+
+from distretarget import DistretargetError
 
 FINDINGS = {  # inputs that once went wrong
     "a clip without bones as a target": ("target", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\n"),
@@ -25,8 +28,8 @@ FINDINGS = {  # inputs that once went wrong
 
 @pytest.mark.parametrize("case", FINDINGS.values(), ids=FINDINGS)
 def test_findings_stay_mended(case):
-    outcome, known = fuzz.outcome_of(fuzz.read, case)
-    assert outcome in (fuzz.RIGHT, fuzz.REFUSED), known
+    outcome, known = outcome_of(fuzz.read, case)
+    assert outcome in (RIGHT, REFUSED), known
 
 
 @pytest.mark.parametrize(
@@ -34,8 +37,7 @@ def test_findings_stay_mended(case):
     [("readers", 150), ("pipeline", 40), ("scenes", 15), ("contacts", 15), ("commands", 15), ("processes", 2)],
 )
 def test_generated_inputs(part, count):
-    action, cases = fuzz.PARTS[part]
-    tried = fuzz.tried(action, cases, count, first_seed=10**6)
+    tried = fuzz.tried(fuzz.PARTS[part], count, first_seed=10**6)
     assert tried.counts.total() == count
     assert not tried.wrong
 
@@ -44,8 +46,8 @@ def test_what_goes_wrong_is_told_apart():
     def fails(case):
         raise case
 
-    assert fuzz.outcome_of(fails, ValueError("x"))[0] == fuzz.TRACEBACK
-    assert fuzz.outcome_of(fails, fuzz.NotReadBackError("x"))[0] == fuzz.UNREADABLE
-    assert fuzz.outcome_of(fails, fuzz.TooLongError())[0] == fuzz.HANG
-    assert fuzz.outcome_of(fails, fuzz.DistretargetError("one line"))[0] == fuzz.REFUSED
-    assert fuzz.outcome_of(fails, fuzz.DistretargetError("two\nlines"))[0] == fuzz.TRACEBACK
+    assert outcome_of(fails, ValueError("x"))[0] == TRACEBACK
+    assert outcome_of(fails, NotReadBackError("x"))[0] == UNREADABLE
+    assert outcome_of(fails, TooLongError())[0] == HANG
+    assert outcome_of(fails, DistretargetError("one line"))[0] == REFUSED
+    assert outcome_of(fails, DistretargetError("two\nlines"))[0] == TRACEBACK

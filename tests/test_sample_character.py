@@ -87,17 +87,3 @@ def test_a_clap_needs_no_look_and_the_soles_stay_on_the_floor(tmp_path):
     placed = gltf_player.worlds(document, buffer, "clap", result.motion.frame_time * np.arange(len(result.motion)))
     lowest = np.min([points[..., 1].min(axis=1) for points in gltf_player.skinned(document, buffer, placed)], axis=0)
     np.testing.assert_allclose(lowest, 0, atol=0.02)
-
-
-def test_pictures_show_the_mesh_where_players_do(tmp_path):
-    pytest.importorskip("matplotlib")
-    import draw_mesh
-
-    motion = retarget(read_bvh(SAMPLES / "walk.bvh")[:40], load_target(HERO)).motion
-    write_motion(tmp_path / "walk.glb", motion, HERO)
-    document, buffer = gltf_player.load(tmp_path / "walk.glb")
-    placed = gltf_player.worlds(document, buffer, "walk", motion.frame_time * np.array([39]))
-    played = np.concatenate(gltf_player.skinned(document, buffer, placed), axis=1)[0]
-    drawn = np.concatenate([points for points, *_ in draw_mesh.posed(motion, 39)])
-    hips = motion.positions[39, motion.skeleton.index("Hips")] * (1, 0, 1)
-    np.testing.assert_allclose(drawn + hips, played, atol=1e-4)

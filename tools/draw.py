@@ -122,7 +122,7 @@ def figures_of(result: RetargetResult, frames: Sequence[int], turn: Turn = None)
 
 
 def body_cells(
-    motion: Motion, body: Body, frames: Sequence[int], floor: float | None = None, turn: Turn = None, size: float = 0.0
+    motion: Motion, body: Body, frames: Sequence[int], floor: float | None = None, turn: Turn = None
 ) -> list[Cell]:
     """Frames of a body of height 1, without helper joints such as IK handles and props; arguments as in `cells`."""
     shown = np.flatnonzero(body.regions.of_joint >= 0)
@@ -131,16 +131,8 @@ def body_cells(
     drawn = replace(drawn, channels=((),) * len(drawn), end_sites=ends)
     return [
         replace(cell, skeleton=drawn, points=cell.points[shown], size=1.0)
-        for cell in cells(motion, frames, size or body.height, floor, turn or upright(body.up_vector))
+        for cell in cells(motion, frames, body.height, floor, turn or upright(body.up_vector))
     ]
-
-
-def articulated(motion: Motion) -> int:
-    """The frame whose posture differs most from the mean; not in the first tenth, which may show a rest pose."""
-    axes = Rotation.from_quat(motion.world_rotations[:, 0]).as_matrix()
-    postures = (motion.positions - motion.positions[:, :1]) @ axes
-    first = len(motion) // 10
-    return first + int(np.argmax(np.linalg.norm(postures - postures.mean(axis=0), axis=(1, 2))[first:]))
 
 
 def body_height(skeleton: Skeleton) -> float:

@@ -1,4 +1,4 @@
-"""Draw the sample character as a shaded mesh, posed by a motion."""
+"""Draw a character as a shaded mesh, posed by a motion."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image
 from numpy.typing import NDArray
-from sample_character import joints, mesh
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
+from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
 
@@ -24,48 +24,35 @@ LIGHT = np.array([0.3, 0.6, 0.75]) / np.linalg.norm([0.3, 0.6, 0.75])
 SOFT = 0.35  # the light from everywhere
 
 
-def write_figures(path: Path, figures: Sequence[tuple[Motion, int]]) -> None:
-    """Write a picture of figures side by side: motions of the sample character, and a frame of each."""
-    drawn = np.concatenate([drawn_figure(motion, frame) for motion, frame in figures], axis=1)
+def write_figures(path: Path, mesh: SkinnedMesh, figures: Sequence[tuple[Motion, int]]) -> None:
+    """Write a picture of figures side by side: motions of a character whose mesh is in metres, and a frame of each."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    drawn = np.concatenate([drawn_figure(mesh, motion[frame : frame + 1]) for motion, frame in figures], axis=1)
     image.imsave(path, np.rint(255 * np.clip(drawn, 0, 1) ** (1 / 2.2)).astype(np.uint8))
 
 
-def drawn_figure(motion: Motion, frame: int) -> Array:
-    """(height, width, 3), a figure in linear colours on white."""
+def drawn_figure(mesh: SkinnedMesh, motion: Motion) -> Array:
+    """(height, width, 3), the first frame in linear colours on white, with the hips above the origin."""
     width, height = (FINER * each for each in SIZE)
     colours, depths = np.ones((height, width, 3)), np.full((height, width), -np.inf)
-    scale = height / HEIGHT
-    for points, normals, triangles, colour in posed(motion, frame):
-        seen, facing = VIEW.apply(points) * scale, VIEW.apply(normals)
-        seen[:, 0] += 0.5 * width
-        seen[:, 1] = height * (1 - FLOOR) - seen[:, 1]
-        shade = SOFT + (1 - SOFT) * np.clip(facing @ LIGHT, 0, 1)
-        for corners in triangles:
-            _fill(colours, depths, seen[corners], shade[corners], np.asarray(colour))
+    points = mesh.posed(motion)[0] - motion.positions[0, 0] * (1, 0, 1)
+    shade = SOFT + (1 - SOFT) * np.clip(VIEW.apply(normals_of(points, mesh.triangles)) @ LIGHT, 0, 1)
+    seen = VIEW.apply(points) * height / HEIGHT
+    seen[:, 0] += 0.5 * width
+    seen[:, 1] = height * (1 - FLOOR) - seen[:, 1]
+    assert mesh.looks
+    materials = np.array([material.colour[:3] for material in mesh.looks.materials])
+    for corners, material in zip(mesh.triangles, mesh.looks.of_triangle, strict=True):
+        _fill(colours, depths, seen[corners], shade[corners], materials[material])
     return colours.reshape(SIZE[1], FINER, SIZE[0], FINER, 3).mean(axis=(1, 3))
 
 
-def posed(motion: Motion, frame: int) -> list[tuple[Array, Array, NDArray[np.intp], tuple[float, float, float]]]:
-    """The parts of the mesh in a frame, with the hips above the origin: points [m], normals, triangles and colour."""
-    bones = joints()
-    order = [motion.skeleton.index(name) for name in bones.names]
-    turns = Rotation.from_quat(motion.world_rotations[frame, order]).as_matrix()
-    places = motion.positions[frame, order].copy()
-    places[:, [0, 2]] -= places[0, [0, 2]]
-    result = []
-    for part in mesh(bones):
-        share = (part.shares / 255)[..., None]
-        arms = 0.01 * (part.surface.points[:, None] - bones.places[part.joints])
-        points = (share * (_turned(turns, part.joints, arms) + places[part.joints])).sum(axis=1)
-        normals = (share * _turned(turns, part.joints, part.surface.normals[:, None].repeat(4, axis=1))).sum(axis=1)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        result.append((points, normals, part.surface.triangles, part.colour))
-    return result
-
-
-def _turned(turns: Array, numbers: NDArray[np.intp], vectors: Array) -> Array:
-    """(points, 4, 3), vectors turned by the joints of each point."""
-    return np.einsum("pkij,pkj->pki", turns[numbers], vectors)
+def normals_of(points: Array, triangles: NDArray[np.intp]) -> Array:
+    """(points, 3), unit vectors out of the surface: the mean of those of the triangles about each point, by area."""
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    normals = np.zeros_like(points)
+    np.add.at(normals, triangles, np.cross(b - a, c - a)[:, None])
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 
 def _fill(colours: Array, depths: Array, corners: Array, shade: Array, colour: Array) -> None:

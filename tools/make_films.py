@@ -101,17 +101,9 @@ def write_window(path: Path, scheme: str, frame: int, running: Browser, report: 
 def report_on(clip: str, target: Path, folder: Path) -> Path:
     """The report on a sample clip on a target."""
     report, result = folder / "report.html", folder / f"result{target.suffix.replace('json', 'bvh')}"
-    arguments = [
-        ROOT / "sample_bvh" / f"{clip}.bvh",
-        target,
-        "-o",
-        result,
-        "--report",
-        report,
-        "--overwrite",
-        "--quiet",
-    ]
-    subprocess.run([sys.executable, "-m", "distretarget", *map(str, arguments)], check=True)
+    clip_file, options = ROOT / "sample_bvh" / f"{clip}.bvh", ("--overwrite", "--quiet")
+    arguments = map(str, (clip_file, target, "-o", result, "--report", report, *options))
+    subprocess.run([sys.executable, "-m", "distretarget", *arguments], check=True)
     return report
 
 

@@ -73,9 +73,9 @@ def draw_clap(path: Path) -> None:
 
 def draw_hero(path: Path) -> None:
     """Draw the sample character in a frame of some clips."""
-    target = load_target(CHARACTERS / "hero.glb")
-    results = [retarget(read_bvh(SAMPLES / f"{clip}.bvh"), target).motion for clip in HERO_FRAMES]
-    write_figures(path, [*zip(results, HERO_FRAMES.values(), strict=True)])
+    hero = load_target(CHARACTERS / "hero.glb")
+    results = [retarget(read_bvh(SAMPLES / f"{clip}.bvh"), hero).motion for clip in HERO_FRAMES]
+    write_figures(path, hero.mesh(), [*zip(results, HERO_FRAMES.values(), strict=True)])
 
 
 def draw_samples(path: Path) -> None:
@@ -131,7 +131,7 @@ def draw_repair(path: Path, clip: str, entries: tuple[Entry, ...], frame: int) -
     """Draw the sample character in a frame of a clip, before and after entries of a contact file."""
     source, hero = read_bvh(SAMPLES / f"{clip}.bvh"), load_target(CHARACTERS / "hero.glb")
     both = [retarget(source, hero, contacts=ContactList(asked)).motion for asked in ((), entries)]
-    write_figures(path, [(motion, frame) for motion in both])
+    write_figures(path, hero.mesh(), [(motion, frame) for motion in both])
 
 
 def draw_drop(path: Path) -> None:

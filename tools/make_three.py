@@ -21,42 +21,20 @@ SHA256 = "6cbcfc32e43c465c728c2388ce2b8ab4e6953206fc284f4443172206e6b9909f"
 REPORT = Path(__file__).resolve().parents[1] / "distretarget" / "report"
 FILE, LICENCE = REPORT / "three.min.js", REPORT / "three.LICENSE.txt"
 BANNER = f"/*! three.js {THREE}, MIT licence, https://threejs.org: see three.LICENSE.txt */"
-CORE = [
-    "WebGLRenderer",
-    "Scene",
-    "PerspectiveCamera",
-    "Group",
-    "Color",
-    "Fog",
-    "HemisphereLight",
-    "DirectionalLight",
-    "BufferGeometry",
-    "BufferAttribute",
-    "LatheGeometry",
-    "PlaneGeometry",
-    "LineSegments",
-    "LineBasicMaterial",
-    "Mesh",
-    "Sprite",
-    "SpriteMaterial",
-    "MeshLambertMaterial",
-    "MeshBasicMaterial",
-    "CanvasTexture",
-    "Texture",
-    "RepeatWrapping",
-    "SRGBColorSpace",
-    "DoubleSide",
-    "Vector2",
-    "Vector3",
-    "Quaternion",
-    "Matrix4",
-]
-ADDONS = {"OrbitControls": "controls/OrbitControls", "Line2": "lines/Line2"}
-ADDONS |= {
+CORE = """
+WebGLRenderer, Scene, PerspectiveCamera, Group, Color, Fog, HemisphereLight, DirectionalLight, BufferGeometry,
+BufferAttribute, LatheGeometry, PlaneGeometry, LineSegments, LineBasicMaterial, Mesh, Sprite, SpriteMaterial,
+MeshLambertMaterial, MeshBasicMaterial, CanvasTexture, Texture, RepeatWrapping, SRGBColorSpace, DoubleSide,
+Vector2, Vector3, Quaternion, Matrix4
+"""  # of three.js itself, as the script exports it
+ADDONS = {
+    "OrbitControls": "controls/OrbitControls",
+    "Line2": "lines/Line2",
     "mergeGeometries": "utils/BufferGeometryUtils",
     "LineGeometry": "lines/LineGeometry",
     "LineMaterial": "lines/LineMaterial",
 }
+OPTIONS = "--bundle --minify --format=iife --global-name=THREE --target=es2022 --legal-comments=none"
 
 
 def bundle(modules: Path) -> bytes:
@@ -65,18 +43,10 @@ def bundle(modules: Path) -> bytes:
         found = json.loads((modules / package / "package.json").read_text("utf-8"))["version"]
         if found != wanted:
             sys.exit(f"{modules / package} has version {found}; expected {wanted}")
-    lines = [f"export {{ {', '.join(CORE)} }} from 'three';"]
+    lines = [f"export {{ {CORE} }} from 'three';"]
     lines += [f"export {{ {name} }} from 'three/addons/{place}.js';" for name, place in ADDONS.items()]
-    options = (
-        "--bundle",
-        "--minify",
-        "--format=iife",
-        "--global-name=THREE",
-        "--target=es2022",
-        "--legal-comments=none",
-    )
     made = subprocess.run(
-        [modules / "esbuild" / "bin" / "esbuild", *options, f"--banner:js={BANNER}"],
+        [modules / "esbuild" / "bin" / "esbuild", *OPTIONS.split(), f"--banner:js={BANNER}"],
         input="\n".join(lines).encode(),
         cwd=modules.parent,
         stdout=subprocess.PIPE,

@@ -1,10 +1,9 @@
-"""Make characters that importers trip over, as .blend, .glb and .fbx, with the true places of their joints.
+"""Make characters that importers trip over, as .blend, with the true places of their joints.
 
-    python benchmarks/odd_characters.py FOLDER [NAME...]
+    python tests/odd_characters.py FOLDER NAME...
 
 Needs the package bpy. A character is the basic human of the add-on Rigify, with a box as mesh for each bone. NAME.npz
-has `names`, (joints,), and `rest`, (joints, 3), in metres with Y up, as in glTF; where there is a motion, `frames` too,
-(frames, joints, 3). Without names it makes all of them; FOLDER/README says what each is.
+has `names`, (joints,), and `rest`, (joints, 3), in metres with Y up, as in glTF.
 """
 
 import math
@@ -16,7 +15,6 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
-FRAMES = 30
 # Rigify's names without sides, and other names for the same bones; {} is the side.
 PARTS = (
     "spine,spine.001,spine.002,spine.003,spine.004,spine.005,spine.006,"
@@ -25,10 +23,6 @@ PARTS = (
 UNITY = (
     "Hips,Spine,Chest,Upper Chest,Neck,Neck 2,Head,"
     "{} Shoulder,{} Upper Arm,{} Lower Arm,{} Hand,{} Upper Leg,{} Lower Leg,{} Foot,{} Toes"
-)
-BIPED = (
-    "Pelvis,Spine,Spine1,Spine2,Neck,Neck1,Head,"
-    "{} Clavicle,{} UpperArm,{} Forearm,{} Hand,{} Thigh,{} Calf,{} Foot,{} Toe0"
 )
 ODD = UNITY.replace("Upper Chest", "Brust/Oberkörper").replace("Head", "頭").replace("{} Hand", "{}:Hand.x")
 NO_BONES = ("breast", "pelvis", "heel")  # parts of Rigify's human that other characters lack
@@ -91,37 +85,25 @@ def hang(armature: bpy.types.Object, bone: str, corners: list[Vector], faces: li
     part.matrix_parent_inverse = Matrix.Translation((0, -armature.data.bones[bone].length, 0))
 
 
-def rename(armature: bpy.types.Object, names: str, sides: tuple[str, str], prefix: str) -> None:
-    """Give the bones other names, left and right with these `sides`."""
+def rename(armature: bpy.types.Object, names: str, prefix: str = "") -> None:
+    """Give the bones other names."""
     by_part = dict(zip(PARTS.split(","), names.split(","), strict=True))
     for bone in armature.data.bones:
         part = bone.name.removesuffix(".L").removesuffix(".R")
-        bone.name = prefix + by_part[part].format(sides[bone.name.endswith(".R")])
-
-
-def plain() -> None:
-    """Rigify's basic human, with Blender's own names: the others are changed from this one."""
-    add_boxes(human())
+        bone.name = prefix + by_part[part].format("Right" if bone.name.endswith(".R") else "Left")
 
 
 def names_with_spaces() -> None:
     """Names as in Unity's humanoid: Left Upper Arm."""
     armature = human()
-    rename(armature, UNITY, ("Left", "Right"), "")
-    add_boxes(armature)
-
-
-def biped() -> None:
-    """Names as in 3ds Max Biped: Bip001 L Thigh."""
-    armature = human()
-    rename(armature, BIPED, ("L", "R"), "Bip001 ")
+    rename(armature, UNITY)
     add_boxes(armature)
 
 
 def odd_names() -> None:
     """Colons, slashes, dots and other alphabets in names."""
     armature = human()
-    rename(armature, ODD, ("Left", "Right"), "rig:")
+    rename(armature, ODD, "rig:")
     add_boxes(armature)
 
 
@@ -248,33 +230,6 @@ def meshes_on_bones() -> None:
     add_boxes(human(), skinned=False)
 
 
-def two_animations() -> None:
-    """Two animations: "walk" keeps the rest pose but for the head, "Armature|mixamo.com|Layer0" moves everything."""
-    armature = human()
-    add_boxes(armature)
-    data = armature.animation_data_create()
-    for name, moved in (("walk", ["spine.006"]), ("Armature|mixamo.com|Layer0", armature.pose.bones.keys())):
-        data.action = bpy.data.actions.new(name)
-        for bone in armature.pose.bones:
-            wave(bone, 0.3 if bone.name in moved else 0.0)
-        track = data.nla_tracks.new()
-        track.name = name
-        track.strips.new(name, 1, data.action)
-        if name == "walk":
-            track.mute = True
-    data.action = None
-    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, FRAMES
-
-
-def wave(bone: bpy.types.PoseBone, size: float) -> None:
-    """Set keys that turn a bone to and fro about all its axes [rad]."""
-    bone.rotation_mode = "QUATERNION"
-    for frame in range(1, FRAMES + 1):
-        angle = size * math.sin(2 * math.pi * frame / FRAMES)
-        bone.rotation_quaternion = Euler((angle, 0.5 * angle, -0.3 * angle)).to_quaternion()
-        bone.keyframe_insert("rotation_quaternion", frame=frame)
-
-
 def posed() -> None:
     """A pose in the file that is not the bind pose: the nodes of the .glb show the pose."""
     armature = human()
@@ -294,12 +249,6 @@ def rigify() -> None:
         bpy.data.objects.remove(bpy.data.objects[name])
 
 
-CHARACTERS = (
-    plain, names_with_spaces, biped, odd_names, scale_001, scale_uneven, ik, constraints, hidden, no_inherited_rotation,
-    drivers, two_armatures, two_characters, two_roots, meshes_on_bones, two_animations, posed, rigify,
-)  # fmt: skip
-
-
 def places(armature: bpy.types.Object) -> np.ndarray:
     """(bones, 3), the heads of the evaluated bones in the world, with Y up."""
     shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
@@ -308,37 +257,18 @@ def places(armature: bpy.types.Object) -> np.ndarray:
 
 
 def save(folder: Path, name: str) -> None:
-    """Save the scene in all formats, with the true places of the joints of each armature."""
+    """Save the scene, with the true places of the joints of each armature."""
     armatures = [each for each in bpy.context.scene.objects if each.type == "ARMATURE"]
     for armature in armatures:
-        scene, frames = bpy.context.scene, []
         armature.data.pose_position = "REST"
         bpy.context.view_layer.update()
-        rest = places(armature)
-        armature.data.pose_position = "POSE"
-        for frame in range(1, FRAMES + 1) if name == "two_animations" else ():
-            scene.frame_set(frame)
-            frames.append(places(armature))
         mine = name if armature == armatures[0] else f"{name}.{armature.name}"
-        np.savez(folder / f"{mine}.npz", names=armature.data.bones.keys(), rest=rest, frames=frames)
+        np.savez(folder / f"{mine}.npz", names=armature.data.bones.keys(), rest=places(armature))
+        armature.data.pose_position = "POSE"
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"))
-    glb = bpy.ops.export_scene.gltf
-    glb(filepath=str(folder / f"{name}.glb"), export_rest_position_armature=name != "posed")
-    if name == "rigify":
-        glb(filepath=str(folder / f"{name}_deform.glb"), export_def_bones=True)
-    bpy.ops.export_scene.fbx(filepath=str(folder / f"{name}.fbx"), add_leaf_bones=True)
-
-
-def main() -> None:
-    """Make the characters that were asked for."""
-    folder, wanted = Path(sys.argv[1]).resolve(), sys.argv[2:]
-    folder.mkdir(parents=True, exist_ok=True)
-    chosen = [make for make in CHARACTERS if make.__name__ in wanted or not wanted]
-    for make in chosen:
-        make()
-        save(folder, make.__name__)
-    (folder / "README").write_text("".join(f"{make.__name__}: {make.__doc__}\n" for make in chosen), "utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    for chosen in sys.argv[2:]:
+        globals()[chosen]()
+        save(Path(sys.argv[1]).resolve(), chosen)

@@ -1,0 +1,40 @@
+"""Processor time: of runs by turns, and in a process with one thread."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from timeit import timeit
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
+
+Arguments, Result = ParamSpec("Arguments"), TypeVar("Result")
+
+
+def alone(function: Callable[Arguments, Result], *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+    """What a function returns in a new process, whose libraries have one thread."""
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(function, *args, **kwargs).result()
+
+
+def alternating(
+    runs: Sequence[Callable[[], object]],
+    rounds: int,
+    clock: Callable[[], float] = time.process_time,
+    repeats: Sequence[int] | None = None,
+) -> NDArray[np.float64]:
+    """(rounds, runs), the seconds of each run, the mean of its repeats; a first round is not counted."""
+    counts = repeats or [1] * len(runs)
+
+    def one_round() -> list[float]:
+        return [timeit(run, timer=clock, number=count) / count for run, count in zip(runs, counts, strict=True)]
+
+    return np.array([one_round() for _ in range(1 + rounds)])[1:]
