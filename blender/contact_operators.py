@@ -53,7 +53,8 @@ class DISTRETARGET_OT_contact_make(Told, bpy.types.Operator):
             span = (scene.frame_preview_start, scene.frame_preview_end)
         what = {"between": parts, "gap": 0.0} if len(parts) > 1 else {"plant": parts[0], "on": "where it is"}
         new = what | {"frames": [clip_frame(settings, frame) for frame in span]}
-        put(scene, settings.clip_key, [new], entries_of(scene, settings.clip_key))
+        with listed(scene):
+            put(scene, settings.clip_key, [new], entries_of(scene, settings.clip_key))
         rows = enumerate(settings.contacts)
         settings.contact = next(n for n, row in rows if row.clip == settings.clip_key and json.loads(row.entry) == new)
 
@@ -104,7 +105,8 @@ class DISTRETARGET_OT_contacts_import(Told, ImportHelper, bpy.types.Operator):
             entries = [json.loads(entry_to_json(entry)) for entry in load_contacts(self.filepath)]
         except DistretargetError as error:
             raise FailedError(str(error)) from None
-        put(scene, scene.distretarget.clip_key, entries, entries_of(scene, scene.distretarget.clip_key))
+        with listed(scene) as settings:
+            put(scene, settings.clip_key, entries, entries_of(scene, settings.clip_key))
 
 
 class DISTRETARGET_OT_contacts_export(Told, ExportHelper, bpy.types.Operator):
@@ -115,7 +117,7 @@ class DISTRETARGET_OT_contacts_export(Told, ExportHelper, bpy.types.Operator):
     filename_ext = ".json"
     filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
 
-    def invoke(self, context, event):
+    def invoke(self, context, _event):
         self.filepath = str(Path(bpy.path.abspath(context.scene.distretarget.clip)).with_suffix(ENDING))
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}

@@ -73,9 +73,10 @@ def state_of(entry: Entry) -> str:
 
 
 def _change(row: bpy.types.PropertyGroup, **values: Any) -> None:
-    """Change fields of the entry of a row; None takes one out."""
+    """Change fields of the entry of a row; None takes one out, and so does the usual firmness."""
     entry = json.loads(row.entry) | values
-    row.entry = json.dumps({key: value for key, value in entry.items() if value is not None})
+    said = {key: value for key, value in entry.items() if value is not None and (key, value) != ("firmness", 1.0)}
+    row.entry = json.dumps(said)
 
 
 def _get_state(row: bpy.types.PropertyGroup) -> int:
@@ -166,25 +167,24 @@ def entries_of(scene: bpy.types.Scene, clip: str) -> list[Entry]:
 
 def put(scene: bpy.types.Scene, clip: str, *entries: Iterable[Entry]) -> None:
     """List some entries for a clip, in place of all that are listed for it; the first of several for the same span."""
-    with listed(scene) as settings:
-        kept: dict[str, Entry] = {}
-        for entry in itertools.chain(*entries):
-            span = {key: entry[key] for key in ("frames", "seconds") if key in entry}
-            parts = entry[subject_of(entry)]
-            parts = sorted(parts) if isinstance(parts, list) else parts
-            kept.setdefault(json.dumps([subject_of(entry), parts, span]), entry)
-        rows = settings.contacts
-        for number in reversed([number for number, row in enumerate(rows) if row.clip == clip]):
-            rows.remove(number)
-        for entry in sorted(kept.values(), key=lambda each: span_of(each, settings)):
-            row = rows.add()
-            row.clip, row.entry = clip, json.dumps(entry)
+    settings, kept = scene.distretarget, {}
+    for entry in itertools.chain(*entries):
+        span = {key: entry[key] for key in ("frames", "seconds") if key in entry}
+        parts = entry[subject_of(entry)]
+        parts = sorted(parts) if isinstance(parts, list) else parts
+        kept.setdefault(json.dumps([subject_of(entry), parts, span]), entry)
+    rows = settings.contacts
+    for number in reversed([number for number, row in enumerate(rows) if row.clip == clip]):
+        rows.remove(number)
+    for entry in sorted(kept.values(), key=lambda each: span_of(each, settings)):
+        row = rows.add()
+        row.clip, row.entry = clip, json.dumps(entry)
 
 
 @contextmanager
 def listed(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGroup]:
     """The settings of a scene, while its contacts are changed: markers that were moved count, and follow after."""
-    _take_markers(scene)
+    take_markers(scene)
     try:
         yield scene.distretarget
     finally:
@@ -195,7 +195,7 @@ def _markers(scene: bpy.types.Scene) -> list[bpy.types.TimelineMarker]:
     return [each for each in scene.timeline_markers if "distretarget" in each]
 
 
-def _take_markers(scene: bpy.types.Scene) -> None:
+def take_markers(scene: bpy.types.Scene) -> None:
     """Give contacts the frames to which their markers were moved."""
     rows = scene.distretarget.contacts
     for marker in _markers(scene):

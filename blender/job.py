@@ -28,12 +28,18 @@ class FailedError(Exception):
     """What a user is told in a line."""
 
 
-def target_of(context: bpy.types.Context) -> bpy.types.Object:
+def chosen_armature(context: bpy.types.Context) -> bpy.types.Object | None:
     """The active armature, or that of the active mesh."""
     chosen = context.active_object
     if chosen is not None and chosen.type == "MESH":
         chosen = chosen.find_armature()
-    if chosen is None or chosen.type != "ARMATURE":
+    return chosen if chosen is not None and chosen.type == "ARMATURE" else None
+
+
+def target_of(context: bpy.types.Context) -> bpy.types.Object:
+    """The armature that was chosen, if a motion can be on it."""
+    chosen = chosen_armature(context)
+    if chosen is None:
         raise FailedError("select the armature of a character, or its mesh")
     if chosen.library is not None or chosen.data.library is not None:
         raise FailedError(f"{chosen.name!r} is linked from another file; make it local or an override first")

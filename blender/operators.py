@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from .contacts import acts, entries_of, put
+from .contacts import acts, entries_of, listed, put, take_markers
 from .job import ENDINGS, LOOKS, FailedError, Job, names_of, target_of, there
 
 CHOSEN = {"REGISTER", "UNDO"}
@@ -73,7 +73,7 @@ class DISTRETARGET_OT_retarget(Running, bpy.types.Operator):
         settings = context.scene.distretarget
         if not settings.clip:
             raise FailedError("choose a clip")
-        for_clip(context.scene)
+        take_markers(context.scene)
         job = Job(context.scene, target_of(context), Path(bpy.path.abspath(settings.clip)))
         try:
             yield from job.done()
@@ -82,11 +82,6 @@ class DISTRETARGET_OT_retarget(Running, bpy.types.Operator):
             job.stop()
         show(scene, job, told)
         self.report({"INFO"}, told["verdict"])
-
-
-def for_clip(scene: bpy.types.Scene) -> None:
-    """Let markers that were moved count."""
-    put(scene, scene.distretarget.clip_key, entries_of(scene, scene.distretarget.clip_key))
 
 
 def show(scene: bpy.types.Scene, job: Job, told: dict[str, Any]) -> None:
@@ -102,7 +97,8 @@ def show(scene: bpy.types.Scene, job: Job, told: dict[str, Any]) -> None:
     settings.joints.clear()
     for name in told["joints"]:
         settings.joints.add().name = name
-    put(scene, job.key, filter(acts, entries_of(scene, job.key)), told["contacts"])
+    with listed(scene):
+        put(scene, job.key, filter(acts, entries_of(scene, job.key)), told["contacts"])
     pairs = there(job.names)[1].distretarget_pairs
     chosen = {pair.name: pair.source for pair in pairs if pair.is_chosen}
     pairs.clear()

@@ -6,6 +6,7 @@ import json
 import bpy
 
 from .contacts import state_of, title_of
+from .job import chosen_armature
 
 
 class InSidebar:
@@ -33,14 +34,14 @@ class DISTRETARGET_PT_panel(InSidebar, bpy.types.Panel):
 
 
 class DISTRETARGET_UL_contacts(bpy.types.UIList):
-    def draw_item(self, context, layout, data, item, _icon, _active, _property):
+    def draw_item(self, _context, layout, data, item, _icon, _active, _property):
         entry = json.loads(item.entry)
         layout.label(text=title_of(entry), icon="X" if state_of(entry) == "DROP" else "LINKED")
         layout.prop(item, "state", text="")
         if data.step:
             layout.operator("distretarget.go_to", text=f"{item.first} - {item.last}").frame = item.first
 
-    def filter_items(self, context, data, name):
+    def filter_items(self, _context, data, name):
         shown = [self.bitflag_filter_item if row.clip == data.clip_key else 0 for row in getattr(data, name)]
         return shown, []
 
@@ -68,7 +69,7 @@ class DISTRETARGET_PT_contacts(InSidebar, bpy.types.Panel):
 
 
 class DISTRETARGET_UL_pairs(bpy.types.UIList):
-    def draw_item(self, context, layout, data, item, _icon, _active, _property):
+    def draw_item(self, context, layout, _data, item, _icon, _active, _property):
         layout.label(text=item.name, icon="PINNED" if item.is_chosen else "BONE_DATA")
         layout.prop_search(item, "source", context.scene.distretarget, "joints", text="")
 
@@ -79,7 +80,7 @@ class DISTRETARGET_PT_pairs(InSidebar, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        armature = context.active_object and context.active_object.find_armature() or context.active_object
+        armature = chosen_armature(context)
         if armature is None or not armature.distretarget_pairs:
             self.layout.label(text="Retarget once to see the pairs")
             return

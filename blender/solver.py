@@ -3,8 +3,8 @@
 
 FOLDER has `job.json` with the name of the "armature" and "keys", "FK" or "IK", the armature in `character.blend`, and
 the joints' motion in `character.npz` and `result.npz`. It gets `controls.npz`, with `names`, (controls,), and `bases`,
-(controls, frames, 4, 4), and `controls.json` with "switches", each a bone, a property and its value, and "lines" on what
-cannot follow.
+(controls, frames, 4, 4), and `controls.json` with "switches", each a bone, a property and its value, and "lines" on
+what cannot follow.
 """
 
 import importlib

@@ -57,7 +57,9 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
         "warnings": [*result.warnings, *_without_joint(job["map"], there)],
         "flags": flags,
         "contacts": json.loads(contacts_to_json(find_contacts(motion, target, joint_map=pairs)))["contacts"],
-        "pairs": [[name, sources.keys[one] if one >= 0 else ""] for name, one in zip(names, matching.drivers)],
+        "pairs": [
+            [name, sources.keys[one] if one >= 0 else ""] for name, one in zip(names, matching.drivers, strict=True)
+        ],
         "joints": [sources.keys[joint] for joint in sources.joints],
     }
 

@@ -13,7 +13,16 @@ from pathlib import Path
 import pytest
 from bodies import SAMPLES
 
-from distretarget import read_bvh, write_bvh
+from distretarget import (
+    contacts_to_json,
+    find_contacts,
+    load_contacts,
+    load_target,
+    read_bvh,
+    read_motion,
+    retarget,
+    write_bvh,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 HERO = ROOT / "sample_characters" / "hero.glb"
@@ -113,6 +122,99 @@ extension.unregister()
 end({"status": status, "actions": found, "verdict": settings.verdict if hasattr(scene, "distretarget") else ""})
 """
 
+CONTACTS = """
+armature = character(sys.argv[3])
+settings.clip, scene.render.fps, settings.start = sys.argv[4], 60, 1
+folder = sys.argv[5]
+
+def listed():
+    return [json.loads(row.entry) for row in settings.contacts if row.clip == settings.clip_key]
+
+def apart(frames):
+    bones = results[-1].names
+    one, other = (results[-1].places[frames, bones.index(name)] for name in ("LeftHand", "RightHand"))
+    return float(np.linalg.norm(one - other, axis=1).mean())
+
+told = {"too early": said(bpy.ops.distretarget.contact_make, parts="left hand, head")}
+said(bpy.ops.distretarget.retarget)
+found, claps = listed(), [row for row in settings.contacts if "between" in row.entry]
+told["found"] = found
+told["markers"] = [[each.name, each.frame] for each in scene.timeline_markers]
+first = claps[0]
+span = slice(*json.loads(first.entry)["frames"])
+before, places = apart(span), results[-1].places
+first.state = "DROP"
+told["dropped"] = json.loads(first.entry)
+said(bpy.ops.distretarget.retarget)
+told["wider"] = apart(span) / before
+told["elsewhere"] = float(np.abs(results[-1].places[130:] - places[130:]).max())
+told["names"] = [each.name for each in scene.timeline_markers][:2]
+
+marker = scene.timeline_markers[0]
+marker.frame += 5
+bpy.ops.object.mode_set(mode="POSE")
+for bone in armature.pose.bones:
+    select = bone if bpy.app.version >= (5, 0) else bone.bone
+    select.select = bone.name in ("LeftHand", "Head")
+scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 231, 241
+told["made"] = said(bpy.ops.distretarget.contact_make)
+made = settings.contacts[settings.contact]
+told["made entry"] = json.loads(made.entry)
+made.gap, made.firmness = 2.5, 0.75
+told["changed entry"] = json.loads(made.entry)
+told["moved"] = next(entry for entry in listed() if entry.get("keep") is False)
+made.firmness = 1.0
+head = lambda: float(np.linalg.norm(np.subtract(*(results[-1].places[230:240, results[-1].names.index(name)]
+                                                  for name in ("LeftHand", "Head"))), axis=1).mean())
+far = head()
+told["retargeted"] = said(bpy.ops.distretarget.retarget)
+told["nearer"] = head() / far
+path = folder + "/own.contacts.json"
+told["export"] = said(bpy.ops.distretarget.contacts_export, filepath=path)
+own = listed()
+bpy.ops.wm.save_as_mainfile(filepath=folder + "/own.blend")
+bpy.ops.wm.open_mainfile(filepath=folder + "/own.blend")
+scene = bpy.context.scene
+settings = scene.distretarget
+told["kept"] = listed() == own
+settings.contacts.clear()
+told["import"] = said(bpy.ops.distretarget.contacts_import, filepath=path)
+told["same"] = sorted(map(json.dumps, listed())) == sorted(map(json.dumps, own))
+told["wrong"] = said(bpy.ops.distretarget.contacts_import, filepath=sys.argv[1])
+told["none"] = said(bpy.ops.distretarget.contacts_import, filepath=folder + "/none.json")
+count = len(settings.contacts)
+settings.contact = 0
+said(bpy.ops.distretarget.contact_remove)
+told["removed"] = count - len(settings.contacts)
+settings.clip = "other.bvh"
+told["other clip"] = [listed(), len(scene.timeline_markers)]
+end(told)
+"""
+
+PAIRS = """
+armature = character(sys.argv[3])
+settings.clip = sys.argv[4]
+name = armature.name
+said(bpy.ops.distretarget.retarget)
+turns = dict(zip(results[-1].names, np.moveaxis(results[-1].turns, 1, 0)))
+pairs = {each.name: each for each in armature.distretarget_pairs}
+told = {"found": pairs["LeftForeArm"].source, "joints": [each.name for each in settings.joints]}
+pairs["LeftForeArm"].source = ""
+pairs["Head"].source = "Neck"
+pairs["Neck"].source = "Nowhere"
+said(bpy.ops.distretarget.retarget)
+again = dict(zip(results[-1].names, np.moveaxis(results[-1].turns, 1, 0)))
+told["changed"] = [name for name in again if np.abs(again[name] - turns[name]).max() > 0.1]
+told["warnings"] = [each.text for each in settings.warnings]
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[5])
+bpy.ops.wm.open_mainfile(filepath=sys.argv[5])
+pairs = bpy.data.objects[name].distretarget_pairs
+bpy.context.view_layer.objects.active = bpy.data.objects[name]
+told["kept"] = {each.name: each.source for each in pairs if each.is_chosen}
+told["forgotten"] = said(bpy.ops.distretarget.forget_pairs)
+told["left"] = len(pairs)
+end(told)
+"""
 
 RIGIFY = """
 def made():
@@ -267,6 +369,43 @@ def test_a_folder_becomes_an_action_for_each_clip(tmp_path):
     assert found["status"] == ["FINISHED"]
     assert found["actions"]["wave"] == [True, True]
     assert found["actions"]["squat"] == [True, True]
+
+
+def test_contacts_are_dropped_made_moved_kept_and_exchanged(tmp_path):
+    found = told(CONTACTS, HERO, SAMPLES / "clap.bvh", tmp_path)
+    motion, target = read_motion(SAMPLES / "clap.bvh"), load_target(HERO)
+    assert found["found"] == json.loads(contacts_to_json(find_contacts(motion, target)))["contacts"]
+    claps = [entry["frames"] for entry in found["found"] if "between" in entry]
+    assert [frame for _, frame in found["markers"]] == [frame + 1 for span in claps for frame in span]
+    assert found["dropped"]["keep"] is False
+    assert found["wider"] > 1.05
+    assert found["elsewhere"] < 1e-4
+    assert "dropped" in found["names"][0]
+    assert found["moved"]["frames"] == [claps[0][0] + 5, claps[0][1]]
+    assert found["made entry"] == {"between": ["Head", "LeftHand"], "gap": 0.0, "frames": [230, 240]}
+    assert found["changed entry"] == found["made entry"] | {"gap": 2.5, "firmness": 0.75}
+    assert found["nearer"] < 0.5
+    assert found["kept"]
+    assert found["same"]
+    assert found["removed"] == 1
+    assert found["other clip"] == [[], 0]
+    for name, words in {"too early": "retarget the clip once", "wrong": "JSON", "none": "no such file"}.items():
+        assert words in found[name]
+    own = load_contacts(tmp_path / "own.contacts.json")
+    assert own.acts
+    assert len(retarget(motion, target, contacts=own).motion) == len(motion)
+
+
+def test_pairs_are_chosen_and_kept_with_the_character(tmp_path):
+    found = told(PAIRS, HERO, SAMPLES / "clap.bvh", tmp_path / "own.blend")
+    assert found["found"] == "LeftElbow"
+    assert {"Hips", "LeftElbow"} <= {*found["joints"]}
+    assert "LeftForeArm" in found["changed"]
+    assert "LeftLeg" not in found["changed"]
+    assert any("no joint 'Nowhere', which was chosen for 'Neck'" in line for line in found["warnings"])
+    assert found["kept"] == {"LeftForeArm": "", "Head": "Neck", "Neck": "Nowhere"}
+    assert found["forgotten"] == ["FINISHED"]
+    assert not found["left"]
 
 
 @pytest.fixture(scope="module")
