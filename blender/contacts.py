@@ -143,6 +143,14 @@ def span_of(entry: Entry, settings: bpy.types.PropertyGroup) -> list[int]:
     return [int(each) for each in entry.get("frames", (0, max(settings.frames - 1, 0)))]
 
 
+class DISTRETARGET_PG_mark(bpy.types.PropertyGroup):
+    """A marker, by its name, with the end of a contact at which it was put, and the frame."""
+
+    row: bpy.props.IntProperty()
+    end: bpy.props.IntProperty()
+    frame: bpy.props.IntProperty()
+
+
 class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
     clip: bpy.props.StringProperty()
     entry: bpy.props.StringProperty()
@@ -191,29 +199,27 @@ def listed(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGroup]:
         set_markers(scene)
 
 
-def _markers(scene: bpy.types.Scene) -> list[bpy.types.TimelineMarker]:
-    return [each for each in scene.timeline_markers if "distretarget" in each]
-
-
 def take_markers(scene: bpy.types.Scene) -> None:
     """Give contacts the frames to which their markers were moved."""
-    rows = scene.distretarget.contacts
-    for marker in _markers(scene):
-        row, end, frame = marker["distretarget"]
-        if marker.frame != frame and row < len(rows):
-            _move(rows[row], end, marker.frame)
+    settings = scene.distretarget
+    for mark in settings.marks:
+        marker = scene.timeline_markers.get(mark.name)
+        if marker is not None and marker.frame != mark.frame and mark.row < len(settings.contacts):
+            _move(settings.contacts[mark.row], mark.end, marker.frame)
 
 
 def set_markers(scene: bpy.types.Scene) -> None:
     """Show the contacts of the clip as markers at their first and last frames; not what rests as found."""
-    settings, clip = scene.distretarget, scene.distretarget.clip_key
-    for marker in _markers(scene):
-        scene.timeline_markers.remove(marker)
+    settings, markers = scene.distretarget, scene.timeline_markers
+    for marker in filter(None, [markers.get(mark.name) for mark in settings.marks]):
+        markers.remove(marker)
+    settings.marks.clear()
     for number, row in enumerate(settings.contacts if settings.markers and settings.step else ()):
         entry = json.loads(row.entry)
-        if row.clip != clip or (subject_of(entry) == "plant" and not acts(entry)):
+        if row.clip != settings.clip_key or (subject_of(entry) == "plant" and not acts(entry)):
             continue
+        title = f"{number + 1}. {title_of(entry)}{' (dropped)' if state_of(entry) == 'DROP' else ''}"
         for end, frame in enumerate((row.first, row.last)):
-            title = title_of(entry) + (" (dropped)" if state_of(entry) == "DROP" else "")
-            marker = scene.timeline_markers.new(title if not end else f"{title}, end", frame=frame)
-            marker["distretarget"] = [number, end, frame]
+            mark = settings.marks.add()
+            mark.name, mark.row, mark.end, mark.frame = title + ", end" * end, number, end, frame
+            markers.new(mark.name, frame=frame)

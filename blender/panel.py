@@ -34,9 +34,9 @@ class DISTRETARGET_PT_panel(InSidebar, bpy.types.Panel):
 
 
 class DISTRETARGET_UL_contacts(bpy.types.UIList):
-    def draw_item(self, _context, layout, data, item, _icon, _active, _property):
+    def draw_item(self, _context, layout, data, item, _icon, _active, _property, index):
         entry = json.loads(item.entry)
-        layout.label(text=title_of(entry), icon="X" if state_of(entry) == "DROP" else "LINKED")
+        layout.label(text=f"{index + 1}. {title_of(entry)}", icon="X" if state_of(entry) == "DROP" else "LINKED")
         layout.prop(item, "state", text="")
         if data.step:
             layout.operator("distretarget.go_to", text=f"{item.first} - {item.last}").frame = item.first

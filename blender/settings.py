@@ -71,6 +71,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     step: bpy.props.FloatProperty(description="Frames of the scene for one of the clip; 0 until it is retargeted")
     joints: bpy.props.CollectionProperty(type=DISTRETARGET_PG_name)
     contacts: bpy.props.CollectionProperty(type=contacts.DISTRETARGET_PG_contact)
+    marks: bpy.props.CollectionProperty(type=contacts.DISTRETARGET_PG_mark)
     contact: bpy.props.IntProperty(description="The contact that is chosen in the list")
     markers: bpy.props.BoolProperty(
         name="Markers",
@@ -98,6 +99,7 @@ GROUPS = (
     DISTRETARGET_PG_name,
     DISTRETARGET_PG_pair,
     DISTRETARGET_PG_warning,
+    contacts.DISTRETARGET_PG_mark,
     contacts.DISTRETARGET_PG_contact,
     DISTRETARGET_PG_settings,
 )

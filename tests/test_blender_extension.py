@@ -305,13 +305,14 @@ def worst():
     return found * 1700 / float(np.ptp(result.places[0], axis=0).max())
 
 first, action = worst(), rig.animation_data.action
-paths = {each.data_path.rpartition("]")[0] + "]" for each in action.fcurves}
+curves = action.layers[0].strips[0].channelbags[0].fcurves if hasattr(action, "layers") else action.fcurves
+paths = {each.data_path.rpartition("]")[0] + "]" for each in curves}
 keyed_bones = [bone.name for bone in rig.pose.bones if bone.path_from_id() in paths]
 muted = sum(each.mute for bone in rig.pose.bones for each in bone.constraints)
 values = [rig.pose.bones[bone][name] == value for bone, name, value in result.switches]
 names = {f'pose.bones["{bone}"]["{name}"]' for bone, name, _ in result.switches}
-for curve in [each for each in action.fcurves if each.data_path in names]:
-    action.fcurves.remove(curve)
+for curve in [each for each in curves if each.data_path in names]:
+    curves.remove(curve)
 for bone, name, value in result.switches:
     rig.pose.bones[bone][name] = type(value)(1 - value)
 rig.update_tag()
