@@ -6,20 +6,20 @@ Nothing is known of names: each control is turned, then moved, in the rest pose,
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion, Vector
 
-from .keys import Poses, Result, converted, new_action, poses_of, set_keys, times_of, without_action
+from .keys import Result, converted, poses_of, without_action
 
 TURN = Quaternion((0.8, 0.0, 0.6), 0.2).to_matrix().to_4x4()  # by which controls are tried: not along the bone
 SHIFT = 0.03  # by which they are tried [of the body]
 SAME = 2e-4  # what follows does so up to this [of the body, and of rotation matrices]
 NEAR = 1e-4  # a frame is solved when joints are as near as this [of the body]
 BODY = 1700.0  # the body, when it is told how far off bones are [mm]
-ALIKE = 1e-6  # transforms up to this from none get no keys
 ROUNDS = 8  # evaluations of the rig for a frame, at most
 BETTER = 0.98  # another one has to leave less than this of the error
 
@@ -289,73 +289,56 @@ def off(rig: Rig, goal: dict[str, Matrix]) -> tuple[np.ndarray, np.ndarray]:
 class Solved:
     """Transforms of controls by frame, switches as they are to be set, and how far joints are off, (frames, joints)."""
 
-    bases: dict[str, list[Matrix]]
+    bases: dict[str, np.ndarray]  # (frames, 4, 4)
     switches: list[Switch]
     joints: list[str]
     places: np.ndarray  # of the body
     turns: np.ndarray  # [rad]
 
 
-def solve(armature: bpy.types.Object, poses: Poses, frames: int, mode: str) -> Solved:
+def solve(armature: bpy.types.Object, result: Result, mode: str, tell: Callable[[int], object]) -> Solved:
     """Return the transforms of the controls of "FK" or "IK", and of the other mode's, ready when it is switched.
 
-    The mode asked for comes last, over all that the other has moved, and is what is measured.
+    The mode asked for comes last, over all that the other has moved, and is what is measured. `tell` is called with
+    the number of percent that are done since the last call.
     """
-    rig = Rig(armature, [*poses])
+    without_action(armature)
+    bones, frames = armature.data.bones, len(result.places)
+    poses = {name: poses for name, poses in poses_of(armature, result).items() if name in result.names}
+    rig = Rig(armature, [name for name in poses if bones[name].use_deform] or [*poses])
     goals = [{name: poses[name][frame] for name in rig.joints} for frame in range(frames)]
-    bases = {name: [Matrix()] * frames for name in rig.controls}
-    other = ["IK" if mode == "FK" else "FK"] if rig.switches else []
-    for each in (*other, mode):
+    bases = {name: np.tile(np.eye(4), (frames, 1, 1)) for name in rig.controls}
+    modes, done = [*(["IK" if mode == "FK" else "FK"] if rig.switches else []), mode], 0
+    for each in modes:
         rig.turn_to(each)
         holds, swivels = holders(rig), rig.swivels() if each == "IK" or not rig.switches else []
         fine = tweaks(rig, {*holds, *(one.control for one in swivels)}) if each == mode else {}
         solvers = [Solver(rig, holds, swivels), Solver(rig, holds | fine, swivels)]
         rig.clear()
-        measured = [_frame(rig, solvers[: 1 + (each == mode)], goal, bases, frame) for frame, goal in enumerate(goals)]
-    rig.clear()
+        measured = []
+        for frame, goal in enumerate(goals):
+            measured.append(_frame(rig, solvers[: 1 + (each == mode)], goal, bases, frame))
+            done += 1
+            tell(100 * done // (frames * len(modes)) - 100 * (done - 1) // (frames * len(modes)))
     places, turns = (np.array(each) for each in zip(*measured, strict=True))
     return Solved(bases, rig.switches, rig.joints, places / rig.size, turns)
 
 
 def _frame(
-    rig: Rig, solvers: list[Solver], goal: dict[str, Matrix], bases: dict[str, list[Matrix]], frame: int
+    rig: Rig, solvers: list[Solver], goal: dict[str, Matrix], bases: dict[str, np.ndarray], frame: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve a frame, starting with the one before; keep the transforms, and return how far joints are off."""
     for name in bases.keys() - {*solvers[-1].controls}:
-        rig.bones[name].matrix_basis = bases[name][frame]
+        rig.bones[name].matrix_basis = Matrix(bases[name][frame].tolist())
     rig.update()
     for solver in solvers:
         solver.solve(goal)
     for name in bases:
-        bases[name][frame] = rig.bones[name].matrix_basis.copy()
+        bases[name][frame] = rig.bones[name].matrix_basis
     return off(rig, goal)
 
 
-def keyed_controls(
-    armature: bpy.types.Object, result: Result, name: str, start: int, rate: float, mode: str
-) -> tuple[bpy.types.Action, list[str]]:
-    """Give the armature an action with keys on its controls; return it, and what cannot follow, in lines."""
-    without_action(armature)
-    bones = armature.data.bones
-    poses = {each: poses for each, poses in poses_of(armature, result).items() if each in result.names}
-    deforming = {each: poses[each] for each in poses if bones[each].use_deform}
-    solved = solve(armature, deforming or poses, len(result.places), mode)
-    action, times = new_action(armature, name), times_of(result, start, rate)
-    still = Matrix()
-    for control, bases in solved.bases.items():
-        if any(not _alike(basis, still) for basis in bases):
-            set_keys(action, armature.pose.bones[control], bases, times)
-    for switch in solved.switches:
-        bone = armature.pose.bones[switch.bone]
-        bone.keyframe_insert(f'["{bpy.utils.escape_identifier(switch.name)}"]', frame=times[0], group=bone.name)
-    return action, _told(solved)
-
-
-def _alike(one: Matrix, other: Matrix) -> bool:
-    return np.abs(np.array(one) - np.array(other)).max() < ALIKE
-
-
-def _told(solved: Solved) -> list[str]:
+def lines_on(solved: Solved) -> list[str]:
     """A line on each kind of what cannot follow."""
     lines = []
     for values, limit, unit, word in (

@@ -12,6 +12,7 @@ from .rig import constraints_on, drivers_on, moved_bones
 Poses = dict[str, list[Matrix]]  # of bones in the space of their armature, by frame
 
 STILL = 1e-5  # locations up to this get no keys [of the bone]
+ALIKE = 1e-6  # transforms up to this from none get no keys
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,19 @@ class Result:
     frame_time: float
 
 
-def keyed_joints(armature: bpy.types.Object, result: Result, name: str, start: int, rate: float) -> bpy.types.Action:
-    """Give the armature an action with the motion from a frame on, at a scene's frame rate; return it.
+@dataclass(frozen=True)
+class Controls:
+    """Transforms of controls: `names`, (controls,), `bases`, (controls, frames, 4, 4), and the values of `switches`,
+    custom properties: a bone, a name and a value each.
+    """
+
+    names: np.ndarray
+    bases: np.ndarray
+    switches: list[tuple[str, str, float]]
+
+
+def keyed_joints(armature: bpy.types.Object, result: Result, name: str, times: np.ndarray) -> bpy.types.Action:
+    """Give the armature an action with the motion at some frames of the scene, and return it.
 
     What it had as action stays in the file. Constraints and drivers that would move its bones are muted.
     """
@@ -36,16 +48,26 @@ def keyed_joints(armature: bpy.types.Object, result: Result, name: str, start: i
         constraint.mute = True
     for _, curve in drivers_on(armature, moved):
         curve.mute = True
-    poses = poses_of(armature, result)
-    action, times = new_action(armature, name), times_of(result, start, rate)
+    poses, action = poses_of(armature, result), new_action(armature, name)
     for bone in moved:
         above = poses[bone.parent.name] if bone.parent else [None] * len(times)
-        set_keys(
-            action,
-            bone,
-            [converted(bone, *each, invert=True) for each in zip(poses[bone.name], above, strict=True)],
-            times,
-        )
+        bases = [converted(bone, *each, invert=True) for each in zip(poses[bone.name], above, strict=True)]
+        set_keys(action, bone, bases, times)
+    return action
+
+
+def keyed_controls(armature: bpy.types.Object, controls: Controls, name: str, times: np.ndarray) -> bpy.types.Action:
+    """Give the armature an action with keys on its controls at some frames of the scene, and return it."""
+    action = new_action(armature, name)
+    for bone in armature.pose.bones:
+        bone.matrix_basis = Matrix()
+    for control, bases in zip(controls.names.tolist(), controls.bases, strict=True):
+        if np.abs(bases - np.eye(4)).max() > ALIKE:
+            set_keys(action, armature.pose.bones[control], [*map(Matrix, bases.tolist())], times)
+    for owner, switch, value in controls.switches:
+        bone = armature.pose.bones[owner]
+        bone[switch] = type(bone[switch])(value)
+        bone.keyframe_insert(f'["{bpy.utils.escape_identifier(switch)}"]', frame=times[0], group=bone.name)
     return action
 
 
@@ -63,11 +85,6 @@ def new_action(armature: bpy.types.Object, name: str) -> bpy.types.Action:
     data = without_action(armature)
     data.action = bpy.data.actions.new(name)
     return data.action
-
-
-def times_of(result: Result, start: int, rate: float) -> np.ndarray:
-    """The frames of the scene at which a motion has its frames."""
-    return start + np.arange(len(result.places)) * result.frame_time * rate
 
 
 def set_keys(action: bpy.types.Action, bone: bpy.types.PoseBone, bases: list[Matrix], times: np.ndarray) -> None:

@@ -4,15 +4,17 @@
 python worker.py FOLDER
 
 FOLDER has `character.npz`, as `character.arrays_of` returns it, and `job.json`: "clip", the path of the clip, its
-"animation", and "edits" and "options" for `distretarget.Edits` and `Options`. It gets `result.npz`: `places`, (frames,
-joints, 3), `turns`, (frames, joints, 4), rotations from the rest pose in the world, x y z w, and `frame_time`; and
-`result.json`: the verdict and the warnings, or an error.
+"animation", "edits" and "options" for `distretarget.Edits` and `Options`, "in_place", the "contacts" of a contact file,
+and a "map" of joints. It gets `result.npz`: `places`, (frames, joints, 3), `turns`, (frames, joints, 4), rotations from
+the rest pose in the world, x y z w, and `frame_time`; and `result.json`: an error, or the verdict and the warnings, the
+contacts that were found, the pairs of joints, and all joints of the clip.
 """
 
 import json
 import re
 import sys
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -30,11 +32,17 @@ def main(folder: Path) -> None:
 
 
 def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
-    from distretarget import Edits, Options, read_motion, retarget
+    from distretarget import Edits, Options, OutputSettings, contacts_to_json, find_contacts, read_motion, retarget
+    from distretarget.io.contacts_file import HEADER, parse_contacts
 
     motion = Edits(**job["edits"]).of(read_motion(job["clip"], clip=job["animation"] or None))
-    result = retarget(motion, _target(arrays), Options(**job["options"]))
-    moved = result.motion
+    target, there = _target(arrays), {*motion.skeleton.keys}
+    pairs = {joint: source for joint, source in job["map"].items() if source is None or source in there}
+    asked = parse_contacts(json.dumps(HEADER | {"contacts": job["contacts"]}), "Contacts")
+    with (folder / "progress").open("ab", buffering=0) as progress:
+        told = _Told(progress, len(motion))
+        result = retarget(motion, target, Options(**job["options"]), joint_map=pairs, contacts=asked, progress=told)
+    moved = OutputSettings(in_place=job["in_place"]).clip(result.motion, "", np.array([0.0, 0.0, 1.0])).motion
     np.savez(
         folder / "result.npz",
         places=moved.positions,
@@ -42,7 +50,35 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
         frame_time=moved.frame_time,
     )
     flags = [[int(frame), text] for frame, text in _frames(result.warnings)]
-    return {"verdict": result.verdict, "warnings": list(result.warnings), "flags": flags}
+    matching = result.matching
+    names, sources = matching.target.skeleton.keys, matching.source.skeleton
+    return {
+        "verdict": result.verdict,
+        "warnings": [*result.warnings, *_without_joint(job["map"], there)],
+        "flags": flags,
+        "contacts": json.loads(contacts_to_json(find_contacts(motion, target, joint_map=pairs)))["contacts"],
+        "pairs": [
+            [name, sources.keys[one] if one >= 0 else ""] for name, one in zip(names, matching.drivers, strict=True)
+        ],
+        "joints": [sources.keys[joint] for joint in sources.joints],
+    }
+
+
+class _Told:
+    """Adds a character to a file for each percent of frames that are solved."""
+
+    def __init__(self, file: BinaryIO, frames: int) -> None:
+        self.file, self.frames, self.done = file, max(frames, 1), 0
+
+    def __call__(self, frames: int) -> None:
+        before, self.done = self.done, min(self.done + frames, self.frames)
+        self.file.write(b"." * (100 * self.done // self.frames - 100 * before // self.frames))
+
+
+def _without_joint(pairs: dict[str, str | None], there: set[str]) -> list[str]:
+    """A line on each pair that was chosen for a clip with other joints."""
+    gone = [(joint, source) for joint, source in pairs.items() if source is not None and source not in there]
+    return [f"this clip has no joint {source!r}, which was chosen for {joint!r}" for joint, source in gone]
 
 
 def _frames(warnings: tuple[str, ...]) -> list[tuple[int, str]]:

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A clip that is retargeted onto a character by processes of their own, so that Blender can be used meanwhile."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .character import arrays_of
+from .contacts import acts, entries_of
+from .keys import Controls, Result, keyed_controls, keyed_joints
+from .rig import constraints_on, drivers_on, moved_bones
+from .settings import clip_key
+
+ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
+HERE = Path(__file__).parent
+LOOKS = 0.05  # a process is looked at so often [s]
+
+
+class FailedError(Exception):
+    """What a user is told in a line."""
+
+
+def chosen_armature(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The active armature, or that of the active mesh."""
+    chosen = context.active_object
+    if chosen is not None and chosen.type == "MESH":
+        chosen = chosen.find_armature()
+    return chosen if chosen is not None and chosen.type == "ARMATURE" else None
+
+
+def target_of(context: bpy.types.Context) -> bpy.types.Object:
+    """The armature that was chosen, if a motion can be on it."""
+    chosen = chosen_armature(context)
+    if chosen is None:
+        raise FailedError("select the armature of a character, or its mesh")
+    if chosen.library is not None or chosen.data.library is not None:
+        raise FailedError(f"{chosen.name!r} is linked from another file; make it local or an override first")
+    if not chosen.data.bones:
+        raise FailedError(f"{chosen.name!r} has no bones")
+    if min(chosen.matrix_world.to_scale()) <= 0.0 or np.ptp(chosen.matrix_world.to_scale()) > 1e-4:
+        raise FailedError(f"{chosen.name!r} has an uneven scale; apply it with Ctrl+A")
+    return chosen
+
+
+def names_of(scene: bpy.types.Scene, armature: bpy.types.Object) -> tuple[str, str]:
+    """By what both are found again: undo replaces everything in a file."""
+    return scene.name, armature.name
+
+
+def there(names: tuple[str, str]) -> tuple[bpy.types.Scene, bpy.types.Object]:
+    """The scene and the armature with these names."""
+    scene, armature = bpy.data.scenes.get(names[0]), bpy.data.objects.get(names[1])
+    if scene is None or armature is None or armature.type != "ARMATURE":
+        raise FailedError(f"{names[1]!r} or its scene is gone; the motion was dropped")
+    return scene, armature
+
+
+class Job:
+    """A clip on its way to an armature."""
+
+    def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object, clip: Path) -> None:
+        if clip.suffix.lower() not in ENDINGS:
+            raise FailedError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
+        if not clip.is_file():
+            raise FailedError(f"{clip}: there is no such file")
+        settings = scene.distretarget
+        self.names, self.clip, self.process = names_of(scene, armature), clip, None
+        self.key, self.keys, self.start = clip_key(clip, settings.animation), settings.keys, settings.start
+        arrays = arrays_of(armature)
+        self.joints, self.bones = arrays["names"].tolist(), armature.data.bones.keys()
+        self.place = tempfile.TemporaryDirectory(prefix="distretarget_")
+        self.folder = Path(self.place.name)
+        np.savez(self.folder / "character.npz", **arrays)
+        job = {
+            "clip": str(clip.resolve()),
+            "animation": settings.animation,
+            "edits": {"mirror": settings.mirror, "loop": settings.loop},
+            "options": {"supports": settings.supports, "skin": settings.skin},
+            "in_place": settings.in_place,
+            "contacts": [entry for entry in entries_of(scene, self.key) if acts(entry)],
+            "map": {pair.name: pair.source or None for pair in armature.distretarget_pairs if pair.is_chosen},
+            "armature": armature.name,
+            "keys": self.keys,
+        }
+        (self.folder / "job.json").write_text(json.dumps(job), "utf-8")
+        if self.keys != "JOINTS":
+            bpy.data.libraries.write(str(self.folder / "character.blend"), {armature}, path_remap="ABSOLUTE")
+
+    def done(self) -> Iterator[str]:
+        """Yield how far it is, in words, until it is done."""
+        retargeting = [sys.executable, str(HERE / "worker.py"), str(self.folder)]
+        paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        yield from self._run("Retargeting", retargeting, "result.json", os.environ | paths)
+        if self.keys != "JOINTS":
+            solving = _blender(HERE / "solver.py", self.folder)
+            yield from self._run("Moving the controls", solving, "controls.json", os.environ)
+
+    def _run(self, what: str, command: list[str], answer: str, environment: Mapping[str, str]) -> Iterator[str]:
+        """Run a process that adds a character to the file `progress` for each percent, until it answers."""
+        progress, said = self.folder / "progress", self.folder / "said"
+        progress.write_bytes(b"")
+        with said.open("wb") as output:
+            self.process = subprocess.Popen(command, env=environment, stdout=output, stderr=output)
+        while self.process.poll() is None:
+            yield f"{what}: {progress.stat().st_size} %"
+        if self.process.returncode or not (self.folder / answer).is_file():
+            lines = said.read_text("utf-8", "replace").split("\n")
+            last = next((line.strip() for line in reversed(lines) if line.strip()), self.process.returncode)
+            raise FailedError(f"{what} stopped: {last}")
+        self.told = json.loads((self.folder / answer).read_text("utf-8")) | getattr(self, "told", {})
+        if "error" in self.told:
+            raise FailedError(self.told["error"])
+
+    def stop(self) -> None:
+        """End its process, and leave nothing."""
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+        self.place.cleanup()
+
+    def apply(self) -> tuple[bpy.types.Scene, bpy.types.Action, dict[str, Any]]:
+        """Make an action of the result; return its scene, the action and what there is to say."""
+        scene, armature = there(self.names)
+        if armature.data.bones.keys() != self.bones:
+            raise FailedError(f"{armature.name!r} has other bones than before; retarget again")
+        arrays, told = np.load(self.folder / "result.npz"), self.told
+        result = Result(self.joints, arrays["places"], arrays["turns"], float(arrays["frame_time"]))
+        step = result.frame_time * scene.render.fps / scene.render.fps_base
+        times = self.start + np.arange(len(result.places)) * step
+        if self.keys == "JOINTS":
+            told["warnings"] += _muted(armature, self.joints)
+            action = keyed_joints(armature, result, self.clip.stem, times)
+        else:
+            controls = Controls(**np.load(self.folder / "controls.npz"), switches=told["switches"])
+            action = keyed_controls(armature, controls, self.clip.stem, times)
+            told["warnings"] += told["lines"]
+        return scene, action, told | {"frames": len(times), "frame_time": result.frame_time, "step": step}
+
+
+def _blender(script: Path, folder: Path) -> list[str]:
+    """The command that runs a script in another Blender, without the user's settings."""
+    if not bpy.app.binary_path:  # it is a module of Python
+        return [sys.executable, str(script), str(folder)]
+    scripts = "--disable-autoexec" if bpy.app.autoexec_fail else "--enable-autoexec"
+    start = [bpy.app.binary_path, "--background", "--factory-startup", scripts, "--python-exit-code", "1"]
+    return [*start, "--python", str(script), "--", str(folder)]
+
+
+def _muted(armature: bpy.types.Object, joints: list[str]) -> list[str]:
+    """A line on what is muted, since it would move the bones of joints."""
+    moved = moved_bones(armature, joints)
+    held = dict.fromkeys(bone.name for bone, _ in [*constraints_on(armature, moved), *drivers_on(armature, moved)])
+    if not held:
+        return []
+    more = f" and {len(held) - 1} more bones" if len(held) > 1 else ""
+    return [f"constraints and drivers of {next(iter(held))!r}{more} are muted; undo brings them back"]
