@@ -183,8 +183,8 @@ RETARGETING = (
     _choice(
         "root_follows",
         "What a root of TARGET on the floor follows, as in rigs for game engines. pelvis: it stays under the pelvis "
-        "and turns with it. source: it follows SOURCE's root. nothing: it stays at the origin. Default: source if SOURCE "
-        "has a root that moves on the floor, else pelvis.",
+        "and turns with it. source: it follows SOURCE's root. nothing: it stays at the origin. Default: source if "
+        "SOURCE has a root that moves on the floor, else pelvis.",
     ),
     _choice(
         "objective",
@@ -208,8 +208,8 @@ RETARGETING = (
         "--source-skin",
         type=PATH,
         metavar="[BUILD|FILE]",
-        help="How thick the performer of SOURCE is, a BUILD or FILE as in --skin. Default: what the mesh in SOURCE shows, else an "
-        "average adult, child or baby.",
+        help="How thick the performer of SOURCE is, a BUILD or FILE as in --skin. Default: what the mesh in "
+        "SOURCE shows, else an average adult, child or baby.",
     ),
 )
 
