@@ -13,6 +13,8 @@ from distretarget.baseline.rotation_copy import RootScale, root_path
 from distretarget.body.body import Body
 from distretarget.ik.spg import Reason
 from distretarget.objectives.activation import ContactSettings
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.contact import solve_contact
 
 PERSON = person()
 WRISTS = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
@@ -167,3 +169,15 @@ def test_a_still_pose_with_contacts_is_still():
     )
     positions = retarget(source, lengthened(PERSON, {"Elbow": 1.3, "Knee": 0.8})).motion.positions
     assert np.ptp(positions, axis=0).max() < 1e-4
+
+
+def test_a_straight_knee_bends_smoothly_as_its_foot_is_raised_bit_by_bit():
+    standing = clapping(np.zeros(60))
+    found = retarget(standing, PERSON)
+    clip, supports = Clip.of(found.matching, RootScale.even(1.0)), found.supports
+    places = supports.places.copy()
+    places[:, :2, 1] += np.linspace(0.0, 0.03, 60)[:, None] * clip.leg_lengths[1]  # the left foot's
+    v = solve_contact(clip, replace(supports, places=places), ContactSettings()).v
+    turns = np.linalg.norm(v, axis=2).max(axis=1)
+    assert turns[-1] > 0.1
+    assert np.diff(turns).max() < 3 * turns[-1] / 60

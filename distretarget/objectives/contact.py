@@ -48,7 +48,8 @@ END_FACTOR = 5.0  # head, hands and feet are this much stiffer than other parts:
 LOOSE_FACTOR = 0.1  # undriven fingers, which only the floor moves, are this much softer: they bend before the hand
 FIXED_STIFFNESS = 1e6  # of joints above the pelvis, so that the body does not tip over about a root on the floor
 ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
-SLIGHT = 1e-4  # knees of the copy that bend by less than 200 times this are bent by up to this, unseen [rad]
+STRAIGHT = 0.1  # knees of the copy that bend by less than this are straight [rad]; to the solver, ...
+SLIGHT = 0.02  # ... thigh and shin of these are turned by up to this, so that feet bend and stretch them smoothly [rad]
 FLIP_SPEED = 60.0 * math.radians(4.0)  # [rad/s]
 HELD_FLIP_SPEED = 60.0 * math.radians(10.0)  # of parts whose ends rest on something: smoothing moves them [rad/s]
 BLEND = 0.15  # deviations are averaged over this time before and after a flip [s] ...
@@ -178,16 +179,16 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
 
 
 def _with_bent_knees(clip: Clip) -> Array:
-    """(frames, joints, 3), the bones of the rotation copy, where knees that are quite straight are bent by up to
-    `SLIGHT`, as each foot points, and ankles stay in place. No force on a straight leg bends it, although its foot is
-    to come nearer to the hips.
+    """(frames, joints, 3), the bones of the rotation copy, where knees that are straight are bent as each foot points,
+    and ankles stay in place. No force on a straight leg bends it, although its foot is to come nearer to the hips: it
+    would stay straight up to a larger force, and then snap.
     """
     bones = clip.copy.bones
     for leg in (leg for leg in clip.target_legs or () if leg.toe != leg.ankle):
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
         down = normalised(shin)
         forward = normalised(perpendicular(foot, down))
-        bend = lengths(cross(normalised(thigh), down)) / (200.0 * SLIGHT)
+        bend = lengths(cross(normalised(thigh), down)) / STRAIGHT
         aside = SLIGHT * (np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
         thigh += aside
         shin -= aside
