@@ -86,16 +86,16 @@ class MatchingError(DistretargetError):
     """Two skeletons whose joints cannot be matched.
 
     Attributes:
-        fault: why not; `reason` adds the joints of both skeletons and the pairs with the closest names.
+        fault: why not; `reason` adds the pairs with the closest names, or where none is close some joints of both.
         source, target: the joint names of each skeleton.
     """
 
     def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
         near = ((name, difflib.get_close_matches(name, source, n=1, cutoff=0.6)) for name in target)
         pairs = [f"{name!r} and {matches[0]!r}" for name, matches in near if matches]
-        shown = f"closest names: {', '.join(pairs[:3])}; " if pairs else ""
-        names = f"the target has {quoted(target, 12)}; the source has {quoted(source, 12)}"
-        super().__init__(f"{fault}; {shown}{names}; {advice}")
+        closest = f"closest names: {', '.join(pairs[:3])}"
+        names = closest if pairs else f"the target has {quoted(target, 3)}; the source has {quoted(source, 3)}"
+        super().__init__(f"{fault}; {names}; {advice}")
         self.fault, self.source, self.target = fault, tuple(source), tuple(target)
 
     @property

@@ -353,8 +353,9 @@ def refused(source, target, reason, explicit=None):
     assert "\n" not in str(caught.value)
     for side, body in ((caught.value.target, target), (caught.value.source, source)):
         assert side == tuple(np.array(body.keys)[~body.end_sites])
-        assert all(repr(name) in str(caught.value) for name in side[:12])
+        assert repr(side[0]) in str(caught.value) or "closest names" in str(caught.value)
     assert "map" in str(caught.value)
+    assert len(str(caught.value)) < 350
     return str(caught.value)
 
 
@@ -372,7 +373,7 @@ def test_what_is_no_body_is_refused_with_the_names_of_both(source, target, body)
 
 def test_a_refusal_names_the_closest_pairs():
     told = refused(chain("rope1", "rope2"), chain("rope1x", "anchor"), "only 0 of 2 joints of the target have a driver")
-    assert "closest names: 'rope1x' and 'rope1'; the target has" in told
+    assert "closest names: 'rope1x' and 'rope1'; say in a map" in told
 
 
 def test_a_body_on_all_fours_is_refused():

@@ -114,6 +114,22 @@ def test_a_foot_without_a_flat_sole_stands_as_its_joints_show():
     assert result.matching.target_normals is None
 
 
+@pytest.mark.parametrize("radii", [(0.02, 0.02), (0.03, 0.02)])
+def test_hips_are_calm_over_feet_without_a_heel(radii):
+    """As toes lift, the skin of a foot that is a tube along its bone comes off the floor."""
+    skeleton = shod(heel=0.09).skeleton
+    surfaces = []
+    for side in ("Left", "Right"):
+        ankle, toe = (skeleton.index(f"{side}{part}") for part in PARTS)
+        surfaces.append((ankle, capsule_surface(skeleton.rest_positions[[ankle, toe]], radii)))
+    target = with_mesh(skeleton, mesh_of(surfaces))
+    result = retarget(read_bvh(SAMPLES / "walk.bvh"), target)
+    metrics = result.metrics
+    assert metrics["result"]["hips_acceleration"] < 2.0 * metrics["rotation_copy"]["hips_acceleration"]
+    assert metrics["result"]["foot_skate"] < 0.06
+    assert metrics["result"]["floor"] < 0.5
+
+
 def test_a_platform_lifts_the_whole_body_by_its_height():
     plain, high = (retarget(sample("squat"), shod(platform=platform)).motion for platform in (0.0, 0.1))
     np.testing.assert_allclose(high.rotations, plain.rotations, atol=1e-6)

@@ -289,7 +289,7 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
     """Match the joints of two bodies as `find_matching` does, and check that a motion can be retargeted by it.
 
     Raises:
-        MatchingError: it cannot; the message lists joints of both bodies and the pairs with the closest names.
+        MatchingError: it cannot; the message says why, and which names come closest.
         MapError: `joint_map` names joints that do not exist.
         SettingsError: an argument is of another type.
     """

@@ -28,6 +28,7 @@ T = TypeVar("T")
 AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there], ...
 WHOLE = ("head", "chest", "belly", "pelvis")  # ... and on all skin of these segments
 BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
+HEEL = 0.5  # behind the ankle, skin of heels reaches down 0.86 and more of the way to the sole; of feet without, 0.3
 DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
 
 
@@ -76,6 +77,14 @@ class Underside:
         """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite where it has none."""
         skin = self._once(self._skin_of_foot, ankle)
         return _lowest(motion, [skin], up)[0] if skin else np.full(len(motion), np.inf)
+
+    def has_heel(self, ankle: int, sole: Sole) -> bool:
+        """Return whether the skin of a foot that stands flat reaches more than halfway down behind the ankle."""
+        points, radii = self._once(self._points_of_foot, ankle)
+        away = points - self.body.skeleton.rest_positions[ankle]
+        heights = away @ sole.normal - radii
+        behind = away @ (sole.direction - (sole.direction @ sole.normal) * sole.normal) <= 0.0
+        return bool(heights[behind].min(initial=0.0) < HEEL * heights.min(initial=0.0))
 
     def thickness(self, ankle: int, sole: Sole) -> float:
         """Return how far the skin of a foot that stands flat is below its lowest joint [file units]; 0 without skin."""

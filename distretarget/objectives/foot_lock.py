@@ -195,10 +195,23 @@ def _on_mesh(
     """
     scale, up, feet = clip.scale.height, clip.up, []
     for height, pair, source, copy in zip(_sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
-        own = undersides.target.lowest_of_foot(clip.copy, pair.target.ankle, up) + undersides.soles[1]
+        own = _lowest_of_foot(clip.copy, pair.target.ankle, pair.target_sole, up, undersides) + undersides.soles[1]
         rise = scale * (height - source.toe @ up) + copy.toe @ up - own
         feet.append(replace(copy, below=scale * source.below + clip.averaged(rise, SPEED_SPAN)))
     return feet
+
+
+def _lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, undersides: Undersides) -> Array:
+    """(frames,), the height of the lowest point of a target's foot [file units]. A foot without a heel stands on its
+    toes with nothing below the ankle. It has its heel there, level with the sole, also while the toes lift: to bring
+    its skin down then would let hips and ankle drop at each step.
+    """
+    lowest = undersides.target.lowest_of_foot(motion, ankle, up)
+    if undersides.target.has_heel(ankle, sole):
+        return lowest
+    upwards = Rotation.from_quat(motion.world_rotations_of(ankle)).apply(sole.normal) @ up
+    heel = motion.positions[:, ankle] @ up - np.maximum(upwards, 0.0) * (sole.ankle + undersides.soles[1])
+    return np.minimum(lowest, heel)
 
 
 def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:

@@ -220,14 +220,16 @@ class RetargetResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings, one line each: metrics over their limits, and resting joints that do not reach their places."""
+        """Warnings, one line each: what is odd in the bodies first, since it explains the others: metrics over their
+        limits, and resting joints that do not reach their places.
+        """
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
         return (
-            *limit_warnings(self.metrics, self.tracks, causes.of),
-            *self._missed_places(causes),
             *self._lost_path(),
             *self._lost_turn(),
             *self._exchanged_sides(),
+            *limit_warnings(self.metrics, self.tracks, causes.of),
+            *self._missed_places(causes),
             *self.unmet,
         )
 

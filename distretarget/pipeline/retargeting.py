@@ -116,7 +116,7 @@ def _by_paper(
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
     """Return the error with the advice to write a map, and the command for it."""
     command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
-    advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
+    advice = f"{SAY_IN_A_MAP}: `{command}`, then --map MAP.json"
     return error.advised(advice).in_file(source if error.is_of_source else target)
 
 
