@@ -205,7 +205,8 @@ def _cells(rows: list[Row]) -> Iterator[str]:
     copies, *others = ([row for row in rows if row.method == method] for method in methods)
     yield copies[0].clip.removesuffix(".bvh")
     yield f"{_values(copies, 'contacts').mean():.0f}"
-    yield several((_values(each, "contact_error").mean() for each in (copies, *others)), ".4f")
+    errors = [_values(each, "contact_error").mean() for each in (copies, *others)]
+    yield several(errors, ".4f") if any(errors) else "-"
     yield several((_values(each, "direction_error").mean() for each in others), ".1f")
     yield several(((_values(each, "jerk") / _values(copies, "jerk")).mean() for each in others), ".2f")
     stress = [_values(each, "written_stress") / _values(each, "free_stress") for each in others]
