@@ -25,8 +25,8 @@ from distretarget.measure.gaps import Gap, body_part, measure_gap
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
     "take, bodies | gap, % of leg: source / rotation copy / each alone / scene | "
-    "gap in units of the world, scene / source | foot skate (source, strides as in this world) | "
-    "foot height, % of leg | jerk / copy's | turn, degrees | pops | "
+    "gap in units of the world, scene / source | foot skate over the source's, strides as in this world | "
+    "foot height, % of leg, larger | jerk / copy's | turn, degrees | pops | "
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )
@@ -95,8 +95,9 @@ def cells(name: str, duet: Duet) -> Iterator[str]:
     yield name
     yield several([100 * mean for mean in (gap.a, duet.copy_gap.b, duet.gap_alone.b, gap.b)], ".1f")
     yield f"{scale * gap.b / gap.a:.2f}"
-    yield f"{_both(scene, 'foot_skate', '.3f')} ({several(strides, '.3f')})"
-    yield _both(scene, "foot_height", ".2f")
+    skates = [one.metrics["result"]["foot_skate"] or 0.0 for one in scene.results]
+    yield several(np.divide(skates, strides), ".2f")
+    yield f"{max(one.metrics['result']['foot_height'] or 0.0 for one in scene.results):.2f}"
     yield several(jerks, ".2f")
     for key, form in (("turn", ".1f"), ("pop", ".0f")):
         yield _both(scene, key, form)

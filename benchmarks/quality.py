@@ -148,20 +148,21 @@ def summary_lines(rows: list[Row], copies: list[Row]) -> Iterator[tuple[str, str
     yield "bone error, largest", f"{of('bone_error').max():.1e}", "<= 1e-6"
     slide, source_slide = of("foot_skate"), of("foot_skate_source")
     text = f"{slide.mean():.4f} ({source_slide.mean():.4f}), ratio {slide.mean() / source_slide.mean():.3f}"
-    yield "foot skate in stance, leg lengths/s (source's)", text, "ratio <= 1.05"
-    what = "foot height in stance, off the scaled source's, % of leg, mean / largest"
+    yield "foot skate, leg lengths/s (source's)", text, "ratio <= 1.05"
+    what = "foot height, % of leg, mean / largest"
     yield what, mean_and_largest(of("foot_height")), "<= 0.5"
-    what = "hips over resting ankles, off the scaled source's, % of leg, mean / largest"
+    what = "hips height, % of leg, mean / largest"
     yield what, mean_and_largest(of("hips_height"), largest=of("hips_height_largest")), "<= 0.5 / 3"
-    own = "resting feet off the target's own"
-    yield f"{own}, foot pitch, degrees, mean / largest", mean_and_largest(of("foot_pitch")), "<= 3"
-    yield f"{own}, height of the ankle, % of leg, mean / largest", mean_and_largest(of("ankle_height")), "<= 2"
+    what = "pitch of resting feet off the target's own, degrees, mean / largest"
+    yield what, mean_and_largest(of("foot_pitch")), "<= 3"
+    what = "ankles of resting feet off the target's own, % of leg, mean / largest"
+    yield what, mean_and_largest(of("ankle_height")), "<= 2"
     yield "runs with pops", _sum(of("pop").clip(max=1)), "0"
     jerk, captured = of("jerk") / _values(copies, "jerk"), np.array(["/" in row.clip for row in rows])
     yield "jerk against rotation copy's, captured clips, mean / largest", mean_and_largest(jerk[captured]), "<= 1.1"
     yield "jerk against rotation copy's, samples, mean / largest", mean_and_largest(jerk[~captured]), "<= 2"
     turn = f"{of('turn').max():.2f}"
-    yield "turn beyond source's from frame to frame at 60 fps, largest, degrees", turn, "<= 30"
+    yield "turn, largest, degrees in 1/60 s", turn, "<= 30"
     free, over_copy = of("written_stress") / of("free_stress"), of("written_stress") / of("copy_stress")
     yield "written stress / free stress, mean / largest", mean_and_largest(free), "paper: <= 1.25"
     solved = over_copy[np.isfinite(free)]
@@ -204,7 +205,8 @@ def _cells(rows: list[Row]) -> Iterator[str]:
     copies, *others = ([row for row in rows if row.method == method] for method in methods)
     yield copies[0].clip.removesuffix(".bvh")
     yield f"{_values(copies, 'contacts').mean():.0f}"
-    yield several((_values(each, "contact_error").mean() for each in (copies, *others)), ".4f")
+    errors = [_values(each, "contact_error").mean() for each in (copies, *others)]
+    yield several(errors, ".4f") if any(errors) else "-"
     yield several((_values(each, "direction_error").mean() for each in others), ".1f")
     yield several(((_values(each, "jerk") / _values(copies, "jerk")).mean() for each in others), ".2f")
     stress = [_values(each, "written_stress") / _values(each, "free_stress") for each in others]

@@ -324,12 +324,14 @@ def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping
 
 
 def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """The skin inside of each body by each contestant, the mean over the clips; of the last, the largest as well."""
+    """The skin inside of each body, the mean over the clips, by the copy and the project's own contestants, which are
+    the last; of the very last, the largest as well.
+    """
 
     def inside(body: str, name: str) -> list[float]:
         return [row.metrics["inside"] for row in rows if (row.body, row.contestant) == (body, name)]
 
-    bodies, last = dict.fromkeys(row.body for row in rows), names[-1]
+    bodies, last, names = dict.fromkeys(row.body for row in rows), names[-1], [names[0], *names[-3:]]
     lines = (
         [body, *(f"{np.nanmean(inside(body, name)):.1f}" for name in names), f"{np.nanmax(inside(body, last)):.1f}"]
         for body in bodies

@@ -29,8 +29,7 @@ FRAMES = 1500  # of each clip
 TURNS = 30.0  # a joint that turns by this much more than the source's between two frames at 60 fps [degrees]
 COLUMNS = (
     "run | height of supports, % of leg (largest) | skate of supports, legs/s (source) | "
-    "foot skate, supports (source) | foot height, supports | direction error, degrees: feet / supports | "
-    "jerk / copy's: feet / supports | turn, degrees"
+    "direction error, degrees: feet / supports | jerk / copy's: feet / supports | turn, degrees"
 )
 
 
@@ -80,10 +79,8 @@ class Run:
         """The row of the run."""
         yield self.name
         yield f"{several(self.metrics('support_height')[1:], '.2f')} ({self.highest:.2f})"
-        for key, first in (("support_skate", 0), ("foot_skate", -1)):
-            source, *others = self.metrics(key)
-            yield f"{several(others[first:], '.3f')} ({several([source], '.3f')})"
-        yield several(self.metrics("foot_height")[-1:], ".2f")
+        source, *others = self.metrics("support_skate")
+        yield f"{several(others, '.3f')} ({several([source], '.3f')})"
         yield several(self.metrics("direction_error")[2:], ".1f")
         yield several(self.jerk, ".2f")
         yield several(self.metrics("turn")[-1:], ".1f")
@@ -115,6 +112,10 @@ def over_all(runs: list[Run]) -> Iterator[tuple[str, str]]:
     slides = np.array([run.metrics("support_skate") for run in floor], float)[:, [0, -1]]
     source, result = np.nan_to_num(slides).mean(axis=0)
     yield "their skate against the source's", f"{result / source:.2f}"
+    feet = np.nan_to_num(np.array([run.metrics("foot_skate") for run in floor], float))
+    yield "foot skate off the source's, largest, legs/s", f"{abs(feet[:, -1] - feet[:, 0]).max():.3f}"
+    feet = np.nan_to_num(np.array([run.metrics("foot_height")[-1] for run in floor], float))
+    yield "foot height, largest, % of leg", f"{feet.max():.2f}"
     errors = np.nan_to_num(np.array([run.metrics("direction_error")[2:] for run in floor], float))
     rise = mean_and_largest(errors[:, 1] - errors[:, 0])
     yield "direction error over that with feet alone, mean / largest, degrees", rise

@@ -41,7 +41,7 @@ RESULTS = {
 CHANGES = {
     r"contacts are off by ([\d.]+) of what": lambda: summary("contact error, mean", "contact"),
     r"at a mean direction error of ([\d.]+) degrees": lambda: summary("direction error, mean", "contact"),
-    r"they slide as much as the source's, ([\d.]+) times": lambda: summary("foot skate in stance", "copy", 2),
+    r"they slide as much as the source's, ([\d.]+) times": lambda: summary("foot skate", "copy", 2),
     r"a leg apart, are (\d+) to": lambda: min(column("duets", 1, 2)),
     r"a leg apart, are \d+ to (\d+) %": lambda: max(column("duets", 1, 2)),
     r"retargeted alone, and (\d) to": lambda: min(column("duets", 1, 3)),

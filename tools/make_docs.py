@@ -32,7 +32,7 @@ def documents() -> dict[Path, str]:
     return {
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
-        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table()}),
+        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table(), "causes": cause_table()}),
         DOCS / "data_sets.md": with_tables(DOCS / "data_sets.md", {"faults": fault_table()}),
         README: with_tables(README, {"front": front_table()}),
         SCHEMA: schema(),
@@ -84,13 +84,22 @@ FRAME = ("frame", "time", "contacts", "stance", "supports")  # keys of a frame i
 
 
 def metric_table() -> str:
-    """The metrics, the limits above which a run has a warning, and the usual causes."""
+    """The metrics, and the limits above which a run has a warning."""
     rows = []
     for metric in METRICS:
         meaning = metric.explanation("A", "B").removesuffix(" 0 is best.").replace("The same as in A is", "As in A is")
         limit = metric.limit.formula("").strip() if metric.limit else ""
-        rows.append((f"`{metric.key}`", meaning, limit, metric.limit.cause if metric.limit else ""))
-    return table(("metric", "", "limit", "usual cause"), rows)
+        rows.append((f"`{metric.key}`", meaning, limit))
+    return table(("metric", "", "limit"), rows)
+
+
+def cause_table() -> str:
+    """What usually causes that metrics are above their limits."""
+    causes: dict[str, list[str]] = {}
+    for metric in METRICS:
+        if metric.limit:
+            causes.setdefault(metric.limit.cause, []).append(f"`{metric.key}`")
+    return table(("usual cause", "of"), ((cause, ", ".join(keys)) for cause, keys in causes.items()))
 
 
 def fault_table() -> str:

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "distretarget"
 PAGE = ROOT / "docs" / "errors.md"
 TOLD = tomllib.loads((ROOT / "tools" / "cures.toml").read_text("utf-8"))
-CURES, NOT_MESSAGES = TOLD["cures"], set(TOLD["not_messages"])
+CURES, NOT_MESSAGES, USUAL = TOLD["cures"], set(TOLD["not_messages"]), set(TOLD["usual"])
 GAP = "…"  # stands for what differs from message to message
 SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and their argument with the text
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
@@ -98,15 +98,17 @@ def _text(node: ast.AST) -> str:
 
 
 def page() -> str:
-    """The text of the page: under each heading, the messages that leave open what helps, by what does."""
+    """The text of the page: under each heading, the messages that leave open what helps, by what does, without what
+    helps usually.
+    """
     left, sections = messages(), []
     for heading, files in HEADINGS.items():
         here = [message for message in left if message.file.startswith(tuple(files.split()))]
         left = [message for message in left if message not in here]
         causes: dict[str, list[str]] = {}
         for message in here:
-            if message.cure is not None:
-                causes.setdefault(message.cure, []).append(message.text)
+            if message.cure not in (None, *USUAL):
+                causes.setdefault(str(message.cure), []).append(message.text)
         if causes:
             rows = ([_cell("<br>".join(dict.fromkeys(texts))), _cell(cure)] for cure, texts in causes.items())
             sections.append(f"## {heading}\n\n{table(('message', 'what helps'), rows)}")
