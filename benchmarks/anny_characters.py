@@ -14,7 +14,7 @@ import gzip
 import itertools
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -30,105 +30,79 @@ from distretarget.numerics.quaternions import least_rotation
 
 Array = np.ndarray
 DECIMETRE = 0.1  # the base mesh is in dm
-FINGERS = {"Thumb": "Thumb", "Index": "Index", "Middle": "Middle", "Ring": "Ring", "Little": "Pinky"}
-SEGMENTS = {"Thumb": ("Metacarpal", "Proximal", "Distal")}
-LIMBS = {
-    "Shoulder": "Shoulder",
-    "UpperArm": "Arm",
-    "LowerArm": "ForeArm",
-    "Hand": "Hand",
-    "UpperLeg": "UpLeg",
-    "LowerLeg": "Leg",
-    "Foot": "Foot",
-    "Toes": "ToeBase",
+
+# ---- names of joints, by the roles that VRM names bones by
+
+FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+TRUNK = ("hips", "spine", "chest", "upperChest", "neck", "head")
+LIMBS = ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toes")
+SIDES = ("left", "right")
+
+
+def segments(finger: str) -> tuple[str, ...]:
+    """The bones of a finger, from the hand on."""
+    return ("Metacarpal", "Proximal", "Distal") if finger == "Thumb" else ("Proximal", "Intermediate", "Distal")
+
+
+FINGER_BONES = tuple(finger + segment for finger in FINGERS for segment in segments(finger))
+ROLES = (*TRUNK, *(side + part for side in SIDES for part in (*LIMBS, *FINGER_BONES)))
+
+
+@dataclass(frozen=True)
+class Naming:
+    """How a convention names joints: patterns for those of trunk, limbs and fingers, and its names of the parts."""
+
+    trunk: str
+    limb: str
+    finger: str
+    parts: Mapping[str, str]
+
+    def __call__(self, role: str) -> str:
+        """The name of the joint with a role."""
+        side = next((side for side in SIDES if role.startswith(side)), "")
+        rest, sides = role[len(side) :], {"Left": side.title(), "L": side[:1].upper(), "l": side[:1]}
+        for place, finger in enumerate(FINGERS):
+            if rest.startswith(finger):
+                number = 1 + segments(finger).index(rest[len(finger) :])
+                name = self.parts.get(finger, finger)
+                return self.finger.format(**sides, name=name, place=place, number=number, above=number - 1 or "")
+        return (self.limb if side else self.trunk).format(**sides, name=self.parts.get(rest, rest))
+
+
+def named(names: Iterable[str], as_named: str) -> dict[str, str]:
+    """Other names for parts, in one line."""
+    return dict(zip(names, as_named.split(), strict=True))
+
+
+MIXAMO = {
+    **named(TRUNK, "Hips Spine Spine1 Spine2 Neck Head"),
+    **named(LIMBS, "Shoulder Arm ForeArm Hand UpLeg Leg Foot ToeBase"),
+    "Little": "Pinky",
 }
-TRUNK = {"hips": "Hips", "spine": "Spine", "chest": "Spine1", "upperChest": "Spine2", "neck": "Neck", "head": "Head"}
+BIPED = {
+    **named(TRUNK, "Pelvis Spine Spine1 Spine2 Neck Head"),
+    **named(LIMBS, "Clavicle UpperArm Forearm Hand Thigh Calf Foot Toe0"),
+}
+UNREAL = {
+    **named(TRUNK, "pelvis spine_01 spine_02 spine_03 neck_01 head"),
+    **named(LIMBS, "clavicle upperarm lowerarm hand thigh calf foot ball"),
+    **named(FINGERS, "thumb index middle ring pinky"),
+}
+VROID = {**named(TRUNK, "Hips Spine Chest UpperChest Neck Head"), "Toes": "ToeBase"}
 
-
-def _mixamo_roles() -> dict[str, str]:
-    """The joints of Mixamo's rig, without prefix, by VRM's names of bones."""
-    roles = dict(TRUNK)
-    for side in ("left", "right"):
-        roles |= {side + bone: side.title() + joint for bone, joint in LIMBS.items()}
-        for finger, joint in FINGERS.items():
-            for number, segment in enumerate(SEGMENTS.get(finger, ("Proximal", "Intermediate", "Distal")), 1):
-                roles[f"{side}{finger}{segment}"] = f"{side.title()}Hand{joint}{number}"
-    return roles
-
-
-ROLES = _mixamo_roles()
-
-
-def _parted(role: str) -> tuple[str, str]:
-    """The side of a role, "" for the trunk, and the rest of it."""
-    side = next((side for side in ("left", "right") if role.startswith(side)), "")
-    return side, role[len(side) :]
-
-
-def _finger(rest: str) -> tuple[str, int] | None:
-    """The finger and the number of its segment, from 1."""
-    for finger in FINGERS:
-        if rest.startswith(finger):
-            segments = SEGMENTS.get(finger, ("Proximal", "Intermediate", "Distal"))
-            return finger, segments.index(rest[len(finger) :]) + 1
-    return None
-
-
-def biped(role: str) -> str:
-    """3ds Max Biped: "Bip001 L UpperArm"."""
-    side, rest = _parted(role)
-    trunk = {"hips": "Pelvis", "chest": "Spine1", "upperChest": "Spine2"}
-    limbs = {
-        "Shoulder": "Clavicle",
-        "LowerArm": "Forearm",
-        "UpperLeg": "Thigh",
-        "LowerLeg": "Calf",
-        "Toes": "Toe0",
-    }
-    if not side:
-        return f"Bip001 {trunk.get(rest, rest.title())}"
-    if finger := _finger(rest):
-        number = list(FINGERS).index(finger[0])
-        return f"Bip001 {side[0].upper()} Finger{number}{finger[1] - 1 or ''}"
-    return f"Bip001 {side[0].upper()} {limbs.get(rest, rest)}"
-
-
-def vroid(role: str) -> str:
-    """VRoid Studio: "J_Bip_L_UpperArm"."""
-    side, rest = _parted(role)
-    if not side:
-        return f"J_Bip_C_{rest[0].upper()}{rest[1:]}"
-    if finger := _finger(rest):
-        return f"J_Bip_{side[0].upper()}_{finger[0]}{finger[1]}"
-    return f"J_Bip_{side[0].upper()}_{'ToeBase' if rest == 'Toes' else rest}"
+mixamo = Naming("mixamorig:{name}", "mixamorig:{Left}{name}", "mixamorig:{Left}Hand{name}{number}", MIXAMO)
+plain = Naming("{name}", "{Left}{name}", "{Left}Hand{name}{number}", MIXAMO)
+biped = Naming("Bip001 {name}", "Bip001 {L} {name}", "Bip001 {L} Finger{place}{above}", BIPED)
+unreal = Naming("{name}", "{name}_{l}", "{name}_0{number}_{l}", UNREAL)
+vroid = Naming("J_Bip_C_{name}", "J_Bip_{L}_{name}", "J_Bip_{L}_{name}{number}", VROID)
 
 
 def spaced(role: str) -> str:
     """Names with spaces: "Left Upper Arm"."""
-    words = "".join(f" {letter}" if letter.isupper() else letter for letter in role)
-    return words.strip().title()
+    return "".join(f" {letter}" if letter.isupper() else letter for letter in role).title()
 
 
-def plain(role: str) -> str:
-    """Mixamo without its prefix: "LeftArm"."""
-    return ROLES[role]
-
-
-def mixamo(role: str) -> str:
-    """Mixamo: "mixamorig:LeftArm"."""
-    return f"mixamorig:{ROLES[role]}"
-
-
-def unreal(role: str) -> str:
-    """Unreal's mannequin, as the rig game_engine has it: "upperarm_l"."""
-    side, rest = _parted(role)
-    trunk = {"hips": "pelvis", "spine": "spine_01", "chest": "spine_02", "upperChest": "spine_03", "neck": "neck_01"}
-    limbs = {"Shoulder": "clavicle", "UpperLeg": "thigh", "LowerLeg": "calf", "Toes": "ball"}
-    if not side:
-        return trunk.get(rest, rest)
-    if finger := _finger(rest):
-        return f"{FINGERS[finger[0]].lower()}_0{finger[1]}_{side[0]}"
-    return f"{limbs.get(rest, rest.lower())}_{side[0]}"
+# ---- bodies
 
 
 @dataclass(frozen=True)
@@ -241,15 +215,7 @@ def rig_of(data: Path, name: str, points: Array) -> Rig:
     base, folder = base_mesh(data), data / "rigs"
     entries = json.loads(next(folder.glob(f"*/rig.{name}.json")).read_text())
     entries = entries.get("bones", entries)
-    names: list[str] = []
-
-    def visit(parent: str) -> None:
-        for bone, entry in entries.items():
-            if entry["parent"] == parent:
-                names.append(bone)
-                visit(bone)
-
-    visit("")
+    names = list(entries)
     parents = np.array([names.index(entries[name]["parent"]) if entries[name]["parent"] else -1 for name in names])
     heads, tips = (np.array([_place(entries[bone][end], base, points) for bone in names]) for end in ("head", "tail"))
     kept = json.loads(next(folder.glob(f"*/weights.{name}.json")).read_text())["weights"]
@@ -264,7 +230,9 @@ def rig_of(data: Path, name: str, points: Array) -> Rig:
 
 
 def _with_halves(names: list, parents: Array, heads: Array, tips: Array, kept: Mapping) -> tuple:
-    """Add the lower halves of Rigify's limbs, "DEF-thigh.L.001" below "thigh.L", where they have weights."""
+    """The joints depth first, with the lower halves of Rigify's limbs, "DEF-thigh.L.001" below "thigh.L", where they
+    have weights.
+    """
     names, parents, heads, tips = list(names), list(parents), list(heads), list(tips)
     for half in [name for name in kept if name.startswith("DEF-") and name.endswith(".001") and name not in names]:
         whole = names.index(half.removeprefix("DEF-").removesuffix(".001"))
@@ -297,21 +265,11 @@ def deforming(rig: Rig) -> Rig:
     used = np.asarray(rig.weights.sum(axis=0)).ravel() > 0
     keep = [joint for joint in range(len(used)) if used[joint] and "helper" not in rig.bones.names[joint]]
     spine = rig.bones.names.index("spine")
-    numbers = {joint: number for number, joint in enumerate(keep)}
-    parents = []
-    for joint in keep:
-        above = rig.bones.parents[joint]
-        while above >= 0 and above not in numbers:
-            above = rig.bones.parents[above]
-        parents.append(numbers[above] if above >= 0 else -1 if joint == spine else numbers[spine])
+    keep.insert(0, keep.pop(keep.index(spine)))  # the root comes first
+    lines = [_line(rig.bones, joint)[1:] for joint in keep]
+    parents = [next((keep.index(up) for up in line if up in keep), 0) for line in lines]
     names = [f"DEF-{rig.bones.names[joint].removeprefix('DEF-')}" for joint in keep]
-    order = sorted(range(len(keep)), key=lambda n: (n != numbers[spine], n))
-    back = {old: new for new, old in enumerate(order)}
-    return rig.subset(
-        [keep[n] for n in order],
-        [-1 if parents[n] < 0 else back[parents[n]] for n in order],
-        [names[n] for n in order],
-    )
+    return rig.subset(keep, [-1, *parents[1:]], names)
 
 
 def scaled(points: Array, rig: Rig, parts: Mapping[str, float]) -> Array:

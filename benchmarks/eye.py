@@ -18,7 +18,6 @@ DUETS one with takes of two performers, as in `duets.py`. What is missing is lef
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from itertools import cycle, product
@@ -27,14 +26,14 @@ from pathlib import Path
 import click
 import duets as scenes
 import numpy as np
-from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, found, markdown_option
+from clips import CLIPS, SAMPLE_CLIPS, corpus_argument, found, markdown_option
 from edits import TARGETS, edited
 from numpy.typing import NDArray
 from quality import NO_CONTACT
+from runs import Run, clip_name, in_processes, pairs, plan, run_of
 from scipy.spatial.transform import Rotation
 from tables import mean_and_largest, publish, several, table
 from zoo import LYING, MEMBERS, member, on_member, on_twin
-from zoo_quality import Run, clip_name, metrics_of, pairs, plan, run_of
 
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.batch.summary import largest_spread, role_rotations
@@ -54,11 +53,11 @@ SAME_MOTIONS = ("02_01", "02_03", "02_04", "03_01", "05_03", "05_06", "06_15", "
 NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
 
 
-def edited_run(frames: int, task: tuple[Path, str]) -> Run:
+def edited_run(frames: int, clip: Path, target: str) -> Run:
     """A clip on its own body with some bones scaled."""
-    source = read_bvh(task[0])[:frames]
-    result = retarget(source, edited(source.rigid_skeleton, TARGETS[task[1]]))
-    return metrics_of(f"{clip_name(task[0])} on {task[1]}", result)
+    source = read_bvh(clip)[:frames]
+    result = retarget(source, edited(source.rigid_skeleton, TARGETS[target]))
+    return Run.of(f"{clip_name(clip)} on {target}", result)
 
 
 # ---- rigs that lie
@@ -127,12 +126,12 @@ def _height(motion: Motion, up: Array) -> float:
 # ---- equivalent results
 
 
-def equivalent(frames: int, task: tuple[Path, str]) -> dict[str, tuple[float, float]]:
+def equivalent(frames: int, clip: Path, target: str) -> dict[str, tuple[float, float]]:
     """The largest distance of a joint between equivalent results of a clip, and between their rotation copies, by what
     was changed [% of height].
     """
-    source = read_bvh(task[0])[:frames]
-    body = edited(source.rigid_skeleton, TARGETS[task[1]])
+    source = read_bvh(clip)[:frames]
+    body = edited(source.rigid_skeleton, TARGETS[target])
     whole, n, time = retarget(source, body), len(source), source.frame_time
     noise = Rotation.from_rotvec(np.random.default_rng(0).normal(0.0, NOISE, (source.rotations.size // 4, 3)))
     noisy = noise * Rotation.from_quat(source.rotations.reshape(-1, 4))
@@ -250,20 +249,19 @@ def duet_rows(duets: Sequence[scenes.Duet]) -> Iterator[Row]:
 @markdown_option
 def main(corpus: Path, duets: Path | None, frames: int, page: Path | None) -> None:
     """Measure, print, and write the table if a page is given."""
-    clips = list(found([*sorted(path.name for path in SAMPLES.glob("*.bvh")), *CLIPS], corpus).values())
+    clips = list(found([*SAMPLE_CLIPS, *CLIPS], corpus).values())
     stand = [clip for clip in clips[::2] if Body.of_motion(read_bvh(clip)[:1]).stands_at_rest]
     members, tasks = list(MEMBERS), list(product(clips, TARGETS))
     rigs = [name for name in members if MEMBERS[name].pose in LYING and not MEMBERS[name].builds]
     both = [clip for clip in SAME_MOTIONS if all((corpus / folder / f"{clip}.bvh").is_file() for folder in FOLDERS)]
     takes = product([motions for _, motions in scenes.takes(duets)] if duets else [], scenes.PAIRS)
-    with ProcessPoolExecutor(PROCESSES) as pool:
-        of_zoo = pool.map(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)])
-        rows = list(run_rows([*pool.map(partial(edited_run, frames), tasks), *of_zoo]))
-        rows += lying_rows(list(pool.map(partial(lying, frames, stand), rigs)))
-        ways = [FOLDERS, FOLDERS[::-1]] if both else []
-        rows += answer_rows({way: list(pool.map(partial(known_answer, frames, corpus, way), both)) for way in ways})
-        rows += equivalent_rows(list(pool.map(partial(equivalent, frames), zip(clips, cycle(TARGETS), strict=False))))
-        rows += duet_rows([job.result() for job in [pool.submit(scenes.solved, *take) for take in takes]])
+    of_zoo = in_processes(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)])
+    rows = list(run_rows([*in_processes(partial(edited_run, frames), tasks), *of_zoo]))
+    rows += lying_rows(in_processes(partial(lying, frames, stand), product(rigs)))
+    ways = [FOLDERS, FOLDERS[::-1]] if both else []
+    rows += answer_rows({way: in_processes(partial(known_answer, frames, corpus, way), product(both)) for way in ways})
+    rows += equivalent_rows(in_processes(partial(equivalent, frames), zip(clips, cycle(TARGETS), strict=False)))
+    rows += duet_rows(in_processes(scenes.solved, takes))
     publish({"eye": table(["metric", "value", "goal: at most"], rows)}, page)
 
 

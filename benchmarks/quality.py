@@ -9,25 +9,26 @@ docs/diff.md and docs/results.md define the metrics.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from itertools import product
+from functools import partial
+from itertools import chain, product
 from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, found, markdown_option
+from clips import CLIPS, SAMPLE_CLIPS, corpus_argument, found, markdown_option
 from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
+from runs import in_processes
 from tables import mean_and_largest, publish, several, table
 
 from distretarget import Motion, Options, RetargetResult, read_bvh, retarget
-from distretarget.measure.comparison import Reference
-from distretarget.measure.metrics import clip_metrics
+from distretarget.measure.metrics import Variant
 
 COPY = "rotation copy"
 NEAR = 0.15  # joints at a smaller distance D count as near each other
 SMALL = 0.002  # contact errors up to this [D] do not count
+OF_SOLVER = ("not_converged", "pop")  # metrics that a rotation copy has not
 NO_CONTACT = ("walk.bvh", "02_01.bvh")  # clips in which the hands touch nothing
 
 Array = NDArray[np.float64]
@@ -43,16 +44,14 @@ class Row:
     metrics: dict[str, float]
 
 
-def measure(task: tuple[str, str], path: Path, methods: tuple[str, ...], frames: int | None) -> list[Row]:
-    """The rows of a clip on a target: the rotation copy, then each method."""
+def measure(frames: int | None, methods: tuple[str, ...], path: Path, *names: str) -> list[Row]:
+    """The rows of a clip, by path and name, on a target: the rotation copy, then each method."""
     source = read_bvh(path)[:frames]
-    body = edited(source.rigid_skeleton, TARGETS[task[1]])
-    rows = []
-    for method in methods:
-        result = retarget(source, body, Options(objective="paper" if method == "paper" else "contact"))
-        if not rows:
-            rows.append(Row(*task, COPY, _metrics(result, result.rotation_copy)))
-        metrics = _metrics(result, result.motion) | {
+    body = edited(source.rigid_skeleton, TARGETS[names[1]])
+    results = [retarget(source, body, Options(objective=method)) for method in methods]
+    rows = [Row(*names, COPY, _metrics(results[0], "rotation_copy"))]
+    for method, result in zip(methods, results, strict=True):
+        metrics = _metrics(result, "result") | {
             "written_stress": result.written_stress.mean(),
             "copy_stress": result.copy_stress.mean(),
             "not_converged": len(result.effort.not_converged),
@@ -60,24 +59,23 @@ def measure(task: tuple[str, str], path: Path, methods: tuple[str, ...], frames:
         }
         if result.free_stress is not None:
             metrics["free_stress"] = result.free_stress.mean()
-        rows.append(Row(*task, method, metrics))
+        rows.append(Row(*names, method, metrics))
     return rows
 
 
-def _metrics(run: RetargetResult, result: Motion) -> dict[str, float]:
-    """The metrics of one motion of a run, compared with its source."""
-    source, drivers, names = run.source, run.drivers, result.skeleton.names
-    comparison = Reference(source, run.matching, run.world.up_vector).compare(result)
-    of_source = {f"{key}_source": value for key, value in clip_metrics(comparison.source_tracks).items()}
-    metrics = {key: value or 0.0 for key, value in (clip_metrics(comparison.tracks) | of_source).items()}
+def _metrics(run: RetargetResult, side: Variant) -> dict[str, float]:
+    """The metrics of one side of a run, those of its source, and distances of hands."""
+    motion = run.motion if side == "result" else run.rotation_copy
+    source, drivers, names = run.source, run.drivers, motion.skeleton.names
     wrists = [joint for joint, name in enumerate(names) if part_of(name) == "forearm"]
     heads = [joint for joint, name in enumerate(names) if name.lower() == "head"]
     hips = [leg.hip for leg in run.matching.target.legs or ()]
-    return metrics | {
-        "contacts": float(comparison.contacts.counts.sum()),
-        "hand_hip": _gap(source, result, drivers, product(wrists, hips)),
-        "hand_head": _gap(source, result, drivers, product(wrists, heads)),
-        "wrist_gap": _wrist_gap(source, result, drivers, wrists),
+    metrics = run.metrics[side] | {f"{key}_source": value for key, value in run.metrics["source"].items()}
+    return {key: value or 0.0 for key, value in metrics.items() if key not in OF_SOLVER} | {
+        "contacts": float(run.comparison.contacts.counts.sum()),
+        "hand_hip": _gap(source, motion, drivers, product(wrists, hips)),
+        "hand_head": _gap(source, motion, drivers, product(wrists, heads)),
+        "wrist_gap": _wrist_gap(source, motion, drivers, wrists),
     }
 
 
@@ -221,11 +219,9 @@ def _cells(rows: list[Row]) -> Iterator[str]:
 @click.option("--frames", type=int, help="Only the first frames of each clip.")
 def main(corpus: Path, page: Path | None, clips: str, methods: str, frames: int | None) -> None:
     """Measure, print, and write the tables if a page is given."""
-    paths = found([*sorted(path.name for path in SAMPLES.glob("*.bvh")), *CLIPS], corpus, clips)
-    tasks = list(product(paths, TARGETS))
-    with ProcessPoolExecutor(PROCESSES) as pool:
-        runs = [pool.submit(measure, task, paths[task[0]], tuple(methods.split(",")), frames) for task in tasks]
-        rows = [row for run in runs for row in run.result()]
+    paths = found([*SAMPLE_CLIPS, *CLIPS], corpus, clips)
+    tasks = [(path, clip, target) for (clip, path), target in product(paths.items(), TARGETS)]
+    rows = list(chain.from_iterable(in_processes(partial(measure, frames, tuple(methods.split(","))), tasks)))
     publish({"summary": summary_table(rows), "clips": clip_table(rows)}, page)
 
 

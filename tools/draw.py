@@ -295,8 +295,12 @@ def write_loop(
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))
-    palette = images[0].quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
+    write_gif(path, images, seconds, images[0].quantize(MOVING_COLOURS, dither=Image.Dither.NONE))
+    images[still].quantize(MOVING_COLOURS, dither=Image.Dither.NONE).save(path.with_suffix(".png"), optimize=True)
+
+
+def write_gif(path: Path, images: Iterable[Image.Image], seconds: float, palette: Image.Image) -> None:
+    """Write a GIF that repeats for ever, each picture shown for some seconds, in the colours of a palette."""
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     path.parent.mkdir(parents=True, exist_ok=True)
     first.save(path, save_all=True, append_images=others, duration=round(1000 * seconds), loop=0, optimize=True)
-    images[still].quantize(MOVING_COLOURS, dither=Image.Dither.NONE).save(path.with_suffix(".png"), optimize=True)

