@@ -42,8 +42,13 @@ def documents() -> dict[Path, str]:
 # ---- docs/command_line.md: the help texts
 
 
+EXAMPLES = re.compile(r"^(?:  (?:\w+ [^\n|]+\| )?distretarget [^\n]+\n)+\n", re.MULTILINE)
+
+
 def reference() -> str:
-    """The help text of every command, `retarget` first; an option that two commands share has its text once."""
+    """The help text of every command, `retarget` first, without the examples, which the guides have; an option that two
+    commands share has its text once.
+    """
     first: dict[tuple[str, str], str] = {}  # where an option and its text were first seen
     sections = []
     for context in sorted(contexts(), key=lambda each: (each.parent is not None, each.info_name != "retarget")):
@@ -57,7 +62,8 @@ def reference() -> str:
             else:
                 shared.setdefault(where, []).append(f"`{param.opts[-1]}`")
         context.command = own
-        section = f"## {path}\n\n```text\n{context.get_help().rstrip()}\n```\n"
+        text = context.get_help().rstrip()
+        section = f"## {path}\n\n```text\n{EXAMPLES.sub('', text) if context.parent else text}\n```\n"
         also = (f"{', '.join(names)} as in `{where}`" for where, names in shared.items())
         sections.append(section + (f"\nAlso {'; '.join(also)}.\n" if shared else ""))
     return "\n".join(sections)
