@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from itertools import chain, product
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 import numpy as np
@@ -243,36 +244,43 @@ def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) 
 # ---- tables
 
 
+class Column(NamedTuple):
+    """A column of the table: what it says of a metric, in which form, and the metric behind it in the same cells."""
+
+    label: str
+    form: str = ".2f"
+    second: str = ""
+
+
 COLUMNS = {
-    "inside": "skin inside, %",
-    "frames_inside": "frames with more than 1 % inside, %",
-    "deepest": "deepest, mean / largest, % of height",
-    "above_copy": "runs with more inside than the copy",
-    "gap": "gap of contacts off the source's, samples / all clips, % of height",
-    "touch_missed": "touches missed, %",
-    "touch_place": "place of touches off, half widths",
-    "touch_time": "begin and end of touches off, ms",
-    "part_depth": "upper arms, legs and head in others, % of height",
-    "foot_skate": "foot skate over the source's",
-    "foot_height": "feet off their height, % of leg",
-    "direction": "direction error, degrees",
-    "floor": "lowest point off the floor, % of leg",
-    "sole_tilt": "soles tilted, degrees",
-    "needless": "arms turned without need, degrees, 99th percentile",
-    "jerk": "jerk over the copy's",
-    "hips_acceleration": "acceleration of the hips, 99th percentile, over the copy's",
-    "turn": "turn, largest, degrees",
-    "speed": "frames/s",
-    "conversion": "frames/s, from file to file",
+    "inside": Column("skin inside, %"),
+    "frames_inside": Column("frames with more than 1 % inside, %", ".1f"),
+    "deepest": Column("deepest, mean / largest, % of height", second="deepest_largest"),
+    "above_copy": Column("runs with more inside than the copy", ".0f"),
+    "gap": Column("gap of contacts off the source's, samples / all clips, % of height", second="gap_all"),
+    "touch_missed": Column("touches missed, %", ".1f"),
+    "touch_place": Column("place of touches off, half widths"),
+    "touch_time": Column("begin and end of touches off, ms", ".0f"),
+    "part_depth": Column("upper arms, legs and head in others, % of height"),
+    "foot_skate": Column("foot skate over the source's"),
+    "foot_height": Column("feet off their height, % of leg"),
+    "direction": Column("direction error, degrees"),
+    "floor": Column("lowest point off the floor, % of leg"),
+    "sole_tilt": Column("soles tilted, degrees"),
+    "needless": Column("arms turned without need, degrees, 99th percentile"),
+    "jerk": Column("jerk over the copy's"),
+    "hips_acceleration": Column("acceleration of the hips, 99th percentile, over the copy's"),
+    "turn": Column("turn, largest, degrees", ".1f"),
+    "speed": Column("frames/s", ",.0f"),
+    "conversion": Column("frames/s, from file to file", ",.0f"),
 }
 FURTHER = ("touch_missed", "touch_place", "touch_time", "part_depth", "floor", "sole_tilt", "needless")
-SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the metric behind a column's first
 
 
 def summary(
     rows: Sequence[Row], names: Iterable[str], speed: Mapping[str, Mapping[str, float]]
 ) -> dict[str, dict[str, float]]:
-    """The metrics of each contestant over all runs, by the keys of `COLUMNS`, and by those of `SECOND`."""
+    """The metrics of each contestant over all runs, by the keys of `COLUMNS` and the second ones in their cells."""
     copies = {(row.clip, row.body): row.metrics for row in rows if row.contestant == COPY}
     return {name: _summed([row for row in rows if row.contestant == name], copies) | speed[name] for name in names}
 
@@ -305,12 +313,9 @@ def _mean(values: Array) -> float:
 
 def cells(metrics: Mapping[str, float]) -> Iterator[str]:
     """The cells of a contestant's line behind its name."""
-    forms = {"above_copy": ".0f", "speed": ",.0f", "conversion": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
-    forms |= {"touch_missed": ".1f", "touch_time": ".0f"}
-    for key in COLUMNS:
-        keys = [key, SECOND[key]] if key in SECOND else [key]
-        values = (metrics[one] if np.isfinite(metrics[one]) else None for one in keys)
-        yield several(values, forms.get(key, ".2f"))
+    for key, column in COLUMNS.items():
+        values = (metrics[each] for each in (key, column.second) if each)
+        yield several((value if np.isfinite(value) else None for value in values), column.form)
 
 
 def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping[str, float]]) -> str:
@@ -319,7 +324,7 @@ def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping
         [f"skipped: {who.missing}", *["-"] * (len(COLUMNS) - 1)] if who.missing else list(cells(metrics[who.name]))
         for who in all_of_them
     )
-    lines = zip(COLUMNS.values(), *columns, strict=True)
+    lines = zip((column.label for column in COLUMNS.values()), *columns, strict=True)
     return table(["", *(who.name for who in all_of_them)], lines)
 
 

@@ -88,7 +88,7 @@ def test_samples_go_to_all_bodies_and_others_to_some_in_turn():
 
 
 def test_the_table_names_what_is_missing():
-    metrics = {"here": dict.fromkeys([*scoreboard.COLUMNS, *scoreboard.SECOND.values()], 1.0) | {"gap": np.nan}}
+    metrics = {"here": dict.fromkeys([*scoreboard.COLUMNS, "deepest_largest", "gap_all"], 1.0) | {"gap": np.nan}}
     all_of_them = [Contestant("here", None, None), Contestant("peer", None, None, "not installed: peer")]
     head, _, *lines = (line.split(" | ") for line in scoreboard.score_table(all_of_them, metrics).splitlines())
     assert head[1:] == ["here", "peer |"]
