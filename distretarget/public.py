@@ -32,6 +32,7 @@ from distretarget.io.contacts_file import contacts_to_json as contacts_to_json
 from distretarget.io.contacts_file import load_contacts as load_contacts
 from distretarget.io.interop import from_bvhio as from_bvhio
 from distretarget.io.interop import to_bvhio as to_bvhio
+from distretarget.io.map_json import load_map as load_map
 from distretarget.io.motion_file import read_motion as read_motion
 from distretarget.io.motion_writer import OutputSettings as OutputSettings
 from distretarget.io.motion_writer import write_motion as write_motion
@@ -54,6 +55,7 @@ from distretarget.motion import MovingBones as MovingBones
 from distretarget.numerics.kinematics import forward_kinematics as forward_kinematics
 from distretarget.objectives.activation import ContactSettings as ContactSettings
 from distretarget.objectives.supports import Supports as Supports
+from distretarget.pipeline.conversion import Recipe as Recipe
 from distretarget.pipeline.edits import Edits as Edits
 from distretarget.pipeline.edits import at_speed as at_speed
 from distretarget.pipeline.edits import looped as looped

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from distretarget import BvhError, Prop, retarget_scene
 from distretarget.io.obj import parse_obj, parse_obj_mesh
 from distretarget.scene.bodies import Bodies, PropShape
-from distretarget.scene.prop_surface import Surface, nearest_on_bones
+from distretarget.scene.prop_surface import PropSurface, nearest_on_bones
 from distretarget.scene.scene_file import load_scene
 from distretarget.skin.capsules import SEGMENTS
 
@@ -34,7 +34,7 @@ def height(surface, x):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_the_distance_from_a_box_is_known(order):
-    surface = Surface.of_mesh(CORNERS, outwards(CORNERS, TRIANGLES)[:, ::order])
+    surface = PropSurface.of_mesh(CORNERS, outwards(CORNERS, TRIANGLES)[:, ::order])
     x = np.random.default_rng(0).uniform(-2, 5, (2000, 3))
     beyond = np.maximum(-x, x - CORNERS.max(axis=0))
     known = np.where((beyond > 0).any(axis=1), np.linalg.norm(np.maximum(beyond, 0), axis=1), beyond.max(axis=1))
@@ -43,7 +43,7 @@ def test_the_distance_from_a_box_is_known(order):
 
 
 def test_a_sheet_has_two_sides():
-    surface = Surface.of_mesh(CORNERS, [[0, 1, 4], [1, 5, 4]])  # y = 0
+    surface = PropSurface.of_mesh(CORNERS, [[0, 1, 4], [1, 5, 4]])  # y = 0
     assert not surface.closed.any()
     np.testing.assert_allclose(height(surface, np.array([[1.0, 0.5, 1.0], [1.0, -0.5, 1.0]])), [0.5, 0.5])
 
@@ -51,17 +51,17 @@ def test_a_sheet_has_two_sides():
 def test_faces_that_do_not_agree_where_out_is_are_sheets():
     mixed = outwards(CORNERS, TRIANGLES)
     mixed[0] = mixed[0, ::-1]
-    assert not Surface.of_mesh(CORNERS, mixed).closed.any()
+    assert not PropSurface.of_mesh(CORNERS, mixed).closed.any()
 
 
 def test_points_without_faces_stand_alone():
-    surface = Surface.of_mesh(CORNERS, np.zeros((0, 3), int))
+    surface = PropSurface.of_mesh(CORNERS, np.zeros((0, 3), int))
     feet, out = surface.nearest(np.array([[2.5, 1.0, 3.0]]), 5.0)
     np.testing.assert_allclose([feet[0], out[0]], [[2, 1, 3], [1, 0, 0]])
 
 
 def test_nothing_is_near_beyond_the_farthest():
-    assert np.isnan(Surface.of_mesh(CORNERS, TRIANGLES).nearest(np.array([[50.0, 0.0, 0.0]]), 5.0)[0]).all()
+    assert np.isnan(PropSurface.of_mesh(CORNERS, TRIANGLES).nearest(np.array([[50.0, 0.0, 0.0]]), 5.0)[0]).all()
 
 
 def test_the_distance_from_bones_is_known():
@@ -90,7 +90,7 @@ def drums():
     corners = low + (high - low) * (CORNERS > 0)
     text = "".join("v {} {} {}\n".format(*corner) for corner in corners)
     motion = parse_obj(text, "block.obj")
-    surface = Surface.of_mesh(corners - motion.positions[0, 0], outwards(CORNERS, TRIANGLES))
+    surface = PropSurface.of_mesh(corners - motion.positions[0, 0], outwards(CORNERS, TRIANGLES))
     prop = Prop(name="block", motion=motion, surface=surface)
     body = source.rigid_skeleton
     return [retarget_scene([source], [body], [prop], skin=skin) for skin in ("average", "none")], surface

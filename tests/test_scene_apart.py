@@ -17,7 +17,7 @@ from distretarget.measure.skin import find_skin
 from distretarget.scene import apart
 from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
 from distretarget.scene.bodies import COUNT, Bodies, PropShape
-from distretarget.scene.prop_surface import Surface
+from distretarget.scene.prop_surface import PropSurface
 from distretarget.scene.scene_file import load_scene
 from distretarget.skin.capsules import IS_ARM
 
@@ -173,7 +173,7 @@ def test_a_wall_that_leaves_an_arm_no_room_makes_it_no_worse(thickness, wall_fro
     inwards = (np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]) * hull.equations[:, :3]).sum(axis=1) < 0
     triangles = np.where(inwards[:, None], triangles[:, ::-1], triangles)
     wall = parse_obj("".join("v {} {} {}\n".format(*corner) for corner in corners), "wall.obj")
-    prop = Prop(name="wall", motion=wall, surface=Surface.of_mesh(corners - wall.positions[0, 0], triangles))
+    prop = Prop(name="wall", motion=wall, surface=PropSurface.of_mesh(corners - wall.positions[0, 0], triangles))
     fatter = Build({part: ends * [1.0, 1.0, 1.0, thickness] for part, ends in FAT.parts.items()})
     thick = solved([motion], [prop], builds=[Builds(target=fatter)])
     thin = solved([motion], [prop], skin="none")

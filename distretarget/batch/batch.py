@@ -22,7 +22,6 @@ from distretarget.batch.record import BatchRecord, new_record
 from distretarget.batch.results import Results
 from distretarget.batch.summary import Tally, spread_warnings
 from distretarget.batch.workers import Workers, convert_all
-from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind, check_number, check_path
 from distretarget.contact_entries import NO_CONTACTS
@@ -33,13 +32,10 @@ from distretarget.io.files import hash_of_file, read_bytes
 from distretarget.io.formats import ARRAYS, OUTPUT_FORMATS
 from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
-from distretarget.io.map_json import load_map
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
+from distretarget.io.motion_writer import with_animations
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import Recipe
-from distretarget.pipeline.edits import NO_EDITS, Edits
-from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+from distretarget.pipeline.conversion import DEFAULT_RECIPE, Recipe
 from distretarget.pipeline.performer import target_capsules
 from distretarget.report.diff_document import About
 
@@ -238,14 +234,8 @@ def convert_folder(
     *,
     include: Sequence[str] = (),
     exclude: Sequence[str] = (),
-    map_file: str | Path | None = None,
-    rest: str | Path | None = None,
-    clip: str | None = None,
-    fps: float | None = None,
+    recipe: Recipe = DEFAULT_RECIPE,
     formats: Sequence[str] = (),
-    writing: OutputSettings = DEFAULT_OUTPUT,
-    options: Options = DEFAULT_OPTIONS,
-    builds: Builds = OWN_BUILDS,
     contacts: str | Path | None = None,
     jobs: int | None = None,
     overwrite: bool = False,
@@ -255,7 +245,6 @@ def convert_folder(
     reports: int | None = 10,
     table: str | Path | None = None,
     skeleton: str | Path | None = None,
-    edits: Edits = NO_EDITS,
 ) -> Tally:
     """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
 
@@ -268,15 +257,9 @@ def convert_folder(
         folder: the folder of results, which has the same tree as the sources.
         include: shell patterns for names or paths of files in folders, of which one must match.
         exclude: shell patterns for files to leave out.
-        map_file: a map file, as `--map` takes it.
-        rest: a file of the clips' rig whose first frame is a standing pose, as `--rest` takes it.
-        clip: the animation to read of files that have several.
-        fps: the frame rate to sample animations at [frames/s]; their own keys by default.
+        recipe: how each clip is read, retargeted and written.
         formats: of the results, such as ("bvh", "npz"): files of each clip, named alike; by default, and for "own",
             that of the target if it is glTF, else "bvh".
-        writing: how motions are put into the files of characters.
-        options: how to retarget.
-        builds: how thick the bodies are, if other files say it than their own.
         contacts: a contact file for all clips; or "beside", for the file beside each clip that has one, such as
             `walk.contacts.json`.
         jobs: the number of processes; one for each core if not given.
@@ -288,19 +271,16 @@ def convert_folder(
         table: a table to write with a row for each clip, .csv or .parquet.
         skeleton: the file of the skeleton for clips that are arrays, for which folders are then searched; see
             `read_motion`.
-        edits: what is cut out of each clip, and how it is mirrored, turned, sped up or made a loop.
 
     Returns:
         The numbers of clips converted, skipped and failed, and `lines` to print.
 
     Raises:
         BatchError: there are no clips, results would replace clips, or `fail_fast` stopped the batch.
-        DistretargetError: a target, the map or the folder of results cannot be used.
+        DistretargetError: a target or the folder of results cannot be used.
         SettingsError: an argument has the wrong type, or is out of bounds.
     """
-    check_kind("options", options, Options)
-    check_kind("builds", builds, Builds)
-    check_kind("edits", edits, Edits)
+    check_kind("recipe", recipe, Recipe)
     check_kind("include", include, Sequence)
     check_kind("exclude", exclude, Sequence)
     check_kind("formats", formats, Sequence)
@@ -317,11 +297,11 @@ def convert_folder(
     if unread:
         raise unread[0]
     files = [TargetFile.of(load_file(path)) for path in _listed("targets", targets)]
-    clips = plan(found, files, Path(folder), paths, formats, clip)
+    clips = plan(found, files, Path(folder), paths, formats, recipe.clip)
     batch = Batch(
         clips,
         Results(Path(folder), overwrite),
-        Recipe(options, load_map(map_file, rest), clip, fps, writing, builds, edits),
+        recipe,
         Pages(
             lambda clip, result: About(a=clip.name, b=result.name),
             Path(report) if report else None,

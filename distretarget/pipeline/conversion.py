@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from types import NoneType
 from typing import TypedDict
 
 from distretarget.body.build import OWN_BUILDS, Builds
+from distretarget.checks import check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import ContactsError, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
@@ -37,7 +39,20 @@ class MatchArguments(TypedDict):
 
 @dataclass(frozen=True)
 class Recipe:
-    """How clips are read, retargeted and written; `clip` and `fps` are those of `read_motion`."""
+    """How clips are read, retargeted and written.
+
+    Attributes:
+        options: how to retarget.
+        map_file: which source joint drives which target joint (`load_map`).
+        clip: the animation to read of files that have several; "#2" is the second.
+        fps: the frame rate to sample animations at [frames/s]; their own keys by default.
+        writing: how motions are put into files.
+        builds: how thick the bodies are, if other files say it than their own.
+        edits: what is cut out of each clip, and how it is mirrored, turned, sped up or made a loop.
+
+    Raises:
+        SettingsError: a value has the wrong type.
+    """
 
     options: Options = DEFAULT_OPTIONS
     map_file: MapFile = field(default_factory=lambda: MapFile({}, ""))
@@ -46,6 +61,14 @@ class Recipe:
     writing: OutputSettings = DEFAULT_OUTPUT
     builds: Builds = OWN_BUILDS
     edits: Edits = NO_EDITS
+
+    def __post_init__(self) -> None:
+        check_kind("options", self.options, Options)
+        check_kind("map_file", self.map_file, MapFile)
+        check_kind("clip", self.clip, str, NoneType)
+        check_kind("writing", self.writing, OutputSettings)
+        check_kind("builds", self.builds, Builds)
+        check_kind("edits", self.edits, Edits)
 
     @cached_property
     def settings(self) -> dict[str, object]:
@@ -83,6 +106,9 @@ class Recipe:
             rest=self.map_file.rest.on(skeleton) if self.map_file.rest else None,
             builds=self.builds if self.options.skin == "none" else with_source(self.builds, source),
         )
+
+
+DEFAULT_RECIPE = Recipe()
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.skin import limb_places
-from distretarget.scene.prop_surface import Surface, nearest_places
+from distretarget.scene.prop_surface import PropSurface, nearest_places
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.limbs import bent
@@ -36,7 +36,7 @@ HARD = SEGMENTS.index("head")  # a prop is no softer than this, and all of it is
 class PropShape:
     """A prop whose shape is known: by its surface, or, without one, by its bones."""
 
-    surface: Surface | None
+    surface: PropSurface | None
     follows: Flags  # (bodies, segments), the segments that it follows and does not keep off
     is_within: Flags  # (bodies, segments), those that may enclose it as in the source
 

@@ -28,7 +28,7 @@ LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class PropSurface:
     """The surface of a rigid prop: triangles, or points that stand alone. Raises a SettingsError if the arrays do not
     fit each other, or there is no triangle.
     """
@@ -49,7 +49,7 @@ class Surface:
             )
 
     @classmethod
-    def of_mesh(cls, vertices: Array, triangles: Numbers) -> Surface:
+    def of_mesh(cls, vertices: Array, triangles: Numbers) -> PropSurface:
         """Return the surface of a mesh, vertices (vertices, 3) and triangles (triangles, 3), or that of its vertices if
         no triangle has an area.
         """
@@ -173,7 +173,7 @@ def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Arra
     return feet, out
 
 
-def nearest_places(surface: Surface | None, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
+def nearest_places(surface: PropSurface | None, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
     """Return the places on a prop that moves like `motion` nearest to points x, (frames, points, 3), and the directions
     out of it there: on its surface, where nan is farther than `farthest`, or without one on its bones.
     """

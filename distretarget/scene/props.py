@@ -18,7 +18,7 @@ from distretarget.errors import MotionError, SettingsError
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array, extent
-from distretarget.scene.prop_surface import Surface
+from distretarget.scene.prop_surface import PropSurface
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
 PropScale = Literal["world"] | int | float
@@ -64,7 +64,7 @@ class Prop:
     motion: Motion
     scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
-    surface: Surface | None = None
+    surface: PropSurface | None = None
 
     def __post_init__(self) -> None:
         check_kind("name", self.name, str)
@@ -72,7 +72,7 @@ class Prop:
         check_kind(f"held_by of {self.name!r}", self.held_by, tuple, list)
         for grip in self.held_by:
             check_kind(f"a joint that holds {self.name!r}", grip, Grip)
-        check_kind(f"the surface of {self.name!r}", self.surface, Surface, NoneType)
+        check_kind(f"the surface of {self.name!r}", self.surface, PropSurface, NoneType)
         if isinstance(self.scale, float):
             check_number(f"the scale of {self.name!r}", self.scale, SMALLEST, LARGEST)
         elif isinstance(self.scale, bool) or not (isinstance(self.scale, int) or str(self.scale) == "world"):
@@ -171,7 +171,7 @@ class PlacedProp:
     motion: Motion  # in the source, in the target's axes
     free: Placement  # where it goes while nobody holds it
     grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
-    surface: Surface | None = None  # None for its bones
+    surface: PropSurface | None = None  # None for its bones
 
 
 class Hold(NamedTuple):

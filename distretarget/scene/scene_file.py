@@ -23,7 +23,7 @@ from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
-from distretarget.scene.prop_surface import Surface
+from distretarget.scene.prop_surface import PropSurface
 from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 
@@ -174,14 +174,14 @@ class SceneSetup:
             raise error.in_file(error.path or (performer.target if error.of_target else performer.file)) from None
 
 
-def _read(clip: SceneClip) -> tuple[Motion, Surface | None]:
+def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
     """The motion in a file from its start, and the surface in an OBJ file, which a prop may have; a prop of one frame
     has no start.
     """
     file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
     if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
         motion, (vertices, triangles) = parse_obj(file.text, clip.file), parse_obj_mesh(file.text, clip.file)
-        surface = Surface.of_mesh(vertices - motion.positions[0, 0], triangles)
+        surface = PropSurface.of_mesh(vertices - motion.positions[0, 0], triangles)
     else:
         motion, _ = parse_motion(file)
     if is_prop and len(motion) == 1:
@@ -218,7 +218,9 @@ def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> lis
     return [motion[:frames] if cut and len(motion) > frames else motion for motion in motions]
 
 
-def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], surface: Surface | None, sources: Sequence[Motion]) -> Prop:
+def _made(
+    prop: PropFiles, own: Mapping[SceneClip, Motion], surface: PropSurface | None, sources: Sequence[Motion]
+) -> Prop:
     """A prop with the motion in its own file, or with that of the joint where it begins."""
     try:
         if prop.part_of is None:
