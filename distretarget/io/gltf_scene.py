@@ -184,11 +184,14 @@ def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animati
 
 
 def _moves_face(gltf: Gltf, number: int) -> bool:
-    """Whether an animation has keys of morph targets or, in a file of a VRM animation, nodes for expressions."""
-    vrma = gltf.document.inner("extensions").inner("VRMC_vrm_animation").inner("expressions")
+    """Whether an animation has keys of morph targets or of nodes that stand for a VRM animation's expressions."""
+    expressions = gltf.document.inner("extensions").inner("VRMC_vrm_animation").inner("expressions")
+    each = (one.entries() for group in ("preset", "custom") for one in expressions.inner(group).values())
+    nodes = {gltf.index("nodes", one["node"]) for one in each if "node" in one}
     channels = gltf.entries("animations")[number].entries().listed("channels")
-    paths = (channel.entries().inner("target").read("path", Node.text, "") for channel in channels)
-    return "weights" in paths or bool(vrma.inner("preset") or vrma.inner("custom"))
+    targets = [channel.entries().inner("target") for channel in channels]
+    paths = {target.read("path", Node.text, "") for target in targets}
+    return "weights" in paths or any(gltf.index("nodes", one["node"]) in nodes for one in targets if "node" in one)
 
 
 def _curve(gltf: Gltf, fields: Fields, path: str) -> Curve:
