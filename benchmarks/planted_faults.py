@@ -108,9 +108,11 @@ def stretched(motion):
     return replace(motion, moving=MovingBones(np.array([joint]), bones))
 
 
-def lying(motion):
-    """The motion of a file whose data have Z up, and whose skeleton has Y up."""
-    world = Rotation.from_euler("x", 90, degrees=True)
+def tipped(motion, degrees):
+    """The motion in a world that is turned about X; by 90 degrees that of a file whose data have Z up, and whose
+    skeleton has Y up.
+    """
+    world = Rotation.from_euler("x", degrees, degrees=True)
     rotations = np.array(motion.rotations)
     rotations[:, 0] = (world * Rotation.from_quat(rotations[:, 0])).as_quat()
     return replace(motion, rotations=rotations, root_positions=world.apply(np.array(motion.root_positions)))
@@ -166,7 +168,8 @@ PLANTED = {
     ),
     "a path in another unit": ("off_floor", lambda m: replace(m, root_positions=100.0 * m.root_positions)),
     "a bone that stretches": ("stretching", stretched),
-    "data with another axis up": ("up_axis", lying),
+    "data with another axis up": ("up_axis", lambda m: tipped(m, 90)),
+    "a world tilted by 40 degrees": ("tilt", lambda m: tipped(m, 40)),
     "left and right exchanged": ("sides", mirrored_names),
     "a single frame": ("unreadable", lambda m: m[:1]),
 }

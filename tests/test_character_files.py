@@ -1,6 +1,7 @@
 """Files of characters, read and written: joints are where a plain player has them, and all else stays as it is."""
 
 import json
+import warnings
 from dataclasses import replace
 
 import gltf_player
@@ -293,6 +294,23 @@ def test_what_scales_lose_is_said(tmp_path):
     entry["output"] = made.accessor(np.linspace([1, 1, 1], [2, 2, 2], len(WALK.times)))
     with pytest.warns(UserWarning, match="the scales of 'Hips' change in the animation; they are left out"):
         read_motion(made.write(tmp_path / "growing.glb"))
+
+
+@pytest.mark.parametrize("kind", ["weights", "preset", "custom"])
+def test_moving_morph_targets_and_expressions_are_left_out_and_it_is_said(kind, tmp_path):
+    made = character(BONES)
+    number = made.animate("walk", WALK)
+    with warnings.catch_warnings(action="error"):
+        plain = read_motion(made.write(tmp_path / "plain.glb"))
+    if kind == "weights":
+        animation = made.document["animations"][number]
+        animation["channels"].append({"sampler": 0, "target": {"node": 0, "path": "weights"}})
+    else:
+        extension = as_vrma(made).document["extensions"]["VRMC_vrm_animation"]
+        extension["expressions"] = {kind: {"happy": {"node": 0}}}
+    with pytest.warns(UserWarning, match="moves morph targets or expressions, such as those of a face; they are left"):
+        motion = read_motion(made.write(tmp_path / "smiling.glb"))
+    np.testing.assert_array_equal(motion.rotations, plain.rotations)
 
 
 def test_a_compressed_mesh_stays_and_is_said(tmp_path):

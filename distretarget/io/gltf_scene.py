@@ -40,12 +40,16 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
     skins, (kind, humanoid) = _skins(gltf), _humanoid(gltf)
     used = [] if animated else [node.text() for node in gltf.document.listed("extensionsUsed")]
-    notes = tuple(
+    notes = [
         f"its mesh is compressed by {name}: it stays as it is in the result, but its skin is not read"
         for extension, name in COMPRESSIONS.items()
         if extension in used
+    ]
+    if chosen is not None and _moves_face(gltf, chosen):
+        notes.append("the animation moves morph targets or expressions, such as those of a face; they are left out")
+    return CharacterScene(
+        gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=tuple(notes)
     )
-    return CharacterScene(gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=notes)
 
 
 def animation_names(gltf: Gltf) -> tuple[str, ...]:
@@ -177,6 +181,17 @@ def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animati
             sampler = samplers[parts.need("sampler").index(len(samplers) - 1, "samplers")]
             curves[path][node] = _curve(gltf, sampler.entries(), path)
     return sampled(gltf.path, name, curves, fps, most=gltf.size)
+
+
+def _moves_face(gltf: Gltf, number: int) -> bool:
+    """Whether an animation has keys of morph targets or of nodes that stand for a VRM animation's expressions."""
+    expressions = gltf.document.inner("extensions").inner("VRMC_vrm_animation").inner("expressions")
+    each = (one.entries() for group in ("preset", "custom") for one in expressions.inner(group).values())
+    nodes = {gltf.index("nodes", one["node"]) for one in each if "node" in one}
+    channels = gltf.entries("animations")[number].entries().listed("channels")
+    targets = [channel.entries().inner("target") for channel in channels]
+    paths = {target.read("path", Node.text, "") for target in targets}
+    return "weights" in paths or any(gltf.index("nodes", one["node"]) in nodes for one in targets if "node" in one)
 
 
 def _curve(gltf: Gltf, fields: Fields, path: str) -> Curve:

@@ -13,6 +13,7 @@ import numpy as np
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.body.resting import feet_at_rest
+from distretarget.measure.tilt import world_tilt
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, steps_along
 from distretarget.numerics.time_series import Shots, spans_of
@@ -65,6 +66,7 @@ KINDS: Mapping[str, Kind] = {
     "off_floor": Kind("how far the lowest joint is from height 0", "legs", 3.0),
     "stretching": Kind("how much the length of a bone changes", "% of leg", 2.0),
     "up_axis": Kind("the axis up is another than that of the skeleton, or of most clips of its rig", plain=True),
+    "tilt": Kind("how far the world is tilted: bodies that stand lean with their soles", "degrees", 15.0),
     "sides": Kind("joints named left are on the right", plain=True),
     "unit": Kind("how many times larger or smaller the body is than in most clips of its rig", "times", 1.5),
     "frame_time": Kind("how much the frame time differs from that of most clips of its rig, or is over 1 s", "%", 1.0),
@@ -210,6 +212,8 @@ def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Numbers) -> Findi
     if body.legs is None:
         return {}
     findings = {"off_floor": Finding(abs(body.lowest(body.up_vector)) / body.leg_length), "skating": Finding(0.0)}
+    speeds = [_mean_speeds(motion.positions[:, _ends(foot)], motion.frame_time).max(axis=1) for foot in body.legs]
+    findings["tilt"] = Finding(world_tilt(motion, body, np.stack(speeds, axis=1) < STILL * body.leg_length))
     skates = np.stack([_skates(motion, body, foot, shots) for foot in body.legs], axis=1)
     spans = [(end - start, int(start), foot) for foot in (0, 1) for start, end in spans_of(skates[:, foot])]
     if spans:
