@@ -114,6 +114,8 @@ def within_reach(clip: Clip, supports: Supports) -> Supports:
     rotation copy as stretched arms reach if the trunk leans by up to `LEANS`: a body whose arms are too short for the
     floor sits upright. One that does not sit goes down to its hands.
     """
+    if len(supports.joints) == supports.feet:
+        return supports
     in_trunk = clip.regions.inside(*TRUNK_REGIONS)
     seat = supports.weights[:, in_trunk[supports.joints]].max(axis=1, initial=0.0)
     places, short = supports.places.copy(), SHORT * clip.leg_lengths[1]
