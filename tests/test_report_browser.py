@@ -302,6 +302,34 @@ def test_sides_are_hidden_and_laid_over_each_other(opened):
     assert tab.locator("#labels > div").all_inner_texts() == ["Result"]
 
 
+def elements(content, at=0):
+    """The elements of Matroska in some bytes, by number, with their content."""
+    while at < len(content):
+        width = next(size for size in range(1, 5) if content[at] >> (8 - size))
+        number, at = int.from_bytes(content[at : at + width], "big"), at + width
+        size, at = int.from_bytes(content[at + 1 : at + 8], "big"), at + 8  # the page writes all sizes in eight bytes
+        yield number, content[at : at + size]
+        at += size
+
+
+def test_a_film_has_each_frame_once_and_at_its_time(opened, tmp_path):
+    tab = opened()
+    if not tab.evaluate("Boolean(globalThis.VideoEncoder)"):
+        pytest.skip("this browser codes no films")
+    count, step = tab.evaluate("[app.clock.count, app.clock.frameTime]")
+    with tab.expect_download(timeout=120_000) as saved:
+        tab.click("#film")
+    saved.value.save_as(tmp_path / "film.webm")
+    (_, head), (_, segment) = elements((tmp_path / "film.webm").read_bytes())
+    times = []
+    for number, cluster in elements(segment):
+        if number == 0x1F43B675:
+            (_, start), *blocks = elements(cluster)
+            times += [int.from_bytes(start, "big") + int.from_bytes(block[1:3], "big") for _, block in blocks]
+    assert b"webm" in head
+    np.testing.assert_allclose(times, 1000 * step * np.arange(count), atol=1)
+
+
 def test_the_picture_changes_with_frame_theme_and_paths(opened):
     tab = opened(color_scheme="light")
     seen = [picture(tab)]

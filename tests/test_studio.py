@@ -400,7 +400,8 @@ WHERE = """(joint) => {
 
 
 DRAWN = """async () => {
-  while (!(globalThis.app?.stage.sides.at(-1).actors[0].mesh.bent >= 0)) await new Promise(requestAnimationFrame);
+  const drawn = () => globalThis.app?.stage.sides.at(-1).actors[0].mesh.bent >= 0;
+  while (!drawn()) await new Promise(requestAnimationFrame);
 }"""
 
 
@@ -440,10 +441,6 @@ def solved(browser):
 
 def drawn(tab):
     """The frame of the page with the player, once that shows the last result."""
-    address = tab.locator("#report").get_attribute("src").partition("#")[0]
-    while address not in tab.frames[1].url:
-        tab.wait_for_timeout(20)
-    tab.frames[1].wait_for_load_state()
     tab.frames[1].evaluate(DRAWN)
     return tab.frames[1]
 
@@ -541,7 +538,7 @@ def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
     keys = load_target(HERO).skeleton.keys
     stage = drawn(tab)
     tab.get_by_test_id("pick").click()
-    box = tab.locator("#report").bounding_box()
+    box = tab.locator("#player").bounding_box()
     for joint in (keys.index("LeftHand"), keys.index("Head")):
         x, y = stage.evaluate(WHERE, joint)
         tab.mouse.click(box["x"] + x, box["y"] + y)

@@ -95,9 +95,8 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
     turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
     turning = np.union1d(turning, [0])
     still = np.setdiff1d(np.arange(len(skeleton)), turning)
-    world = turn * Rotation.from_quat(motion.world_rotations[:, turning].reshape(-1, 4)) * turn.inv()
-    numbers = np.rint(32767 * _continuous(world.as_quat().reshape(len(motion), -1, 4)))
-    fixed = turn * Rotation.from_quat(motion.rotations[0, still].reshape(-1, 4)) * turn.inv()
+    world, fixed = motion.world_rotations[:, turning], motion.rotations[0, still]
+    numbers = np.rint(32767 * _continuous(_turned_axes(turn, world)))
     moving = motion.moving
     roles = body.anatomy.roles if body and body.anatomy else {}
     return {
@@ -113,7 +112,7 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
         "turning": turning.tolist(),
         "rotations": packed(_differences(numbers), "<i2"),  # (joints x 4, frames), of `turning`, in the world
         "still": still.tolist(),
-        "fixed": packed(fixed.as_quat(), "<f4"),  # (joints, 4), of `still`, relative to their parents
+        "fixed": packed(_turned_axes(turn, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
         "moving": moving.joints.tolist() if moving else [],
         "translations": packed(_turned(turn, moving.translations) / actor.unit if moving else [], "<f4"),
         "centre": roles.get("hips", 0) if body is None or body.pelvis_joint is None else body.pelvis_joint,
@@ -241,6 +240,11 @@ def upright(up: Array) -> Rotation:
 def _turned(turn: Rotation, places: Array) -> Array:
     """Places, (..., 3), turned."""
     return np.asarray(places @ turn.as_matrix().T)
+
+
+def _turned_axes(turn: Rotation, rotations: Array) -> Array:
+    """Rotations, (..., 4), about axes that are turned."""
+    return np.concatenate([_turned(turn, rotations[..., :3]), rotations[..., 3:]], axis=-1)
 
 
 def packed(array: Any, dtype: str) -> str:

@@ -12,7 +12,6 @@ const D_MEANS = 'Distance of two joints divided by the length of the bones betwe
   + 'where the path between them is straight.';
 const COPY_MEANS = 'The rotation copy: A’s rotations on the bones of B, before anything is corrected.';
 const HEIGHT = 100; // of a curve in its own units
-const STILL = 4; // a pointer that moves less clicks [pixels]
 const POINTS = 2000; // of a curve, at most: of frames that share one the largest value is drawn
 
 function buildHead() {
@@ -22,16 +21,6 @@ function buildHead() {
   const [roleA, roleB] = ofRun ? ['the source', 'the result'] : ['the reference', 'measured'];
   const [nameA, nameB] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
   $('title').append(...ofRun ? ['result ', nameB, ' against source ', nameA] : [nameB, ' against ', nameA]);
-  if (window.self !== window.top) { // the page around it has head and verdict, and asks for the same frame again
-    document.body.classList.add('framed');
-    onFrame(frame => window.parent.postMessage({frame: Math.round(frame)}, '*'));
-    let from = [];
-    addEventListener('pointerdown', ({clientX, clientY}) => { from = [clientX, clientY]; }, true);
-    addEventListener('click', ({target, offsetX, offsetY, clientX, clientY}) => {
-      if (target !== $('player') || Math.hypot(clientX - from[0], clientY - from[1]) > STILL) return;
-      window.parent.postMessage({joint: app.stage.jointAt(offsetX, offsetY)}, '*');
-    });
-  }
   $('verdict').hidden = !report.verdict;
   $('verdict').textContent = report.verdict;
   $('looks').hidden = !report.warnings.length;

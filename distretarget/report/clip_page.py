@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,12 @@ from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
-from distretarget.pipeline.found_contacts import marked_contacts
+from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, packed
 from distretarget.report.diff_document import About, DiffDocument, Table, document
 from distretarget.report.page import html_page
-from distretarget.report.stage import ShownBody, facing, stage_of_bodies
+from distretarget.report.stage import Jump, ShownBody, facing, stage_of_bodies
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import LoadedTarget, Target
 
@@ -68,24 +68,42 @@ def run_page(
     """
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
+    body = _in_meshes(shown_performer("", diff, result), result, target, source)
+    return _page(diff, document(diff, about), body)
+
+
+def run_stage(
+    result: RetargetResult, target: LoadedTarget, source: InputFile, marked: Sequence[MarkedContact]
+) -> dict[str, object]:
+    """Return what the player of `run_page` shows, but for its worst frames; `marked` are the contacts of the result."""
+    diff = run_diff(result)
+    body = _in_meshes(shown_performer("", diff, result, marked), result, target, source)
+    return _stage(diff, body, _cuts(diff))
+
+
+def _in_meshes(
+    body: ShownBody, result: RetargetResult, target: LoadedTarget | None, source: InputFile | None
+) -> ShownBody:
     mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
-    body = shown_performer("", diff, result)
-    return _page(diff, document(diff, about), replace(body, meshes=(_mesh_of(source, diff.a), mesh)))
+    return replace(body, meshes=(_mesh_of(source, result.source), mesh))
 
 
-def shown_performer(name: str, measured: Diff, result: RetargetResult | None = None) -> ShownBody:
-    """Return a performer of a diff; as its result shows it, if it was made here."""
+def shown_performer(
+    name: str, measured: Diff, result: RetargetResult | None = None, marked: Sequence[MarkedContact] | None = None
+) -> ShownBody:
+    """Return a performer of a diff; as its result, and the contacts of that, show it, if it was made here."""
     matching, frames = measured.matching, len(measured)
-    skins = (capsules_of(matching.source), capsules_of(matching.target))
     if result and result.skins:
-        skins = (result.skins.source.capsules, result.skins.target.capsules)
+        skins = result.skins.source.capsules, result.skins.target.capsules
+    else:
+        skins = capsules_of(matching.source), capsules_of(matching.target)
     return ShownBody(
         name=name,
         motions=(measured.a[:frames], *([result.rotation_copy] if result else []), measured.b[:frames]),
         measured=measured,
         skins=skins,
         meshes=(None, result.mesh if result else None),
-        marked=marked_contacts(result) if result else (),
+        marked=marked or (marked_contacts(result) if result else ()),
     )
 
 
@@ -127,13 +145,6 @@ def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
     """The page on a diff that plays motions of a body, first that of A; the others are those of B's body."""
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
-    sides: dict[str, Role] = {"A": "source", "B": "result"}
-    if source:
-        sides = {"Source": "source", "Copied rotations": "copy", "Result": "result"}
-    a, b = (2.0 * leg for leg in diff.matching.leg_lengths)
-    units = a or diff.matching.source.unit or 1.0, b or diff.matching.target.unit or 1.0
-    front = facing(diff.matching.target, diff.b, diff.up)
-    stage = stage_of_bodies([body], sides, diff.up, units, front, jumps=[*_worst(document), *_cuts(diff)])
     frames = document["frames"]
     keys = [key for metric in metrics_at("curve") for key in (metric.key, f"{metric.key}_source") if key in frames[0]]
     data = {
@@ -141,9 +152,19 @@ def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
         "contact-table": contact_table(document),
         "columns": {key: packed([np.nan if row[key] is None else row[key] for row in frames], "<f4") for key in keys},
         "registry": as_data("A", "B"),
-        "stage": stage,
+        "stage": _stage(diff, body, [*_worst(document), *_cuts(diff)]),
     }
     return html_page("clip", title, data)
+
+
+def _stage(diff: Diff, body: ShownBody, jumps: Iterable[Jump]) -> dict[str, object]:
+    sides: dict[str, Role] = {"A": "source", "B": "result"}
+    if len(body.motions) > len(sides):
+        sides = {"Source": "source", "Copied rotations": "copy", "Result": "result"}
+    a, b = (2.0 * leg for leg in diff.matching.leg_lengths)
+    units = a or diff.matching.source.unit or 1.0, b or diff.matching.target.unit or 1.0
+    front = facing(diff.matching.target, diff.b, diff.up)
+    return stage_of_bodies([body], sides, diff.up, units, front, jumps=[*jumps])
 
 
 def contact_table(document: DiffDocument) -> Table:

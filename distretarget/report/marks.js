@@ -29,8 +29,9 @@ function trailOf(actor, joint) {
 
 /** Shows marks for the rows of a timeline, and paths, on a stage. */
 export class Marks {
-  constructor(stage, rows) {
-    Object.assign(this, {stage, rows, shown: true, trails: false, ring: spotTexture(RING), glow: spotTexture(GLOW)});
+  constructor(stage) {
+    Object.assign(this, {stage, rows: [], shown: true, trails: false});
+    Object.assign(this, {ring: spotTexture(RING), glow: spotTexture(GLOW)});
     const flat = new THREE.PlaneGeometry(1, 1).rotateX(-Math.PI / 2);
     const many = made => Array.from({length: MOST}, () => Object.assign(made(), {visible: false, renderOrder: 2}));
     for (const side of stage.sides) {

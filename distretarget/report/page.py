@@ -22,19 +22,31 @@ from urllib.parse import quote
 from distretarget.measure.metrics import COLUMNS, as_data
 
 LIBRARY = "three.min.js"
-PLAYER = ("dom.js", "motion.js", "bodies.js", "stage.js", "playback.js", "timeline.js", "marks.js", "player.js")
+PLAYER = (
+    "dom.js",
+    "motion.js",
+    "bodies.js",
+    "stage.js",
+    "playback.js",
+    "timeline.js",
+    "marks.js",
+    "film.js",
+    "player.js",
+)
 # The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
 STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),
     "audit": ("style.css", "index.css", "audit.css"),
     "index": ("style.css", "player.css", "index.css"),
     "scene": ("style.css", "player.css"),
+    "framed": ("style.css", "player.css", "framed.css"),
 }
 SCRIPTS = {
     "clip": (*PLAYER, "tables.js", "metrics.js", "clip.js"),
     "audit": (),
     "index": (*PLAYER, "metrics.js", "index.js"),
     "scene": (*PLAYER, "tables.js", "scene.js"),
+    "framed": (*PLAYER, "framed.js"),
 }
 IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)
 HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
@@ -45,10 +57,10 @@ FIELDS = ("clip", "link", "stage", "target", "done", "frames", "seconds", "warni
 
 
 def html_page(kind: str, title: str, data: Mapping[str, object], **content: str) -> str:
-    """The HTML of a "clip", "index", "scene" or "audit" page. Its scripts read `data` by name; a name that begins with
-    "stage" is for the player. `content` is HTML for places of these names.
+    """The HTML of a "clip", "index", "scene", "audit" or "framed" page. Its scripts read `data` by name; a name that
+    begins with "stage" is for the player, which a "framed" page has anyway. `content` is HTML for places of these.
     """
-    played = any(name.startswith("stage") for name in data)
+    played = kind == "framed" or any(name.startswith("stage") for name in data)
     modules = [_asset(name) for name in SCRIPTS[kind] if played or name not in PLAYER[1:]]
     scripts = [_asset(LIBRARY)] * played + ["'use strict';\n" + "\n".join(IMPORT.sub("", one) for one in modules)]
     parts = content | {

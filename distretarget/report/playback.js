@@ -78,31 +78,37 @@ export function jump(direction) {
   if (beyond.length) goTo(direction > 0 ? Math.min(...beyond) : Math.max(...beyond));
 }
 
-function followLink() {
+export function followLink() {
   const [, frame] = /^#frame=(\d+)$/.exec(location.hash) || [];
   if (frame !== undefined) goTo(Number(frame));
 }
 
 addEventListener('hashchange', followLink);
 
-/** Connects slider, buttons and links; `jumps` are frames with a kind and a text. */
-export function buildTransport(count, frameTime, jumps) {
-  Object.assign(clock, {frame: 0, count, frameTime, playing: false, speed: 1, loop: null, jumps});
+/** Takes the frames of a clip; `jumps` are frames with a kind and a text. A loop goes on in as many frames alone. */
+export function setClip(count, frameTime, jumps) {
+  while (clock.loop && count !== clock.count) markLoop();
+  Object.assign(clock, {count, frameTime, jumps});
   for (const id of ['slider', 'play', 'loop', 'speed']) $(id).disabled = count < 2;
-  element($('slider'), {max: count - 1, on: {input: ({target}) => goTo(Number(target.value))}});
+  $('slider').max = count - 1;
+  $('jump').replaceChildren($('jump').options[0], ...Object.entries(Object.groupBy(jumps, ({kind}) => kind)).map(
+    ([label, some]) => element('optgroup', {label}, ...some.map(({frame, text}) => new Option(text, frame)))));
+  $('jump').hidden = !jumps.length;
+}
+
+/** Connects slider, buttons and links, from the first frame on. */
+export function buildTransport() {
+  Object.assign(clock, {frame: 0, playing: false, speed: 1, loop: null});
+  element($('slider'), {on: {input: ({target}) => goTo(Number(target.value))}});
   $('play').addEventListener('click', () => setPlaying(!clock.playing));
   $('back').addEventListener('click', () => goTo(clock.frame - 1));
   $('next').addEventListener('click', () => goTo(clock.frame + 1));
   $('loop').addEventListener('click', markLoop);
   $('speed').addEventListener('change', event => { clock.speed = Number(event.target.value); });
-  $('jump').append(...Object.entries(Object.groupBy(jumps, ({kind}) => kind)).map(([label, some]) => (
-    element('optgroup', {label}, ...some.map(({frame, text}) => new Option(text, frame))))));
-  $('jump').hidden = !jumps.length;
   $('jump').addEventListener('change', event => {
     goTo(Number(event.target.value));
     event.target.selectedIndex = 0;
   });
-  followLink();
 }
 
 /** Pressing or dragging on an element, whose width stands for the whole clip, goes to the frame at that place. */

@@ -2,7 +2,9 @@
 
 import {$, button, element, embedded, themed} from './dom.js';
 import {buildTimeline} from './timeline.js';
-import {buildTransport, clock, goTo, jump, markLoop, onFrame, repaint, setPlaying, watchers} from './playback.js';
+import {buildTransport, clock, followLink, goTo, jump, markLoop, onFrame, repaint, setClip, setPlaying,
+  watchers} from './playback.js';
+import {filmOf} from './film.js';
 import {Marks} from './marks.js';
 import {MOST_VIEWS, Stage} from './stage.js';
 
@@ -102,6 +104,35 @@ function savePicture(stage) {
   element('a', {href: stage.canvas.toDataURL('image/png'), download: `frame_${clock.frame}.png`}).click();
 }
 
+/** Saves a film of the loop, or of the whole clip, in the view as it is; a press on the button ends it. */
+async function saveFilm() {
+  if (filming) {
+    filming = false;
+    return;
+  }
+  const {stage, marks} = app, [first, last] = clock.loop?.length === 2 ? clock.loop : [0, clock.count - 1];
+  filming = true;
+  setPlaying(false);
+  $('film').setAttribute('aria-pressed', true);
+  try {
+    const film = await filmOf(stage.canvas, last - first + 1, clock.frameTime, k => {
+      $('film').textContent = `Film ${first + k} – ${last}`;
+      marks.update(first + k, clock.frameTime);
+      stage.draw(first + k, true);
+      return filming;
+    });
+    const href = URL.createObjectURL(film);
+    element('a', {href, download: `frames_${first}_${last}.webm`}).click();
+    setTimeout(() => URL.revokeObjectURL(href), 10_000);
+  } catch ({message}) {
+    $('film').title = `This browser made no film: ${message}`;
+  }
+  filming = false;
+  $('film').textContent = 'Film';
+  $('film').setAttribute('aria-pressed', false);
+  repaint();
+}
+
 function buildKeys() {
   $('key-list').append(...KEYS.flatMap(([names, , text]) => [
     element('dt', {}, ...names.split(' ').flatMap(key => [element('kbd', {}, key), ' '])), element('dd', {}, text)]));
@@ -110,12 +141,20 @@ function buildKeys() {
   $('keys').addEventListener('close', () => $('player').focus());
 }
 
+let filming = false;
 addEventListener('keydown', onKey);
 addEventListener('beforeprint', copyView);
 const untouched = $('stage-box').cloneNode(true);
 
-/** Builds the player from its data, instead of one before; `app` in the console of the browser drives it. */
+/** Shows data in the player that is there if its bodies are in it, else in a new one; `app` in the console of the
+ * browser drives it.
+ */
 export async function buildPlayer(data = embedded('stage')) {
+  if (await globalThis.app?.stage.take(data)) {
+    showData(data, await buildRows(data));
+    setPlaying(clock.playing);
+    return;
+  }
   if (globalThis.app) {
     app.stage.renderer.dispose();
     app.stage.renderer.forceContextLoss();
@@ -123,32 +162,49 @@ export async function buildPlayer(data = embedded('stage')) {
     delete globalThis.app;
   }
   $('stage-box').replaceWith(untouched.cloneNode(true));
-  watchers.length = themed.length = 0;
+  themed.length = 0;
   const canvas = $('player');
-  buildTransport(data.frames, data.frame_time, data.jumps);
+  buildTransport();
   buildKeys();
   const bodies = Stage.of(canvas, data, repaint).catch(() => null);
-  const [stage, rows] = await Promise.all([bodies, buildTimeline(data.rows)]);
+  const [stage, rows] = await Promise.all([bodies, buildRows(data)]);
+  followLink();
   if (!stage) {
     $('labels').replaceChildren(element('div', {}, 'No bodies are shown: this browser draws no WebGL.'));
     return;
   }
-  const marks = new Marks(stage, rows);
+  const marks = new Marks(stage);
+  globalThis.app = {stage, clock, marks, goTo, setPlaying};
   buildSides(stage);
   toggle('overlaid', stage, 'overlaid', () => relabel(stage));
   toggle('follow', stage, 'follow');
   toggle('trails', marks, 'trails');
   toggle('marks', marks, 'shown');
   $('overlaid').hidden = stage.sides.length < 2 || stage.sides.length > MOST_VIEWS;
-  $('marks').hidden = !rows.length;
   look('front', stage, 0, 0.05);
   look('side', stage, Math.PI / 2, 0.05);
   look('reset', stage, 0.5, 0.2);
   $('picture').addEventListener('click', () => savePicture(stage));
+  element($('film'), {on: {click: saveFilm}}).hidden = !globalThis.VideoEncoder;
   $('full').addEventListener('click', () => (
     document.fullscreenElement ? document.exitFullscreen() : $('stage-box').requestFullscreen()));
   relabel(stage);
   new ResizeObserver(repaint).observe(canvas);
+  showData(data, rows);
+}
+
+/** Builds what goes with the motions of some data, and returns the rows of its timeline. */
+async function buildRows({frames, frame_time: time, jumps, rows}) {
+  watchers.length = 0;
+  setClip(frames, time, jumps);
+  return buildTimeline(rows);
+}
+
+/** Shows the motions and the rows of some data. */
+function showData(data, rows) {
+  const {stage, marks} = app, {canvas} = stage;
+  marks.rows = rows;
+  $('marks').hidden = !rows.length;
   onFrame(frame => {
     marks.update(frame, data.frame_time);
     stage.draw(frame, clock.playing);
@@ -156,5 +212,4 @@ export async function buildPlayer(data = embedded('stage')) {
     canvas.setAttribute('aria-label', `${stage.sides.map(({title}) => title).join(', ')} at frame ${frame}`
       + `${touching.length ? `; touching: ${touching.join(', ')}` : ''}`);
   });
-  globalThis.app = {stage, clock, marks, goTo, setPlaying};
 }

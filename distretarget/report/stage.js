@@ -32,6 +32,16 @@ function gridOf(cell, tone) {
   return Object.assign(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial()), {tone});
 }
 
+/** What of some data needs other bodies on the stage if it changes. */
+const castOf = ({sides, bodies, actors}) => JSON.stringify(
+  [sides, bodies, ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
+
+/** Gives actors their motions in some data. */
+const setInMotion = (actors, data) => Promise.all(actors.map(async (actor, k) => {
+  actor.motion = await Motion.of(data.actors[k], data.frame_time);
+  actor.mesh.bent = -1;
+}));
+
 class Ground {
   /** The ground of a scene, lit from the side that looks along `facing`. */
   constructor(scene, facing) {
@@ -78,10 +88,19 @@ export class Stage {
       side.group.add(made.mesh);
       return made;
     });
-    await Promise.all(actors.map(async actor => { actor.motion = await Motion.of(actor, data.frame_time); }));
+    await setInMotion(actors, data);
     if (canvas.clientWidth < NARROW && sides.length === 3) sides[1].shown = false;
     if (sides.length > MOST_VIEWS) sides.forEach((side, k) => { side.shown = k === (data.first || 0); });
-    return new Stage({canvas, sides, actors, repaint, facing: data.facing, frames: data.frames});
+    return new Stage({canvas, sides, actors, repaint, facing: data.facing, frames: data.frames, cast: castOf(data)});
+  }
+
+  /** Takes the motions of other data for its own actors, and returns whether the data has these. */
+  async take(data) {
+    if (castOf(data) !== this.cast) return false;
+    await setInMotion(this.actors, data);
+    this.frames = data.frames;
+    for (const side of this.sides) side.room = this.measured(side);
+    return true;
   }
 
   constructor(given) {

@@ -66,11 +66,11 @@ function buildCopying(parts) {
     element(part.name, {on: {focus: choose, pointerenter: choose}});
     element(part.track, {on: {pointerenter: choose}});
   }
-  $('copy').addEventListener('click', async () => {
+  $('copy').onclick = async () => {
     copied = entryAt(chosen.row, clock.frame).json;
     await navigator.clipboard?.writeText(copied).catch(() => null);
     repaint();
-  });
+  };
   onFrame(frame => {
     const {json, mark} = entryAt(chosen.row, frame);
     $('entry').textContent = json ? `${json === copied ? 'copied' : mark}: ${json}` : `no entry for ${chosen.row.name}`;
@@ -93,7 +93,7 @@ export async function buildTimeline(rows) {
   }));
   $('timeline').hidden = !parts.length;
   const line = element('i', {class: 'line'}), overlay = element('div', {class: 'overlay'}, line);
-  $('timeline').append(...parts.flatMap(({name, track, value}) => [name, track, value]), overlay);
+  $('timeline').replaceChildren(...parts.flatMap(({name, track, value}) => [name, track, value]), overlay);
   buildCopying(parts);
   onFrame(frame => {
     line.style.left = `${(frame + 0.5) / clock.count * 100}%`;

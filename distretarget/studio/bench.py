@@ -16,7 +16,7 @@ from pathlib import PurePath
 
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
-from distretarget.io.files import encoded_parts, hash_of
+from distretarget.io.files import encoded_parts
 from distretarget.io.formats import FBX, OUTPUT_FORMATS, OUTPUTS
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
@@ -25,7 +25,7 @@ from distretarget.io.target_file import CharacterTarget, TargetFile, animations_
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Converted, convert
 from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
-from distretarget.report.clip_page import run_page
+from distretarget.report.clip_page import run_page, run_stage
 from distretarget.report.diff_document import About
 from distretarget.studio.order import Names, Order, project_to_json
 
@@ -48,11 +48,6 @@ class Done:
     format: str
 
     @property
-    def id(self) -> str:
-        """What it is called in addresses."""
-        return hash_of(self.order.key.encode())[:24]
-
-    @cached_property
     def report(self) -> str:
         """The HTML of its report."""
         about = About(a=str(self.source.path), b=str(self.target.path))
@@ -63,13 +58,13 @@ class Done:
         """The contacts of the clip: found, dropped and added."""
         return marked_contacts(self.converted.result)
 
-    @property
+    @cached_property
     def as_data(self) -> dict[str, object]:
         """What the page shows of it."""
         result = self.converted.result
         regions = result.matching.target.regions.names
         return {
-            "id": self.id,
+            "stage": run_stage(result, self.target.target, self.source, self.contacts),
             "verdict": result.verdict,
             "warnings": list(result.warnings),
             "frames": len(result.motion),
@@ -209,13 +204,6 @@ class Bench:
         self._files[number] = file
         self.dropped.append(about)
         return about
-
-    def found(self, number: str) -> Done:
-        """Return what was carried out last under a number; a FileError where there is none."""
-        for done in [*self._done.values()]:
-            if done.id == number:
-                return done
-        raise FileError("report", "is no longer kept; change something and back")
 
     def carry_out(self, order: Order, tab: str = "") -> Done:
         """Retarget as an order says, unless that was done; an `OvertakenError` if a later order of the same tab of the

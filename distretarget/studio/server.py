@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import time
 from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from typing import Any
@@ -16,6 +17,7 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from distretarget.errors import DistretargetError, SettingsError
+from distretarget.report.page import html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
 
@@ -55,15 +57,23 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         return JSONResponse(await anyio.to_thread.run_sync(bench.add, name, content))
 
     async def solve(request: Request) -> Response:
+        times = [time.perf_counter()]
         done = await _done(request)
-        return JSONResponse(await anyio.to_thread.run_sync(lambda: done.as_data))
+        times.append(time.perf_counter())
+        await anyio.to_thread.run_sync(lambda: done.converted.result.verdict)
+        times.append(time.perf_counter())
+        response = await anyio.to_thread.run_sync(lambda: JSONResponse(done.as_data))
+        times.append(time.perf_counter())
+        steps = zip(("solve", "verdict", "stage"), times, times[1:], strict=False)
+        taken = (f"{name};dur={1000 * (end - start):.0f}" for name, start, end in steps)
+        response.headers["Server-Timing"] = ", ".join(taken)  # [ms]
+        return response
 
     async def dropped(_request: Request) -> Response:
         return JSONResponse(bench.dropped)
 
-    async def report(request: Request) -> Response:
-        done = bench.found(request.path_params["id"])
-        return HTMLResponse(await anyio.to_thread.run_sync(lambda: done.report))
+    async def player(_request: Request) -> Response:
+        return HTMLResponse(html_page("framed", "The player", {}))
 
     async def take(request: Request) -> Response:
         done = await _done(request)
@@ -100,7 +110,7 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         ("files", drop, "POST"),
         ("files", dropped, "GET"),
         ("solve", solve, "POST"),
-        ("report/{id}", report, "GET"),
+        ("player", player, "GET"),
         ("take/{kind}", take, "POST"),
     ]
     return Starlette(

@@ -16,6 +16,7 @@ let future = [];
 let done = null;
 let asked = 0;
 let saved = true;
+let ready = false; // the player is there
 let frame = 0; // of the player
 let chosen = null; // the contact whose values are in the fields
 let clicked = ""; // the first of two parts
@@ -173,8 +174,8 @@ function showDone() {
   $("verdict").replaceChildren(...linked(done.verdict));
   $("warnings").replaceChildren(...done.warnings.map(warning));
   $("empty").hidden = true;
-  $("report").hidden = false;
-  $("report").src = `report/${done.id}#frame=${frame}`;
+  $("player").hidden = false;
+  if (ready) tell({ stage: done.stage });
   $("taking").hidden = false;
   $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
   $("command").textContent = done.command;
@@ -226,10 +227,10 @@ function change(contacts) {
   set({ contacts });
 }
 
-function goTo(to) {
-  frame = to;
-  $("report").src = `report/${done.id}#frame=${to}`;
-}
+/** Tells the player something. */
+const tell = (message) => $("player").contentWindow.postMessage(message, "*");
+
+const goTo = (to) => tell({ frame: to });
 
 /** A text whose frames lead there. */
 const linked = (text) => text.split(/(\bframes? \d+)/).map((part) => {
@@ -347,7 +348,11 @@ addEventListener("beforeunload", (event) => {
   if (!saved) event.preventDefault();
 });
 addEventListener("message", (event) => {
-  if (event.source !== $("report").contentWindow) return;
+  if (event.source !== $("player").contentWindow) return;
+  if (event.data?.ready) {
+    ready = true;
+    if (done) tell({ stage: done.stage });
+  }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
   if (Number.isInteger(event.data?.joint)) picked(event.data.joint);
 });
