@@ -12,7 +12,9 @@ def register():
     for each in CLASSES:
         bpy.utils.register_class(each)
     bpy.types.Scene.distretarget = bpy.props.PointerProperty(type=settings.DISTRETARGET_PG_settings)
-    bpy.types.Object.distretarget_pairs = bpy.props.CollectionProperty(type=settings.DISTRETARGET_PG_pair)
+    bpy.types.Object.distretarget_pairs = bpy.props.CollectionProperty(
+        type=settings.DISTRETARGET_PG_pair, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
+    )
     bpy.types.Object.distretarget_pair = bpy.props.IntProperty(description="The pair that is chosen in the list")
 
 

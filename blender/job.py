@@ -41,7 +41,7 @@ def target_of(context: bpy.types.Context) -> bpy.types.Object:
     chosen = chosen_armature(context)
     if chosen is None:
         raise FailedError("select the armature of a character, or its mesh")
-    if chosen.library is not None or chosen.data.library is not None:
+    if chosen.library is not None:
         raise FailedError(f"{chosen.name!r} is linked from another file; make it local or an override first")
     if not chosen.data.bones:
         raise FailedError(f"{chosen.name!r} has no bones")

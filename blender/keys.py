@@ -59,8 +59,6 @@ def keyed_joints(armature: bpy.types.Object, result: Result, name: str, times: n
 def keyed_controls(armature: bpy.types.Object, controls: Controls, name: str, times: np.ndarray) -> bpy.types.Action:
     """Give the armature an action with keys on its controls at some frames of the scene, and return it."""
     action = new_action(armature, name)
-    for bone in armature.pose.bones:
-        bone.matrix_basis = Matrix()
     for control, bases in zip(controls.names.tolist(), controls.bases, strict=True):
         if np.abs(bases - np.eye(4)).max() > ALIKE:
             set_keys(action, armature.pose.bones[control], [*map(Matrix, bases.tolist())], times)
@@ -81,8 +79,10 @@ def without_action(armature: bpy.types.Object) -> bpy.types.AnimData:
 
 
 def new_action(armature: bpy.types.Object, name: str) -> bpy.types.Action:
-    """Give the armature an empty action; the one that it had stays in the file."""
+    """Give the armature an empty action, and its bones their rest pose; the one that it had stays in the file."""
     data = without_action(armature)
+    for bone in armature.pose.bones:
+        bone.matrix_basis = Matrix()
     data.action = bpy.data.actions.new(name)
     return data.action
 

@@ -30,10 +30,18 @@ BLENDER = os.environ.get("DISTRETARGET_BLENDER") or (sys.executable if importlib
 
 pytestmark = pytest.mark.skipif(BLENDER is None, reason="Blender's module bpy is not installed")
 
+ODDITIES = {  # characters of benchmarks/odd_characters.py, with their armatures
+    **dict.fromkeys(["names_with_spaces", "odd_names", "scale_001", "scale_uneven", "ik", "constraints"], "Armature"),
+    **dict.fromkeys(["hidden", "no_inherited_rotation", "drivers", "two_armatures", "two_roots"], "Armature"),
+    **dict.fromkeys(["meshes_on_bones", "posed"], "Armature"),
+    "two_characters": "Armature 2",
+}
+
 BEGIN = """
 import importlib.util, json, os, sys, traceback
 import bpy
 import numpy as np
+from mathutils import Quaternion, Vector
 
 def fault(*error):
     traceback.print_exception(*error)
@@ -71,6 +79,23 @@ def kept(job):
     return apply(job)
 Job.apply = kept
 
+# How far places [m] and turns [rad] of the evaluated bones are from the result, at most
+def measured(armature):
+    scene, result, worst = bpy.context.scene, results[-1], np.zeros(2)
+    step = result.frame_time * scene.render.fps / scene.render.fps_base
+    for frame in range(0, len(result.places), max(1, len(result.places) // 20)):
+        time = scene.distretarget.start + frame * step
+        scene.frame_set(int(time), subframe=time - int(time))
+        shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        for joint, name in enumerate(result.names):
+            if name in shown.pose.bones:
+                bone, (x, y, z, w) = shown.pose.bones[name], result.turns[frame, joint]
+                away = (shown.matrix_world @ bone.head - Vector(result.places[frame, joint])).length
+                turn = (shown.matrix_world @ bone.matrix @ (shown.matrix_world @ bone.bone.matrix_local).inverted())
+                angle = turn.to_quaternion().rotation_difference(Quaternion((w, x, y, z))).angle
+                worst = np.maximum(worst, [away, min(angle, abs(2 * np.pi - angle))])
+    return worst.tolist()
+
 def end(told):
     print("told:" + json.dumps(told))
     sys.stdout.flush()
@@ -84,15 +109,7 @@ before.action = bpy.data.actions.new("before")
 settings.clip, settings.start, scene.render.fps = sys.argv[4], 11, 60
 status = said(bpy.ops.distretarget.retarget)
 (result,) = results
-worst = 0.0
-for frame in range(0, len(result.places), 10):
-    time = 11 + frame * result.frame_time * 60
-    scene.frame_set(int(time), subframe=time - int(time))
-    shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    for joint, name in enumerate(result.names):
-        if name in shown.pose.bones:
-            head = np.array(shown.matrix_world @ shown.pose.bones[name].head)
-            worst = max(worst, float(np.linalg.norm(head - result.places[frame, joint])))
+worst = max(measured(armature))
 end({"status": status, "worst": worst, "actions": sorted(each.name for each in bpy.data.actions),
      "range": list(armature.animation_data.action.frame_range), "verdict": settings.verdict,
      "frames": len(result.places)})
@@ -115,11 +132,17 @@ end({"told": told, "actions": [each.name for each in bpy.data.actions if each.na
 
 FOLDER = """
 armature = character(sys.argv[3])
-settings.folder, settings.as_assets = sys.argv[4], True
+settings.folder, settings.as_assets, settings.push_down, scene.render.fps = sys.argv[4], True, True, 30
 status = said(bpy.ops.distretarget.retarget_folder)
-found = {each.name: [each.use_fake_user, each.asset_data is not None] for each in bpy.data.actions}
+found = {each.name: [each.use_fake_user, each.asset_data is not None, *each.frame_range] for each in bpy.data.actions}
+tracks = [[each.name, each.mute, [[strip.action.name, strip.frame_start, strip.frame_end] for strip in each.strips]]
+          for each in armature.animation_data.nla_tracks]
+verdict, plays = settings.verdict, measured(armature)
+settings.folder = ""
+told = {"status": status, "actions": found, "tracks": tracks, "verdict": verdict, "plays": plays,
+        "action": armature.animation_data.action is None, "no folder": said(bpy.ops.distretarget.retarget_folder)}
 extension.unregister()
-end({"status": status, "actions": found, "verdict": settings.verdict if hasattr(scene, "distretarget") else ""})
+end(told | {"left": [name for name in dir(bpy.types) if "DISTRETARGET" in name] + [hasattr(scene, "distretarget")]})
 """
 
 CONTACTS = """
@@ -213,6 +236,100 @@ bpy.context.view_layer.objects.active = bpy.data.objects[name]
 told["kept"] = {each.name: each.source for each in pairs if each.is_chosen}
 told["forgotten"] = said(bpy.ops.distretarget.forget_pairs)
 told["left"] = len(pairs)
+end(told)
+"""
+
+ODD = """
+told = {}
+for name, chosen in json.loads(sys.argv[5]):
+    bpy.ops.wm.open_mainfile(filepath=f"{sys.argv[3]}/{name}.blend")
+    armature = bpy.data.objects[chosen]
+    bpy.context.view_layer.objects.active = armature
+    bpy.context.scene.distretarget.clip = sys.argv[4]
+    status = said(bpy.ops.distretarget.retarget)
+    warnings = [each.text for each in bpy.context.scene.distretarget.warnings]
+    told[name] = [status, measured(armature) if status == ["FINISHED"] else [], warnings]
+end(told)
+"""
+
+SAVED = """
+bpy.ops.wm.open_mainfile(filepath=sys.argv[3])
+action = bpy.data.objects["Armature"].animation_data.action
+end({"action": action.name, "start": action.frame_range[0]})
+"""
+
+CASES = """
+def opened(name, chosen="Armature"):
+    bpy.ops.wm.open_mainfile(filepath=f"{sys.argv[3]}/{name}.blend")
+    bpy.context.view_layer.objects.active = bpy.data.objects[chosen]
+    bpy.context.scene.distretarget.clip = sys.argv[4]
+    return bpy.data.objects[chosen], bpy.data.objects.get("Body")
+
+def run(armature):
+    status = said(bpy.ops.distretarget.retarget)
+    return [status, measured(armature) if status == ["FINISHED"] else []]
+
+told = {}
+armature, body = opened("ik")
+body.shape_key_add(name="Basis")
+body.shape_key_add(name="Smile").value = 0.5
+body.modifiers.new("Smooth", "SUBSURF").levels = 1
+body.modifiers.new("Mirror", "MIRROR")
+told["modifiers"] = run(armature)
+
+armature, body = opened("names_with_spaces")
+bpy.ops.object.mode_set(mode="EDIT")
+bones = armature.data.edit_bones
+for bone in [each for each in bones if each.name.endswith(("Leg", "Foot", "Toes"))]:
+    bones.remove(bone)
+bpy.ops.object.mode_set(mode="OBJECT")
+told["no legs"] = run(armature)
+
+armature, body = opened("names_with_spaces")
+other = bpy.data.scenes.new("Other")
+other.collection.objects.link(armature)
+other.distretarget.clip, other.render.fps = sys.argv[4], 30
+with bpy.context.temp_override(scene=other):
+    told["two scenes"] = said(bpy.ops.distretarget.retarget)
+told["verdicts"] = [bool(each.distretarget.verdict) for each in (bpy.data.scenes["Scene"], other)]
+
+armature, body = opened("names_with_spaces")
+from extension.operators import DISTRETARGET_OT_retarget as Retarget
+steps = Retarget.work(SimpleNamespace(report=print), bpy.context)
+jobs, init = [], Job.__init__
+Job.__init__ = lambda job, *more: jobs.append(job) or init(job, *more)
+told["progress"] = next(steps)
+steps.close()
+told["cancelled"] = [jobs[0].folder.exists(), jobs[0].process.poll() is None, len(bpy.data.actions)]
+steps = Retarget.work(SimpleNamespace(report=print), bpy.context)
+next(steps)
+bpy.data.objects.remove(armature)
+try:
+    for _ in steps:
+        pass
+except Exception as error:
+    told["gone"] = [type(error).__name__, str(error)]
+Job.__init__ = init
+
+armature, body = opened("names_with_spaces")
+bpy.ops.ed.undo_push(message="before")
+told["done"] = sorted(bpy.ops.distretarget.retarget("EXEC_DEFAULT", True))
+bpy.ops.ed.undo()
+data = bpy.data.objects["Armature"].animation_data
+told["undone"] = [data is None or data.action is None, len(bpy.data.actions)]
+
+bpy.ops.wm.read_factory_settings(use_empty=True)
+with bpy.data.libraries.load(f"{sys.argv[3]}/names_with_spaces.blend", link=True) as (_, linked):
+    linked.objects = ["Armature", "Body"]
+for each in linked.objects:
+    bpy.context.scene.collection.objects.link(each)
+bpy.context.view_layer.objects.active = linked.objects[0]
+bpy.context.scene.distretarget.clip = sys.argv[4]
+told["linked"] = said(bpy.ops.distretarget.retarget)
+own = linked.objects[0].override_create(remap_local_usages=True)
+linked.objects[1].override_create(remap_local_usages=True)
+bpy.context.view_layer.objects.active = own
+told["override"] = run(own)
 end(told)
 """
 
@@ -328,7 +445,7 @@ def told(script, *arguments):
     """What a script says that runs in Blender."""
     own = [str(ROOT / "blender" / "__init__.py"), str(ROOT / "blender")]
     command = [BLENDER, "-c", BEGIN + script, *own, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     lines = [line for line in done.stdout.splitlines() if line.startswith("told:")]
     assert lines, done.stdout[-2000:] + done.stderr[-2000:]
     return json.loads(lines[-1].removeprefix("told:"))
@@ -361,15 +478,89 @@ def test_what_is_wrong_is_told_in_a_line(tmp_path):
     assert not found["actions"]
 
 
-def test_a_folder_becomes_an_action_for_each_clip(tmp_path):
-    for name in ("wave", "squat"):
-        (tmp_path / f"{name}.bvh").write_bytes((SAMPLES / f"{name}.bvh").read_bytes())
+def test_a_folder_becomes_an_action_and_a_track_for_each_clip(tmp_path):
+    clips = {f"clip {number:02}": read_bvh(SAMPLES / "wave.bvh")[number : 3 * number + 8] for number in range(6)}
+    for name, motion in clips.items():
+        write_bvh(tmp_path / f"{name}.bvh", motion)
     (tmp_path / "notes.txt").write_text("no clip")
     (tmp_path / "bad.bvh").write_text("nonsense")
     found = told(FOLDER, HERO, tmp_path)
     assert found["status"] == ["FINISHED"]
-    assert found["actions"]["wave"] == [True, True]
-    assert found["actions"]["squat"] == [True, True]
+    assert found["verdict"].startswith("6 of 7 clips retargeted; ")
+    assert "bad.bvh" in found["verdict"]
+    for (name, motion), (track, mute, strips) in zip(clips.items(), found["tracks"], strict=True):
+        end = 1 + (len(motion) - 1) * motion.frame_time * 30
+        assert found["actions"][name] == [True, True, 1.0, pytest.approx(end, abs=1e-3)]
+        assert (track, mute) == (name, name != "clip 05")
+        assert strips == [[name, 1.0, pytest.approx(end, abs=1e-3)]]
+    assert max(found["plays"]) < 1e-4
+    assert found["action"]
+    assert "choose a folder of clips" in found["no folder"]
+    assert found["left"] == [False]
+
+
+@pytest.fixture(scope="module")
+def characters(tmp_path_factory):
+    """A folder of odd characters, `ODDITIES`."""
+    folder = tmp_path_factory.mktemp("characters")
+    command = [BLENDER, ROOT / "benchmarks" / "odd_characters.py", folder, *ODDITIES]
+    subprocess.run(command, check=True, capture_output=True, timeout=200)
+    return folder
+
+
+def test_odd_characters_take_on_a_motion(characters, short):
+    found = told(ODD, characters, short, json.dumps([*ODDITIES.items()]))
+    assert "uneven scale; apply it" in found.pop("scale_uneven")[0]
+    assert found.keys() == ODDITIES.keys() - {"scale_uneven"}
+    for name, (status, worst, warnings) in found.items():
+        assert status == ["FINISHED"], (name, status)
+        assert max(worst) < 1e-4, (name, worst)
+        muted = [line for line in warnings if "are muted" in line]
+        assert bool(muted) == (name in ("ik", "constraints", "drivers")), (name, warnings)
+
+
+def test_what_may_stand_in_the_way_is_right_or_told_in_a_line(characters, short):
+    found = told(CASES, characters, short)
+    for name in ("modifiers", "no legs", "override"):
+        status, worst = found[name]
+        assert status == ["FINISHED"], (name, status)
+        assert max(worst) < 1e-4, (name, worst)
+    assert found["two scenes"] == ["FINISHED"]
+    assert found["verdicts"] == [False, True]
+    assert found["progress"].startswith("Retargeting")
+    assert found["cancelled"] == [False, False, 0]
+    assert found["gone"] == ["FailedError", "'Armature' or its scene is gone; the motion was dropped"]
+    assert found["done"] == ["FINISHED"]
+    assert found["undone"] == [True, 0]
+    assert "is linked from another file; make it local or an override" in found["linked"]
+
+
+def test_the_command_saves_another_file(characters, short, tmp_path):
+    def run(character, *arguments, out="out.blend"):
+        command = [BLENDER, ROOT / "blender" / "command.py", "--", characters / character, short, tmp_path / out]
+        done = subprocess.run([*command, *arguments], capture_output=True, text=True, timeout=100)
+        assert "Traceback" not in done.stderr
+        return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()[-1:]
+
+    before = (characters / "ik.blend").read_bytes()
+    code, lines, _ = run("ik.blend", "--keys", "IK", "--start", "5")
+    assert code == 0
+    assert any("feet do not skate" in line for line in lines)
+    assert (characters / "ik.blend").read_bytes() == before
+    found = told(SAVED, tmp_path / "out.blend")
+    assert found["action"] == "short"
+    assert found["start"] == 5
+    for arguments, words in (
+        (["ik.blend"], "expected the name of a new .blend file"),
+        (["two_characters.blend"], "choose with --armature, found 'Armature', 'Armature 2'"),
+        (["two_armatures.blend", "--armature", "Nobody"], "expected one armature 'Nobody', found 'Armature', 'Crane'"),
+        (["scale_uneven.blend"], "uneven scale"),
+        (["none.blend"], "expected a .blend file"),
+    ):
+        code, _, errors = run(*arguments, out="out.blend" if arguments == ["ik.blend"] else "other.blend")
+        assert code == 1
+        assert words in errors[0], errors
+    assert not (tmp_path / "other.blend").exists()
 
 
 def test_contacts_are_dropped_made_moved_kept_and_exchanged(tmp_path):
