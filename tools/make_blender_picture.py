@@ -1,4 +1,6 @@
-"""Render the picture of docs/blender.md: PYTHON_WITH_BPY tools/make_blender_picture.py OUT.png
+"""Render the picture of docs/blender.md.
+
+    PYTHON_WITH_BPY tools/make_blender_picture.py OUT.png
 
 The same clap twice on the same character, made by the operators of the extension: as found, and with hands that are
 held apart.
