@@ -17,7 +17,7 @@ function part(id, ...content) {
   return [bytesOf(id, Math.ceil(Math.log2(id) / 8)), bytesOf(1, 1), bytesOf(size, 7), ...inside];
 }
 
-/** A WebM file of coded frames, each with its data, its time [ms], and whether it is a `key`, which begins a cluster. */
+/** A WebM file of coded frames: their data, times [ms], and whether each is a `key`, which begins a cluster. */
 function webm(frames, width, height, duration) {
   const length = new Uint8Array(8), clusters = [];
   new DataView(length.buffer).setFloat64(0, duration);
