@@ -30,7 +30,7 @@ BLENDER = os.environ.get("DISTRETARGET_BLENDER") or (sys.executable if importlib
 
 pytestmark = pytest.mark.skipif(BLENDER is None, reason="Blender's module bpy is not installed")
 
-ODDITIES = {  # characters of benchmarks/odd_characters.py, with their armatures
+ODDITIES = {  # characters of tests/odd_characters.py, with their armatures
     **dict.fromkeys(["names_with_spaces", "odd_names", "scale_001", "scale_uneven", "ik", "constraints"], "Armature"),
     **dict.fromkeys(["hidden", "no_inherited_rotation", "drivers", "two_armatures", "two_roots"], "Armature"),
     **dict.fromkeys(["meshes_on_bones", "posed"], "Armature"),
@@ -503,7 +503,7 @@ def test_a_folder_becomes_an_action_and_a_track_for_each_clip(tmp_path):
 def characters(tmp_path_factory):
     """A folder of odd characters, `ODDITIES`."""
     folder = tmp_path_factory.mktemp("characters")
-    command = [BLENDER, ROOT / "benchmarks" / "odd_characters.py", folder, *ODDITIES]
+    command = [BLENDER, ROOT / "tests" / "odd_characters.py", folder, *ODDITIES]
     subprocess.run(command, check=True, capture_output=True, timeout=200)
     return folder
 
