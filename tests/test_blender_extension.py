@@ -30,6 +30,7 @@ BLENDER = os.environ.get("DISTRETARGET_BLENDER") or (sys.executable if importlib
 
 pytestmark = pytest.mark.skipif(BLENDER is None, reason="Blender's module bpy is not installed")
 
+CRASH = -11  # the module of Blender 4.2.0 crashes as Python ends, after all is done
 ODDITIES = {  # characters of tests/odd_characters.py, with their armatures
     **dict.fromkeys(["names_with_spaces", "odd_names", "scale_001", "scale_uneven", "ik", "constraints"], "Armature"),
     **dict.fromkeys(["hidden", "no_inherited_rotation", "drivers", "two_armatures", "two_roots"], "Armature"),
@@ -504,7 +505,8 @@ def characters(tmp_path_factory):
     """A folder of odd characters, `ODDITIES`."""
     folder = tmp_path_factory.mktemp("characters")
     command = [BLENDER, ROOT / "tests" / "odd_characters.py", folder, *ODDITIES]
-    subprocess.run(command, check=True, capture_output=True, timeout=200)
+    done = subprocess.run(command, capture_output=True, timeout=200)  # it may end with CRASH
+    assert all((folder / f"{name}.blend").is_file() for name in ODDITIES), done.stderr[-2000:]
     return folder
 
 
@@ -540,12 +542,12 @@ def test_the_command_saves_another_file(characters, short, tmp_path):
         command = [BLENDER, ROOT / "blender" / "command.py", "--", characters / character, short, tmp_path / out]
         done = subprocess.run([*command, *arguments], capture_output=True, text=True, timeout=100)
         assert "Traceback" not in done.stderr
-        return done.returncode, done.stdout.splitlines(), done.stderr.splitlines()[-1:]
+        return done.returncode, done.stdout, done.stderr
 
     before = (characters / "ik.blend").read_bytes()
-    code, lines, _ = run("ik.blend", "--keys", "IK", "--start", "5")
-    assert code == 0
-    assert any("feet do not skate" in line for line in lines)
+    code, said, _ = run("ik.blend", "--keys", "IK", "--start", "5")
+    assert code in (0, CRASH)
+    assert "feet do not skate" in said
     assert (characters / "ik.blend").read_bytes() == before
     found = told(SAVED, tmp_path / "out.blend")
     assert found["action"] == "short"
@@ -558,8 +560,8 @@ def test_the_command_saves_another_file(characters, short, tmp_path):
         (["none.blend"], "expected a .blend file"),
     ):
         code, _, errors = run(*arguments, out="out.blend" if arguments == ["ik.blend"] else "other.blend")
-        assert code == 1
-        assert words in errors[0], errors
+        assert code in (1, CRASH)
+        assert words in errors, errors
     assert not (tmp_path / "other.blend").exists()
 
 
