@@ -101,8 +101,9 @@ def patches_of(points: SkinPoints, rest: Array) -> Patches:
     counts = np.zeros(len(points))
     for part in range(len(PARTS)):
         on = np.flatnonzero(points.parts == part)
-        chosen = on[spread_out(places[on], _most(part))] if len(on) else on
+        chosen = on
         if len(on):
+            chosen = on[spread_out(places[on], _most(part))]
             counts[chosen] = np.bincount(KDTree(places[chosen]).query(places[on])[1], minlength=len(chosen))
         for joint in np.unique(joints[chosen]).tolist():
             for patch in _halves(offsets, chosen[joints[chosen] == joint], PATCH):

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.axes import Directions
 from distretarget.body.body import Body
-from distretarget.body.limbs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, lengths, normalised
 
@@ -30,10 +29,11 @@ def world_tilt(motion: Motion, body: Body, still: Flags) -> float:
     trunk = Directions(body.anatomy, motion.positions).trunk
     ups: list[list[Array]] = [[], [], []]
     for leg, stays in zip(body.legs, still.T, strict=True):
-        on = stays & (lengths(_up_the_leg(motion, leg)) > STRAIGHT * body.leg_length)
+        up_the_leg = motion.positions[:, leg.hip] - motion.positions[:, leg.ankle]
+        on = stays & (lengths(up_the_leg) > STRAIGHT * body.leg_length)
         if on.any():
             normals = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[on]).apply(body.rest.axes[:, 1])
-            for each, found in zip(ups, (normals, _up_the_leg(motion, leg)[on], trunk[on]), strict=True):
+            for each, found in zip(ups, (normals, up_the_leg[on], trunk[on]), strict=True):
                 each.append(found)
     if sum(map(len, ups[0])) < LEAST:
         return 0.0
@@ -41,8 +41,3 @@ def world_tilt(motion: Motion, body: Body, still: Flags) -> float:
     apart = np.arccos(np.clip(means[1:] @ means[0], -1.0, 1.0))
     leans = np.arccos(np.clip(means @ body.up_vector, -1.0, 1.0))
     return float(np.degrees(leans.min())) if apart.max() < AGREE and leans.max() < LIES else 0.0
-
-
-def _up_the_leg(motion: Motion, leg: Leg) -> Array:
-    """(frames, 3), from the ankle to the hip joint [file units]."""
-    return np.asarray(motion.positions[:, leg.hip] - motion.positions[:, leg.ankle])

@@ -103,7 +103,7 @@ def shown_performer(
         measured=measured,
         skins=skins,
         meshes=(None, result.mesh if result else None),
-        marked=marked or (marked_contacts(result) if result else ()),
+        marked=marked_contacts(result) if result and marked is None else marked or (),
     )
 
 
