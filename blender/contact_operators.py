@@ -16,7 +16,7 @@ CHOSEN = {"REGISTER", "UNDO"}
 
 
 class Told:
-    """An operator whose faults are lines."""
+    """An operator that reports what is wrong in one line."""
 
     def do(self, context: bpy.types.Context) -> None:
         raise NotImplementedError

@@ -9,13 +9,12 @@ from typing import Any
 
 import bpy
 
+from .contact_operators import CHOSEN, Told
 from .contacts import acts, entries_of, listed, put, take_markers
 from .job import ENDINGS, LOOKS, FailedError, Job, names_of, target_of, there
 
-CHOSEN = {"REGISTER", "UNDO"}
 
-
-class Running:
+class Running(Told):
     """An operator whose work goes on while Blender is used; Esc cancels it."""
 
     def work(self, context: bpy.types.Context) -> Iterator[str]:
@@ -51,15 +50,10 @@ class Running:
         context.window_manager.event_timer_remove(self.timer)
         context.workspace.status_text_set(None)
 
-    def execute(self, context):
+    def do(self, context):
         """Without a window: all at once."""
-        try:
-            for _ in self.work(context):
-                time.sleep(LOOKS)
-        except FailedError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        for _ in self.work(context):
+            time.sleep(LOOKS)
 
 
 class DISTRETARGET_OT_retarget(Running, bpy.types.Operator):
