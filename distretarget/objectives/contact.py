@@ -159,7 +159,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     unit = clip.unit
     body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
     contacts = Contacts.of(clip, settings)
-    bones, root = _with_bent_knees(clip), np.ascontiguousarray(clip.root / unit)
+    bones, root = _with_bent_knees(clip, supports), np.ascontiguousarray(clip.root / unit)
     bones /= unit
     firmness = settings.foot_lock * SUPPORT_STIFFNESS
     count = frames.stop - frames.start
@@ -178,18 +178,23 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     return Poses(v, log)
 
 
-def _with_bent_knees(clip: Clip) -> Array:
-    """(frames, joints, 3), the bones of the rotation copy, where knees that are straight are bent as each foot points,
-    and ankles stay in place. No force on a straight leg bends it, although its foot is to come nearer to the hips: it
-    would stay straight up to a larger force, and then snap.
+def _with_bent_knees(clip: Clip, supports: Supports) -> Array:
+    """(frames, joints, 3), the bones of the rotation copy, where straight knees of feet whose place is not that of the
+    copy are bent as each foot points, and ankles stay in place. No force on a straight leg bends it, although its foot
+    is to come nearer to the hips: it would stay straight up to a larger force, and then snap.
     """
     bones = clip.copy.bones
-    for leg in (leg for leg in clip.target_legs or () if leg.toe != leg.ankle):
+    legs = clip.target_legs if supports.feet else ()
+    for support, leg in zip(range(0, supports.feet, 2), legs or (), strict=True):
+        if leg.toe == leg.ankle:
+            continue
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
+        off = lengths(supports.places[:, support] - clip.copy_on_path(np.array([leg.ankle]))[:, 0])
+        moved = supports.weights[:, support] * np.minimum(off / (SLIGHT * lengths(shin)), 1.0)
         down = normalised(shin)
         forward = normalised(perpendicular(foot, down))
         bend = lengths(cross(normalised(thigh), down)) / STRAIGHT
-        aside = SLIGHT * (np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
+        aside = SLIGHT * (moved * np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
         thigh += aside
         shin -= aside
     return bones
