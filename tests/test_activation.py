@@ -6,7 +6,7 @@ from bodies import person
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body
-from distretarget.body.limbs import Arm, raised
+from distretarget.body.limbs import Arm, before, raised
 from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
 
 REACH = ContactSettings().reach
@@ -124,6 +124,17 @@ def test_arms_hang_by_gravity_or_along_the_trunk_and_elbows_count():
     assert of(90, 0) > of(70, 0)
     assert of(0, 0, whole=90) == 0.0  # lies with its arms along the trunk
     assert of(-90, 0, whole=90) == 0.0  # bends forwards, and its arms hang
+
+
+@pytest.mark.parametrize(
+    ("angle", "expected"), [(0, 0.0), (30, 0.0), (45, 0.5), (60, 1.0), (90, 1.0), (150, 0.0), (-90, 1.0)]
+)
+def test_a_hanging_hand_is_put_in_front_of_the_trunk_or_behind_it(angle, expected):
+    """Shoulders, hips and a hand at an angle from the left, round a trunk that is bent and turned."""
+    hand = np.array([0.2 * np.cos(np.radians(angle)), -0.1, 0.2 * np.sin(np.radians(angle))])
+    x = np.array([[0.2, 0.5, 0], [-0.2, 0.5, 0], [0.1, 0, 0], [-0.1, 0, 0], hand])
+    x = Rotation.from_euler("XYZ", [40, 70, 20], degrees=True).apply(x) + 3.0
+    assert before(x[None], [4], [0, 1], [2, 3])[0] == pytest.approx(expected, abs=1e-9)
 
 
 def test_hanging_arms_are_as_long_as_the_arms_and_below_the_shoulders():

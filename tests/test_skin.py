@@ -22,7 +22,6 @@ from distretarget.skin.mesh import SkinnedMesh
 
 PERSON = person()
 BODY = Body.of(PERSON)
-UP = np.array([0.0, 1.0, 0.0])
 BELLY, HAND = 0.22, 0.05  # radii [m]
 ROLES = BODY.anatomy.roles
 HANDS = [ROLES["leftHand"], ROLES["rightHand"]]
@@ -60,7 +59,7 @@ def known_depths(motion):
 
 
 def measured(skin, result, source_skin=None, source=None):
-    reference = find_source_skin(source or result, BODY, UP, source_skin or skin, skin)
+    reference = find_source_skin(source or result, BODY, source_skin or skin, skin)
     return reference.in_result(result)
 
 
@@ -226,7 +225,7 @@ def test_gaps_are_in_proportion_to_the_bodies():
     skin, motion = find_skin(BODY, round_body()[1]), bending()
     skeleton = PERSON.with_offsets(3.0 * PERSON.offsets)
     large = find_skin(Body.of(skeleton), round_body(scale=3.0)[1])
-    found = find_source_skin(motion, BODY, UP, skin, large).in_result(bending(skeleton))
+    found = find_source_skin(motion, BODY, skin, large).in_result(bending(skeleton))
     assert found.touching.any()
     np.testing.assert_allclose(found.gap_error, 0, atol=1e-9)
 
@@ -376,7 +375,7 @@ def test_frames_between_those_that_are_measured_hold_the_last():
     skin, slow = find_skin(BODY, round_body()[1]), bending()
     frames = np.repeat(np.arange(len(slow)), 12)
     fast = Motion(PERSON, slow.root_positions[frames], slow.rotations[frames], "0.00416667")
-    reference = find_source_skin(fast, BODY, UP, skin, skin)
+    reference = find_source_skin(fast, BODY, skin, skin)
     every = replace(
         reference,
         seen=np.arange(len(fast)),

@@ -1,4 +1,4 @@
-"""The arms and legs of a body: which they are, and in which frames arms are raised or bent."""
+"""The arms and legs of a body: which they are, and in which frames arms are raised or hands put before the body."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from distretarget.body.anatomy import SIDES, Anatomy, Regions
+from distretarget.body.axes import perpendicular
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than this [sum of the lengths of both]
@@ -22,6 +23,9 @@ HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain,
 # An arm hangs while the angles of shoulder and elbow add up to less than the first angle; it is raised or bent from
 # the second one on [rad].
 RELAXED, RAISED = np.radians(60), np.radians(100)
+# A hand is beside the trunk up to the first angle from the line of the shoulders; it is put in front of the trunk, or
+# behind it, from the second one on. Hands of people who walk come near their bodies at angles up to 35 degrees [rad].
+BESIDE, BEFORE = np.radians(35), np.radians(55)
 
 
 @dataclass(frozen=True)
@@ -203,3 +207,15 @@ def raised(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:
         trunk = positions[:, hips].mean(axis=1) - positions[:, arm.shoulder]
         angle = np.minimum(angle, angles_between(upper, trunk))
     return smoothstep((angle + angles_between(upper, lower) - RELAXED) / (RAISED - RELAXED))
+
+
+def before(positions: Array, hand: list[int], shoulders: list[int], hips: list[int]) -> Array:
+    """Return how far a hand is put in front of the trunk, or behind it, in each frame, (frames,): 0 while it is beside
+    the trunk. `positions`, (frames, joints, 3), are the body's; `hand` the joints of the hand.
+    """
+    left, right = (positions[:, joint] for joint in shoulders)
+    pelvis = positions[:, hips].mean(axis=1)
+    along = normalised(0.5 * (left + right) - pelvis)
+    off = perpendicular(positions[:, hand].mean(axis=1) - pelvis, along)
+    across = angles_between(off, perpendicular(left - right, along))
+    return smoothstep((np.minimum(across, np.pi - across) - BESIDE) / (BEFORE - BESIDE))

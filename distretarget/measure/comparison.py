@@ -136,7 +136,7 @@ class Reference:
         """
         self.source, self.matching = source, matching
         skins = skins or (find_skin(matching.source, no_capsules()), find_skin(matching.target, no_capsules()))
-        self._skin = find_source_skin(source, matching.source, up, *skins)
+        self._skin = find_source_skin(source, matching.source, *skins)
         self._feet = find_feet(source, matching, up, surface)
         self._contacts = find_contacts(source, matching, self._feet.stance)
         self._supports = find_supports(source, matching, up, surface, self._feet.thickness)

@@ -6,9 +6,10 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.body.limbs import Arm
-from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, lengths, normalised
 
 HANGS = np.radians(60)  # an arm hangs while the angles of shoulder and elbow add up to no more than this [rad]
+ASIDE = np.radians(45)  # ... and its hand is farther than this round the trunk from straight before or behind it [rad]
 
 
 def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
@@ -25,13 +26,31 @@ def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
     return np.asarray(lengths(places[u] - places[v]))
 
 
-def hangs(positions: Array, arm: Arm, hips: list[int], up: Array) -> Flags:
-    """(frames,), whether an arm hangs, along gravity or, where hip joints are known, along the trunk.
-
-    `positions`, (frames, joints, 3), are those of the body, `up`, (3,), is the unit vector up.
+def hangs(body: Body, positions: Array, arm: Arm) -> Flags:
+    """(frames,), whether an arm of a body hangs beside it, along gravity or, where hip joints are known, along the
+    trunk. `positions`, (frames, joints, 3), are those of the body.
     """
     shoulder, elbow, wrist = (positions[:, joint] for joint in (arm.shoulder, arm.elbow, arm.wrist))
-    off = angles_between(elbow - shoulder, np.broadcast_to(-up, elbow.shape))
+    off, hips = angles_between(elbow - shoulder, np.broadcast_to(-body.up_vector, elbow.shape)), _hips(body)
     if hips:
         off = np.minimum(off, angles_between(elbow - shoulder, positions[:, hips].mean(axis=1) - shoulder))
-    return np.asarray(off + angles_between(elbow - shoulder, wrist - elbow) <= HANGS)
+    hanging = off + angles_between(elbow - shoulder, wrist - elbow) <= HANGS
+    if hips and len(body.arms) == 2:
+        hanging &= _beside(body, positions, arm)
+    return np.asarray(hanging)
+
+
+def _beside(body: Body, positions: Array, arm: Arm) -> Flags:
+    """(frames,), whether a hand is beside the trunk, and not in front of it or behind it."""
+    left, right = (positions[:, each.shoulder] for each in body.arms)
+    pelvis = positions[:, _hips(body)].mean(axis=1)
+    hand = positions[:, body.skeleton.subtree(arm.wrist)].mean(axis=1) - pelvis
+    trunk = normalised(0.5 * (left + right) - pelvis)
+    across = normalised(left - right)
+    forwards = cross(across, trunk)
+    aside, forward = (np.abs((hand * axis).sum(axis=1)) for axis in (across, forwards))
+    return np.asarray(aside >= np.tan(ASIDE) * forward)
+
+
+def _hips(body: Body) -> list[int]:
+    return [leg.hip for leg in body.legs or ()]

@@ -259,15 +259,15 @@ class SourceSkin:
         return off / np.maximum(counts, 1), counts
 
 
-def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: Skin) -> SourceSkin:
-    """Find what touches in a source; `skin` is that of its `body`, `up`, (3,), the unit vector up. About `RATE` frames
-    a second are looked at, and all around the first and the last of each touch.
+def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> SourceSkin:
+    """Find what touches in a source; `skin` is that of its `body`. About `RATE` frames a second are looked at, and
+    all around the first and the last of each touch.
     """
     both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
     seen = _spread(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
     if not both.any():
         return SourceSkin.without_touches(target, seen, source.frame_time)
-    hanging = _hanging(source, body, up)
+    hanging = _hanging(source, body)
     reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
     reach[:, len(LIMBS) :] = -np.inf
 
@@ -346,13 +346,13 @@ def _of_first(of_parts: Array) -> Array:
     return of_parts
 
 
-def _hanging(motion: Motion, body: Body, up: Array) -> Flags:
+def _hanging(motion: Motion, body: Body) -> Flags:
     """(frames, limbs), whether the arm of each limb hangs."""
-    hanging, hips = np.zeros((len(motion), len(LIMBS)), bool), [leg.hip for leg in body.legs or ()]
+    hanging = np.zeros((len(motion), len(LIMBS)), bool)
     for side in SIDES:
         hand = body.anatomy.roles.get(f"{side}Hand") if body.anatomy else None
         for arm in body.arms:
             if arm.wrist == hand:
                 own = [limb.startswith(side) for limb in LIMBS]
-                hanging[:, own] = hangs(motion.positions, arm, hips, up)[:, None]
+                hanging[:, own] = hangs(body, motion.positions, arm)[:, None]
     return hanging

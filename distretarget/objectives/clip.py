@@ -10,7 +10,7 @@ import numpy as np
 from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
 from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body
-from distretarget.body.limbs import Leg, Legs, raised
+from distretarget.body.limbs import Leg, Legs, before, raised
 from distretarget.body.soles import Sole
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.ik.poses import part_of_joint
@@ -63,7 +63,8 @@ class Clip:
     target_legs: Legs | None  # the target's own legs, driven or not; None where it has none
     source_skeleton: Skeleton  # the source's joints with rigid bones
     hanging: Array | None  # (source joints, 3), `Body.hanging` of the source [source file units]
-    # (frames, source joints), how far the arm that each joint belongs to is raised or bent, 0 to 1; 0 for other joints
+    # (frames, source joints), how far the arm that each joint belongs to is raised or bent, or its hand put in front of
+    # the trunk or behind it, 0 to 1; 0 for other joints
     raised_arms: Array
     pelvis: int  # the target's joint where its legs branch off, if it has a driver; else the first that has one
     drivers: Numbers  # (joints,), the source joint that drives each target joint; -1 for none
@@ -164,9 +165,14 @@ class Clip:
 
 def _raised_arms(body: Body, motion: Motion) -> Array:
     """`Clip.raised_arms` of a body in a motion."""
-    values, hips = np.zeros((len(motion), len(body.skeleton))), [leg.hip for leg in body.legs or ()]
+    x, hips = motion.positions, [leg.hip for leg in body.legs or ()]
+    values = np.zeros((len(motion), len(body.skeleton)))
     for arm in body.arms:
-        values[:, body.skeleton.subtree(arm.shoulder)] = raised(motion.positions, arm, hips, body.up_vector)[:, None]
+        of_arm = raised(x, arm, hips, body.up_vector)
+        if hips and len(body.arms) == 2:
+            hand = [*body.skeleton.subtree(arm.wrist)]
+            of_arm = np.maximum(of_arm, before(x, hand, [arm.shoulder for arm in body.arms], hips))
+        values[:, body.skeleton.subtree(arm.shoulder)] = of_arm[:, None]
     return values
 
 

@@ -219,8 +219,9 @@ def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
 
 
 def _meant(clip: Clip, body: BodySkin, spots: Spots) -> Array:
-    """(frames, spots), how much each is meant to be touched, 0 to 1: by an arm as far as it is raised or bent, as one
-    that hangs is near the body anyway; and none that is dropped.
+    """(frames, spots), how much each is meant to be touched, 0 to 1: by an arm as far as it is raised or bent, or its
+    hand put in front of the trunk or behind it, as one that hangs beside the trunk is near it anyway; and none that is
+    dropped.
     """
     of_joint, sources = body.of_joint, clip.distances.sources
     of_point, arms = of_joint[clip.distances.targets], PLACE[:-1][IS_ARM]
