@@ -10,7 +10,7 @@ import numpy as np
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
+from distretarget.numerics.vectors import Array, Flags, lengths
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.objectives.spots import Spots
@@ -33,7 +33,7 @@ def anchors(
         firmness: (frames, spots), how firmly each spot is touched, 0 to 1.
     """
     one, other, limbs = skins.source, skins.target, skins.target.limbs
-    fields, hands = no_anchors(len(posed), len(limbs), len(PARTS)), _hands(one, other)
+    fields, hands = no_anchors(len(posed), len(limbs), len(PARTS)), shared_hands(one, other)
     if one.landmarks is None or other.landmarks is None or not hands:
         return no_anchors(len(posed), len(limbs))
     for limb, (segment, *_) in hands.items():
@@ -73,36 +73,24 @@ def no_anchors(frames: int, limbs: int, count: int = 0) -> dict[str, Array]:
     }
 
 
-def _hands(one: BodySkin, other: BodySkin) -> dict[int, tuple[int, int, int]]:
-    """The segment of the hand of each arm of the other body, and the wrists of both bodies, by its number; of arms that
-    both bodies have.
+def shared_hands(one: BodySkin, other: BodySkin) -> dict[int, tuple[int, int, int]]:
+    """Return the segment of the hand of each arm of the other body, and the wrists of both bodies, by the arm's number;
+    of arms that both bodies have.
     """
     wrists = {one.of_joint[limb.end]: limb.end for limb in one.limbs if limb.is_arm}
     found = {}
     for number, limb in enumerate(other.limbs):
         segment = int(other.of_joint[limb.end])
         is_hand = limb.is_arm and "hand" in SEGMENTS[segment] and segment in wrists
-        if is_hand and _balls(one, segment).size and _balls(other, segment).size:
+        if is_hand and one.balls_of(segment).size and other.balls_of(segment).size:
             found[number] = segment, wrists[segment], limb.end
     return found
-
-
-def _balls(body: BodySkin, segment: int) -> Numbers:
-    """Return the numbers of the balls of a segment."""
-    return np.arange(*body.balls.of_ball[segment : segment + 2])
-
-
-def _centres(body: BodySkin, ends: Array, segment: int) -> Array:
-    """(frames, balls, 3), the centres of the balls of a segment [body units]."""
-    on = _balls(body, segment)
-    ends, t = ends[:, body.balls.carriers[on]], body.balls.places[on, None]
-    return np.asarray((1.0 - t) * ends[:, :, 0] + t * ends[:, :, 1])
 
 
 def _way(body: BodySkin, motion: Motion, ends: Array, segment: int, wrist: int) -> tuple[Array, Array]:
     """The wrist, and the way from there through the middle of a hand as far again, (frames, 3) each [file units]."""
     start = motion.positions[:, wrist]
-    return start, 2.0 * (body.unit * _centres(body, ends, segment).mean(axis=1) - start)
+    return start, 2.0 * (body.unit * body.centres(ends, segment).mean(axis=1) - start)
 
 
 def _how_far_along(
@@ -113,12 +101,12 @@ def _how_far_along(
     parts = np.flatnonzero(np.isin(body.capsules.segments, [SEGMENTS.index(name) for name in names]))
     if not on.any() or not len(parts):
         return share
-    centres = _centres(body, ends[on], segment)
+    centres = body.centres(ends[on], segment)
     a, bones = ends[on][:, None, parts, 0], np.diff(ends[on][:, parts], axis=2)[:, None, :, 0]
     off, (thin, thick) = centres[:, :, None] - a, body.balls.cap_radii[parts].T
     t = np.clip((off * bones).sum(axis=3) / np.maximum((bones**2).sum(axis=3), np.finfo(float).tiny), 0.0, 1.0)
     apart = lengths(off - t[..., None] * bones) - (1.0 - t) * thin - t * thick
-    gaps = apart.min(axis=2) - body.balls.radii[_balls(body, segment)]
+    gaps = apart.min(axis=2) - body.balls.radii[body.balls_of(segment)]
     weights = np.maximum(1.0 - (gaps - gaps.min(axis=1, keepdims=True)) / NEARER, 0.0)
     places = ((body.unit * centres - start[on][:, None]) * along[on][:, None]).sum(axis=2)
     places /= np.maximum((along[on] ** 2).sum(axis=1), np.finfo(float).tiny)[:, None]

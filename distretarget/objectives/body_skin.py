@@ -97,6 +97,18 @@ class BodySkin:
         radii = self.balls.cap_radii[self.capsules.segments == self.of_joint[joint]]
         return float(radii.mean()) if radii.size else 0.0
 
+    def balls_of(self, segment: int) -> Numbers:
+        """Return the numbers of the balls of a segment."""
+        return np.arange(*self.balls.of_ball[segment : segment + 2])
+
+    def centres(self, ends: Array, segment: int) -> Array:
+        """Return the centres of the balls of a segment, (frames, balls, 3); `ends` are those of the capsules, as
+        `posed` [body units].
+        """
+        on = self.balls_of(segment)
+        ends, t = ends[:, self.balls.carriers[on]], self.balls.places[on, None]
+        return np.asarray((1.0 - t) * ends[:, :, 0] + t * ends[:, :, 1])
+
     def posed(self, motion: Motion) -> Array:
         """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""
         posed = self.capsules.posed(motion)

@@ -24,6 +24,7 @@ from distretarget.numerics.time_series import Shots, smoothstep
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.anchors import anchors, no_anchors
+from distretarget.objectives.approach import approached
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.mesh_gaps import nearer_than_capsules
@@ -80,6 +81,8 @@ def with_skin(
     """Return the motion of a target with its limbs bent as its skin asks, and as a user does; `posed` is the motion
     before.
     """
+    free = how_free(clip, skins.target, supports, settings)[..., 1]
+    posed = approached(clip, skins, posed, free if reach is None else free * (1.0 - reach.ties))
     chunks = chunks_of(len(clip), round(FADES * TAU / clip.frame_time))
     posed.positions  # noqa: B018 - once for all chunks
 
