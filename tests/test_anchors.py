@@ -115,7 +115,7 @@ def test_places_of_the_other_arm_move_with_it():
 @pytest.mark.parametrize("clip", ["hands_on_hips"])
 def test_hands_lie_on_hips_at_the_place_of_the_source_and_nearer_to_it_than_in_the_copy(clip):
     metrics = run(clip).metrics
-    assert metrics["result"]["touch_place"] < 0.7 * metrics["rotation_copy"]["touch_place"]
+    assert metrics["result"]["touch_place"] < 0.75 * metrics["rotation_copy"]["touch_place"]
 
 
 def test_landmarks_of_both_skins_are_upright_where_the_body_stands():

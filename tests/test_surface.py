@@ -5,9 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES
+from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_depths import PARTS, find_depths
 from distretarget.objectives.spots import APART
@@ -98,3 +99,22 @@ def test_what_is_not_wanted_is_not_looked_for():
     gaps = surface_of("clap").gaps(motion, [(LEFT, (RIGHT,))], wanted, 0.3)
     assert (gaps[[1, 3]] == 0.3).all()
     assert (gaps[[0, 2]] < 0.3).all()
+
+
+def test_triangles_between_two_parts_count_so_that_coarse_meshes_have_no_holes():
+    """A trunk whose side is one row of triangles from the pelvis to the chest, and a forearm beside its middle."""
+    result = run("clap")
+    body, skin = result.matching.target, result.skins.target
+    rest, roles = body.skeleton.rest_positions, body.anatomy.roles
+    hips, chest, arm = rest[roles["hips"]], rest[roles["chest"]], roles["leftLowerArm"]
+    tall = np.array([hips, chest]) + np.array([[0.0, -0.4, 0.0], [0.0, 0.4, 0.0]])
+    beside = tall.mean(axis=0) + np.array([[0.25, -0.02, 0.0], [0.25, 0.02, 0.0]])
+    coarse, round_arm = capsule_surface(tall, [0.1, 0.1], rings=4), capsule_surface(beside, [0.05, 0.05])
+    mesh = mesh_of([(roles["hips"], coarse), (arm, round_arm)])
+    mesh.joints[len(coarse[0]) // 2 : len(coarse[0])] = roles["chest"]
+    surface = Surface.of(mesh, body.skeleton, skin.of_joint, skin.capsules)
+    still = Motion(body.skeleton, rest[:1], np.tile([0.0, 0.0, 0.0, 1.0], (1, len(rest), 1)), "0.1")
+    parts = [(skin.of_joint[arm], tuple(np.unique(skin.of_joint[[roles["hips"], roles["chest"]]]).tolist()))]
+    assert surface.gaps(still, parts, np.ones((1, 1), bool), 1.0)[0, 0] == pytest.approx(
+        0.25 - 0.1 * np.cos(np.pi / 6) - 0.05, abs=0.01
+    )

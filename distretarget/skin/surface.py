@@ -84,11 +84,12 @@ def _spread(
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas, middles = 0.5 * lengths(normals), corners.mean(axis=1)
     strongest = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
-    of_corners = of_joint[strongest][mesh.triangles]
+    of_corners = np.sort(of_joint[strongest][mesh.triangles], axis=1)
+    most = np.where((np.diff(of_corners, axis=1) == 0).any(axis=1), of_corners[:, 1], -1)  # the segment of two corners
     found = [(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp))]
     for segment, name in enumerate(SEGMENTS):
         own = capsules[capsules.segments == segment]
-        on = np.flatnonzero((of_corners == segment).all(axis=1) & (areas > 0.0))
+        on = np.flatnonzero((most == segment) & (areas > 0.0))
         if len(on) and len(own):
             out = middles[on] - _nearest_on(own.ends + skeleton.rest_positions[own.joints, None], middles[on])
             leads_out = (normals[on] * out).sum(axis=1) > 0.0
