@@ -18,12 +18,8 @@ def arrays_of(armature: bpy.types.Object) -> Arrays:
     `names` and `parents` (joints,), `heads` (joints, 3), `vertices` (vertices, 3), `triangles` (triangles, 3), and of
     each influence `moved` (its vertex), `movers` (its joint) and `weights`, (influences,).
     """
-    joints = skeleton(armature)
-    names, world, bones = [*joints], armature.matrix_world, armature.data.bones
-    number = {name: index for index, name in enumerate(names)}
-    heads = [world @ bones[name].head_local if name in bones else world.translation for name in names]
-    parents = [-1 if parent is None else number[parent] for parent in joints.values()]
-    arrays = {"names": np.array(names), "parents": np.array(parents), "heads": np.array([[*head] for head in heads])}
+    arrays = rest_arrays(armature)
+    number = {name: index for index, name in enumerate(arrays["names"].tolist())}
     with _at_rest(armature):
         parts = [_part(mesh, number) for mesh in skinned_meshes(armature)]
     starts = np.cumsum([0, *(len(part["vertices"]) for part in parts)])
@@ -33,6 +29,16 @@ def arrays_of(armature: bpy.types.Object) -> Arrays:
         values = [part[key] + start for part, start in zip(parts, shift, strict=False)]
         arrays[key] = np.concatenate(values) if values else np.zeros(empty)
     return arrays
+
+
+def rest_arrays(armature: bpy.types.Object) -> Arrays:
+    """Return the joints that its meshes need: `names`, `parents` and `heads`, as `arrays_of`."""
+    joints = skeleton(armature)
+    names, world, bones = [*joints], armature.matrix_world, armature.data.bones
+    number = {name: index for index, name in enumerate(names)}
+    heads = [world @ bones[name].head_local if name in bones else world.translation for name in names]
+    parents = [-1 if parent is None else number[parent] for parent in joints.values()]
+    return {"names": np.array(names), "parents": np.array(parents), "heads": np.array([[*head] for head in heads])}
 
 
 @contextmanager

@@ -118,7 +118,9 @@ class DISTRETARGET_OT_contacts_export(Told, ExportHelper, bpy.types.Operator):
     filter_glob: bpy.props.StringProperty(default="*.json", options={"HIDDEN"})
 
     def invoke(self, context, _event):
-        self.filepath = str(Path(bpy.path.abspath(context.scene.distretarget.clip)).with_suffix(ENDING))
+        settings = context.scene.distretarget
+        clip = f"//{settings.clip_key}" if settings.performer else settings.clip
+        self.filepath = str(Path(bpy.path.abspath(clip)).with_suffix(ENDING))
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

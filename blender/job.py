@@ -16,6 +16,7 @@ import numpy as np
 from .character import arrays_of
 from .contacts import acts, entries_of
 from .keys import Controls, Result, keyed_controls, keyed_joints
+from .performer import motion_of, title_of
 from .rig import constraints_on, drivers_on, moved_bones
 from .settings import clip_key
 
@@ -66,21 +67,24 @@ def there(names: tuple[str, str]) -> tuple[bpy.types.Scene, bpy.types.Object]:
 class Job:
     """A clip on its way to an armature."""
 
-    def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object, clip: Path) -> None:
-        if clip.suffix.lower() not in ENDINGS:
-            raise FailedError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
-        if not clip.is_file():
-            raise FailedError(f"{clip}: there is no such file")
+    def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object, clip: Path | bpy.types.Object) -> None:
+        """`clip` is a file, or an armature of the scene that moves."""
+        is_file = isinstance(clip, Path)
+        _check_file(clip) if is_file else _check_performer(clip, armature)
         settings = scene.distretarget
-        self.names, self.clip, self.process = names_of(scene, armature), clip, None
-        self.key, self.keys, self.start = clip_key(clip, settings.animation), settings.keys, settings.start
+        self.names, self.process = names_of(scene, armature), None
+        self.title = clip.stem if is_file else title_of(clip)
+        self.key = clip_key(clip, settings.animation) if is_file else self.title
+        self.keys, self.start = settings.keys, settings.start
         arrays = arrays_of(armature)
         self.joints, self.bones = arrays["names"].tolist(), armature.data.bones.keys()
         self.place = tempfile.TemporaryDirectory(prefix="distretarget_")
         self.folder = Path(self.place.name)
         np.savez(self.folder / "character.npz", **arrays)
+        if not is_file:
+            np.savez(self.folder / "performer.npz", **motion_of(clip, scene))
         job = {
-            "clip": str(clip.resolve()),
+            "clip": str(clip.resolve()) if is_file else None,
             "animation": settings.animation,
             "edits": {"mirror": settings.mirror, "loop": settings.loop},
             "options": {"supports": settings.supports, "skin": settings.skin},
@@ -137,12 +141,26 @@ class Job:
         times = self.start + np.arange(len(result.places)) * step
         if self.keys == "JOINTS":
             told["warnings"] += _muted(armature, self.joints)
-            action = keyed_joints(armature, result, self.clip.stem, times)
+            action = keyed_joints(armature, result, self.title, times)
         else:
             controls = Controls(**np.load(self.folder / "controls.npz"), switches=told["switches"])
-            action = keyed_controls(armature, controls, self.clip.stem, times)
+            action = keyed_controls(armature, controls, self.title, times)
             told["warnings"] += told["lines"]
         return scene, action, told | {"frames": len(times), "frame_time": result.frame_time, "step": step}
+
+
+def _check_file(clip: Path) -> None:
+    if clip.suffix.lower() not in ENDINGS:
+        raise FailedError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
+    if not clip.is_file():
+        raise FailedError(f"{clip}: there is no such file")
+
+
+def _check_performer(performer: bpy.types.Object, armature: bpy.types.Object) -> None:
+    if performer == armature:
+        raise FailedError(f"{performer.name!r} is the character; choose another armature for the clip")
+    if not performer.data.bones:
+        raise FailedError(f"{performer.name!r} has no bones")
 
 
 def _blender(script: Path, folder: Path) -> list[str]:

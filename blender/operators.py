@@ -65,10 +65,11 @@ class DISTRETARGET_OT_retarget(Running, bpy.types.Operator):
 
     def work(self, context):
         settings = context.scene.distretarget
-        if not settings.clip:
-            raise FailedError("choose a clip")
+        if not settings.clip and settings.performer is None:
+            raise FailedError("choose a clip, or an armature of the scene that moves")
         take_markers(context.scene)
-        job = Job(context.scene, target_of(context), Path(bpy.path.abspath(settings.clip)))
+        clip = settings.performer or Path(bpy.path.abspath(settings.clip))
+        job = Job(context.scene, target_of(context), clip)
         try:
             yield from job.done()
             scene, _, told = job.apply()

@@ -21,7 +21,8 @@ class DISTRETARGET_PT_panel(InSidebar, bpy.types.Panel):
     def draw(self, context):
         settings, layout = context.scene.distretarget, self.layout
         layout.use_property_split = True
-        for name in ("clip", "animation", "start", "mirror", "loop", "in_place", "supports", "skin", "keys"):
+        layout.prop(settings, "clip")
+        for name in ("performer", "animation", "start", "mirror", "loop", "in_place", "supports", "skin", "keys"):
             layout.prop(settings, name)
         layout.operator("distretarget.retarget", icon="ARMATURE_DATA")
         if settings.verdict:

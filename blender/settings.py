@@ -6,6 +6,7 @@ from pathlib import PurePath
 import bpy
 
 from . import contacts
+from .performer import title_of
 
 
 def _is_another(settings, _context):
@@ -36,6 +37,13 @@ class DISTRETARGET_PG_warning(bpy.types.PropertyGroup):
 class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     clip: bpy.props.StringProperty(
         name="Clip", subtype="FILE_PATH", description="BVH, FBX, GLB, VRMA or npz", update=_is_another
+    )
+    performer: bpy.props.PointerProperty(
+        name="Armature",
+        type=bpy.types.Object,
+        poll=lambda _, each: each.type == "ARMATURE",
+        description="An armature of the scene whose motion is the clip, in place of a file",
+        update=_is_another,
     )
     animation: bpy.props.StringProperty(
         name="Animation", description="Which of several animations of the file", update=_is_another
@@ -88,7 +96,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     @property
     def clip_key(self) -> str:
         """The name by which contacts of the clip are kept, also if its folder moves."""
-        return clip_key(self.clip, self.animation)
+        return title_of(self.performer) if self.performer else clip_key(self.clip, self.animation)
 
 
 def clip_key(clip: str | PurePath, animation: str) -> str:

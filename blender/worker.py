@@ -3,11 +3,12 @@
 
 python worker.py FOLDER
 
-FOLDER has `character.npz`, as `character.arrays_of` returns it, and `job.json`: "clip", the path of the clip, its
-"animation", "edits" and "options" for `distretarget.Edits` and `Options`, "in_place", the "contacts" of a contact file,
-and a "map" of joints. It gets `result.npz`: `places`, (frames, joints, 3), `turns`, (frames, joints, 4), rotations from
-the rest pose in the world, x y z w, and `frame_time`; and `result.json`: an error, or the verdict and the warnings, the
-contacts that were found, the pairs of joints, and all joints of the clip.
+FOLDER has `character.npz`, as `character.arrays_of` returns it, and `job.json`: "clip", the path of the clip, or none
+where `performer.npz` has its motion, as `performer.motion_of` returns it; its "animation", "edits" and "options" for
+`distretarget.Edits` and `Options`, "in_place", the "contacts" of a contact file, and a "map" of joints. It gets
+`result.npz`: `places`, (frames, joints, 3), `turns`, (frames, joints, 4), rotations from the rest pose in the world,
+x y z w, and `frame_time`; and `result.json`: an error, or the verdict and the warnings, the contacts that were found,
+the pairs of joints, and all joints of the clip.
 """
 
 import json
@@ -35,7 +36,11 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
     from distretarget import Edits, Options, OutputSettings, contacts_to_json, find_contacts, read_motion, retarget
     from distretarget.io.contacts_file import HEADER, parse_contacts
 
-    motion = Edits(**job["edits"]).of(read_motion(job["clip"], clip=job["animation"] or None))
+    if job["clip"] is None:
+        motion = _motion(dict(np.load(folder / "performer.npz")))
+    else:
+        motion = read_motion(job["clip"], clip=job["animation"] or None)
+    motion = Edits(**job["edits"]).of(motion)
     target, there = _target(arrays), {*motion.skeleton.keys}
     pairs = {joint: source for joint, source in job["map"].items() if source is None or source in there}
     asked = parse_contacts(json.dumps(HEADER | {"contacts": job["contacts"]}), "Contacts")
@@ -87,22 +92,41 @@ def _frames(warnings: tuple[str, ...]) -> list[tuple[int, str]]:
     return [(int(frame[1]), warning) for frame, warning in found if frame]
 
 
-def _target(arrays: dict[str, np.ndarray]):
-    """The character as a target."""
-    from distretarget import Skeleton, Target
-    from distretarget.skin.mesh import SkinnedMesh
+def _skeleton(arrays: dict[str, np.ndarray]):
+    """The skeleton of an armature."""
+    from distretarget import Skeleton
 
     heads, parents = arrays["heads"], arrays["parents"]
-    offsets = heads - np.where((parents >= 0)[:, None], heads[parents], 0.0)
     turning = ("Zrotation", "Xrotation", "Yrotation")
-    skeleton = Skeleton(
+    return Skeleton(
         names=tuple(arrays["names"].tolist()),
         parents=parents,
-        offsets=offsets,
+        offsets=heads - np.where((parents >= 0)[:, None], heads[parents], 0.0),
         channels=(("Xposition", "Yposition", "Zposition", *turning), *[turning] * (len(parents) - 1)),
         end_sites=np.zeros(len(parents), bool),
         up="Z",
     )
+
+
+def _motion(arrays: dict[str, np.ndarray]):
+    """The motion of an armature."""
+    from scipy.spatial.transform import Rotation
+
+    from distretarget import Motion
+
+    skeleton, turns = _skeleton(arrays), arrays["turns"]
+    above = np.where((skeleton.parents >= 0)[:, None], turns[:, skeleton.parents], [0.0, 0.0, 0.0, 1.0])
+    local = Rotation.from_quat(above.reshape(-1, 4)).inv() * Rotation.from_quat(turns.reshape(-1, 4))
+    rotations = local.as_quat().reshape(turns.shape)
+    return Motion(skeleton, arrays["places"][:, 0], rotations, repr(float(arrays["frame_time"])))
+
+
+def _target(arrays: dict[str, np.ndarray]):
+    """The character as a target."""
+    from distretarget import Target
+    from distretarget.skin.mesh import SkinnedMesh
+
+    skeleton, heads = _skeleton(arrays), arrays["heads"]
     count, moved = len(arrays["vertices"]), arrays["moved"].astype(int)
     if not count or not len(moved):
         return Target(skeleton, {}, "")

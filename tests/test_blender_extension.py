@@ -131,6 +131,34 @@ told["scale"] = said(bpy.ops.distretarget.retarget)
 end({"told": told, "actions": [each.name for each in bpy.data.actions if each.name in ("walk", "broken", "clap")]})
 """
 
+PERFORMER = """
+one = character(sys.argv[3])
+one.rotation_mode = "XYZ"
+one.location, one.rotation_euler, one.scale = (1, 2, 0), (0, 0, 0.5), (2, 2, 2)
+settings.clip, settings.start, scene.render.fps = sys.argv[4], 5, 30
+status = [said(bpy.ops.distretarget.retarget)]
+settings.performer = one
+status.append(said(bpy.ops.distretarget.retarget))
+scene.frame_set(7)
+before = set(bpy.data.objects)
+bpy.ops.import_scene.gltf(filepath=sys.argv[3])
+other = next(each for each in set(bpy.data.objects) - before if each.type == "ARMATURE")
+bpy.context.view_layer.objects.active = other
+status.append(said(bpy.ops.distretarget.retarget))
+frame, away = scene.frame_current, 0.0
+for number in range(5, 40, 7):
+    scene.frame_set(number)
+    graph = bpy.context.evaluated_depsgraph_get()
+    shown = [each.evaluated_get(graph) for each in (one, other)]
+    for name in ("LeftForeArm", "RightHand", "LeftFoot"):
+        a, b = ((each.matrix_world @ each.pose.bones[name].matrix).to_quaternion() for each in shown)
+        turn = np.degrees(a.rotation_difference(b).angle)
+        away = max(away, min(turn, 360 - turn))
+end({"status": status, "away": away, "frame": frame, "action": other.animation_data.action.name,
+     "ranges": [list(each.animation_data.action.frame_range) for each in (one, other)],
+     "contacts": len([each for each in settings.contacts if each.clip == settings.clip_key])})
+"""
+
 FOLDER = """
 armature = character(sys.argv[3])
 settings.folder, settings.as_assets, settings.push_down, scene.render.fps = sys.argv[4], True, True, 30
@@ -459,6 +487,18 @@ def test_bones_are_where_the_result_has_them_and_nothing_is_lost():
     assert {"before", "clap"} <= set(found["actions"])
     assert found["range"] == pytest.approx([11, 11 + found["frames"] - 1], abs=0.01)
     assert "Skin touches as in the source" in found["verdict"]
+
+
+def test_an_armature_of_the_scene_that_moves_is_a_clip():
+    """A clip is on one hero, large and turned, and goes from there to another."""
+    found = told(PERFORMER, HERO, SAMPLES / "clap.bvh")
+    assert found["status"][::2] == [["FINISHED"], ["FINISHED"]]
+    assert "is the character; choose another armature" in found["status"][1]
+    assert found["ranges"][0] == pytest.approx(found["ranges"][1], abs=1.0)
+    assert found["action"].startswith("clap")
+    assert found["away"] < 5.0  # the first hero is taken for an average body, as a clip without a skin is
+    assert found["contacts"] > 0
+    assert found["frame"] == 7
 
 
 def test_what_is_wrong_is_told_in_a_line(tmp_path):
