@@ -5,8 +5,7 @@
 CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
 those that are missing. Each clip goes to the bodies of `edits.py` by both objectives, and to a third of the members of
 the zoo by the default one; and each member is the source of two others. The tables have every metric, mean / largest
-over the runs; each clip on the bodies of `edits.py`; and what must not occur, such as runs that are worse than the
-rotation copy. `--runs` lists the runs.
+over the runs; and what must not occur, such as runs that are worse than the rotation copy. `--runs` lists the runs.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ import numpy as np
 from clips import CLIPS, SAMPLE_CLIPS, corpus_argument, found, markdown_option
 from edits import TARGETS, edited
 from runs import clip_name, in_processes
-from tables import mean_and_largest, publish, several, table
+from tables import mean_and_largest, publish, table
 from zoo import MEMBERS, member, on_member
 
 from distretarget import DistretargetError, Options, RetargetResult, read_bvh, retarget
@@ -63,11 +62,6 @@ class Run:
         """What is measured of a result, under a name."""
         counts = len(result.motion), len(result.motion.skeleton.joints), int(result.effort.iterations.sum())
         return cls(name, *counts, result.metrics)
-
-    @property
-    def clip(self) -> str:
-        """The name of its clip."""
-        return self.name.partition(" on ")[0]
 
     def metric(self, key: str, side: Variant = "result") -> float:
         """A metric of one side; nan where nothing was measured."""
@@ -140,19 +134,6 @@ def metric_rows(columns: Sequence[tuple[Sequence[Run], Variant]]) -> Iterator[Ro
         ]
         if metric.key not in HIDDEN and any(spread != "-" for spread in spreads):
             yield metric.label + (f" [{metric.unit}]" if metric.unit else ""), *spreads
-
-
-def clip_cells(clip: str, paper: Sequence[Run], contact: Sequence[Run]) -> Iterator[str]:
-    """The line of a clip: means over the bodies of `edits.py`."""
-
-    def means(key: str, *columns: tuple[Sequence[Run], Variant]) -> list[float]:
-        return [float(np.mean([run.metric(key, side) for run in runs if run.clip == clip])) for runs, side in columns]
-
-    copy, both = (contact, "rotation_copy"), ((paper, "result"), (contact, "result"))
-    yield clip
-    yield several((None if np.isnan(mean) else mean for mean in means("contact_error", copy, *both)), ".4f")
-    yield several(means("direction_error", *both), ".1f")
-    yield several(np.divide(means("jerk", *both), means("jerk", copy)), ".2f")
 
 
 def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterator[Row]:
@@ -233,21 +214,21 @@ def main(corpus: Path, duets: Path | None, page: Path | None, pattern: str, fram
     first = {member: (clip, member) for clip, _, member in reversed(list(plan(every)))}
     alone = [*product(every, [""]), *first.values()]
     own = [*filter(None, in_processes(partial(own_body, frames), alone))]
-    sides = [(contact, "source"), (contact, "rotation_copy"), (paper, "result"), (contact, "result")]
-    what = "metric, mean / largest"
+    columns = {
+        "source": (contact, "source"),
+        "copy": (contact, "rotation_copy"),
+        "paper": (paper, "result"),
+        "contact": (contact, "result"),
+        "zoo: copy": (zoo, "rotation_copy"),
+        "zoo: contact": (zoo, "result"),
+    }
     tables = {
-        "summary": table([what, "source", "copy", "paper", "contact"], metric_rows(sides)),
-        "metrics": table([what, "source", "copy", "contact"], metric_rows([(zoo, side) for side in SIDES[::-1]])),
-        "clips": table(
-            "clip | contact error: copy / paper / contact | direction error, degrees: paper / contact | "
-            "jerk over the copy's: paper / contact",
-            (clip_cells(clip, paper, contact) for clip in dict.fromkeys(run.clip for run in contact)),
-        ),
+        "summary": table(["metric, mean / largest", *columns], metric_rows([*columns.values()])),
         "faults": table(["contact, over all runs", "value", "worst"], fault_rows([*contact, *zoo], own)),
     }
     if listed:
-        columns = ("run", "frames", "iterations", *(metric.label for metric in METRICS))
-        tables["runs"] = table(columns, run_rows([*chain.from_iterable(scaled), *zoo]))
+        head = ("run", "frames", "iterations", *(metric.label for metric in METRICS))
+        tables["runs"] = table(head, run_rows([*chain.from_iterable(scaled), *zoo]))
     print(f"{len(contact)} runs on scaled bodies by each objective, {len(zoo)} in the zoo, {len(clips)} clips\n")
     publish(tables, page)
 
