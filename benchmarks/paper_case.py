@@ -25,7 +25,7 @@ POSTURE = 61  # the frame of the walk used as the paper's walking posture: both 
 
 GROUPS = {"arms": ARMS, "legs": LEGS, "spine": ("trunk",), "arms, legs, spine": (*ARMS, *LEGS, "trunk")}
 """The parts of the body, by the names in `edits`, that the edits change together."""
-PERCENT = (-30, 30, 60)
+PERCENT = (-30, 60)
 
 
 def _scaled(percents: dict[str, int]) -> dict[str, float]:

@@ -8,9 +8,9 @@ from fractions import Fraction
 
 import numpy as np
 from paper_case import EDITS, POSTURE, Case, case, on_table_one
-from paper_solver import Task, descended, descended_by_lbfgs, solve
+from paper_solver import least_sigma
 
-from distretarget.objectives.paper import aligned
+from distretarget.objectives.paper import Postures, aligned, solve_postures
 
 Check = tuple[str, str, str]
 """What is checked, the known answer, and what is found."""
@@ -29,30 +29,35 @@ def checks() -> Iterator[Check]:
     posture = source.positions[POSTURE]
 
     # Where no bone changes, the source's posture is the answer.
-    _, minimum = solve(Case(source, source.skeleton).problem, posture, posture)
-    yield "no bone changed: sigma, iterations", "0, 0", f"{zero(minimum.value)}, {minimum.iterations}"
+    same = solved(Case(source, source.skeleton), posture)
+    yield "no bone changed: sigma, iterations", "0, 0", f"{zero(same.stress[0])}, {same.effort.iterations[0]}"
 
     # Where every bone is scaled by s, s times the posture is the answer; the start is the source's posture.
     larger = source.skeleton.with_offsets(SCALE * source.skeleton.offsets)
-    points, minimum = solve(Case(source, larger).problem, posture, posture)
-    expected = SCALE * (posture - posture.mean(axis=0))
-    off = np.abs(aligned(points[None], expected[None])[0] - expected).max()
+    scaled = solved(Case(source, larger), posture)
+    expected = SCALE * (posture - posture.mean(axis=0))[None]
+    off = np.abs(aligned(scaled.positions, expected) - expected).max()
     what = f"every bone times {SCALE}: sigma, points off {SCALE} times the posture [m]"
-    yield what, f"0, < {NEAR:g}", f"{zero(minimum.value)}, {less(off, NEAR)}"
+    yield what, f"0, < {NEAR:g}", f"{zero(scaled.stress[0])}, {less(off, NEAR)}"
 
     # A mirrored start gives the mirrored result, with the same sigma.
-    points, minimum = solve(spine.problem, posture, spine.copy[POSTURE])
-    reflected, other = solve(spine.problem, posture, MIRROR * spine.copy[POSTURE])
-    found = f"{zero(np.abs(reflected - MIRROR * points).max())}, {zero(other.value - minimum.value)}"
+    one, other = (solved(spine, sign * spine.copy[POSTURE]) for sign in (1.0, MIRROR))
+    off = np.abs(other.positions - MIRROR * one.positions).max()
+    found = f"{zero(off)}, {zero(other.stress[0] - one.stress[0])}"
     yield "mirrored start: off the mirrored result [m], difference of sigma", "0, 0", found
 
     # Another solver, L-BFGS-B of scipy, finds the same minimum from the same start.
     differences = []
-    for edit in EDITS:
-        task = Task.of(case(edit).problem, posture, case(edit).copy[POSTURE])
-        differences.append(abs(descended(task.filled)[1].value / descended_by_lbfgs(task).fun - 1))
+    for edit in map(case, EDITS):
+        start = edit.copy[POSTURE]
+        differences.append(abs(solved(edit, start).stress[0] / least_sigma(edit.problem, posture, start) - 1))
     what = "sigma after each edit against L-BFGS-B's, largest relative difference"
     yield what, f"< {AGREEMENT:g}", less(max(differences), AGREEMENT)
+
+
+def solved(one: Case, start: np.ndarray) -> Postures:
+    """The posture of a case, solved from a start, (joints, 3)."""
+    return solve_postures(one.problem, one.source.positions[POSTURE][None], start[None])
 
 
 def problem_checks() -> Iterator[Check]:

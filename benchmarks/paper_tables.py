@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
-from timeit import repeat
 
 import numpy as np
 from clips import SAMPLES
 from numpy.typing import NDArray
 from paper_case import EDITS, POSTURE, Case, bone_errors, case, direction_errors, distance_error, mirrored
 from paper_checks import checks
-from paper_solver import (
-    STARTS,
-    Stress,
-    Task,
-    descended,
-    descended_by_lbfgs,
-    elsewhere,
-    from_before_moved,
-    solve,
-    solve_all,
-    solved_from,
-)
+from paper_solver import STARTS, elsewhere, from_before, solved_from
 from tables import several, table
 
 from distretarget import Skeleton
@@ -33,9 +20,6 @@ Array = NDArray[np.float64]
 STUDIED = ("arms +60 %", "legs -30 %", "spine +60 %", "arms, legs, spine +60 %", "arms +60 %, legs -30 %")
 """The edits whose postures are solved in every frame of a clip."""
 TURNED = ("walk", "turn")  # straight ahead, and on the spot through 360 degrees
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-9, 1e-12)
-ETAS = (0.0, 0.5, 0.85, 0.99, 1.0)
-REPEATS = 15  # of each solution that is timed; the fastest counts
 LONG_SPINE = "spine +60 %"  # the edit that the paper remarks on
 SPINE = ("Hips", "Chest", "Chest2", "Chest3", "Neck", "Head")
 SIDES = ("Left", "Right")
@@ -51,8 +35,6 @@ def tables() -> dict[str, str]:
         "spine": spine_table(),
         "pairs": pairs_table(),
         "starts": table(STARTS_HEAD, map(start_cells, STARTS)),
-        "tolerances": table(TOLERANCES_HEAD, tolerance_rows()),
-        "etas": table(ETAS_HEAD, map(eta_cells, ETAS)),
         "motions": table(MOTIONS_HEAD, ([clip, *quality] for clip, (quality, _) in motions.items())),
         "solving": table(SOLVING_HEAD, ([clip, *solving] for clip, (_, solving) in motions.items())),
     }
@@ -62,29 +44,23 @@ def tables() -> dict[str, str]:
 
 EDITS_HEAD = (
     "edit | sigma: copy / points / exact bones / contact | direction error, degrees: points / exact bones / contact | "
-    "bone error of the points, mean / largest, % | distance error: copy / points | iterations | "
-    "time, ms: points / L-BFGS-B"
+    "bone error of the points, mean / largest, % | distance error: copy / points | iterations"
 )
 
 
 def edit_cells(edit: str) -> list[str]:
     """The row of an edit; the paper's solver starts from the rotation copy."""
     one = case(edit)
-    posture, start = one.source.positions[POSTURE], one.copy[POSTURE]
-    task = Task.of(one.problem, posture, start)
-    points, minimum = solve(one.problem, posture, start)
-    results = list(one.postures().values())
+    posture, results = one.source.positions[POSTURE], list(one.postures().values())
+    start, points = (each[POSTURE] for each in results[:2])
     bones = 100 * bone_errors(points, one)
-    solutions = partial(descended, task.filled), partial(descended_by_lbfgs, task)
-    times = [1e3 * min(repeat(solution, number=1, repeat=REPEATS)) for solution in solutions]
     return [
         edit,
         several([1e3 * one.sigma(each)[POSTURE] for each in results], ".1f"),
         several([direction_errors(each[POSTURE], posture, one).mean() for each in results[1:]], ".1f"),
         several([bones.mean(), bones.max()], ".1f"),
         several([float(distance_error(each, posture, one)) for each in (start, points)], ".4f"),
-        str(minimum.iterations),
-        f"{times[0]:.2f} / {times[1]:.1f}",
+        str(one.paper.postures.effort.iterations[POSTURE]),
     ]
 
 
@@ -156,12 +132,12 @@ def joints_below(skeleton: Skeleton, name: str) -> NDArray[np.bool_]:
 
 def stress_terms(one: Case, points: Array) -> Array:
     """(joints, joints), the terms of Eq. (2) for the pairs u < v of a posture (joints, 3), 0 for the others [m^2]."""
-    stress = Stress.of(one.problem, one.source.positions[POSTURE])
-    distances = np.linalg.norm(points[:, None] - points, axis=-1)
-    return np.triu(stress.pi * (distances - one.problem.body_size * stress.delta) ** 2, 1) / 2
+    wanted, distances = (np.linalg.norm(x[:, None] - x, axis=-1) for x in (one.source.positions[POSTURE], points))
+    delta = one.problem.body_size * one.problem.ratio * wanted
+    return np.triu(one.problem.priorities * (distances - delta) ** 2, 1) / 2
 
 
-# ---- what start, tolerance and eta do to the iterations of the solver, and to the minimum it ends in; means
+# ---- what the start does to the iterations of the solver, and to the minimum it ends in; means
 
 STARTS_HEAD = "start | iterations: walk / turn | sigma, end | in a higher minimum, % | mirrored, %"
 
@@ -175,38 +151,11 @@ def start_cells(start: str) -> list[str]:
 
     return [
         start,
-        means(lambda _edit, _clip, run: run.iterations.mean(), ".0f"),
-        means(lambda _edit, _clip, run: 1e3 * run.sigma.mean(), ".2f"),
+        means(lambda _edit, _clip, run: run.effort.iterations.mean(), ".0f"),
+        means(lambda edit, clip, run: 1e3 * case(edit, clip).sigma(run.positions).mean(), ".2f"),
         means(lambda edit, clip, run: 100 * elsewhere(run, edit, clip), ".1f"),
-        means(lambda edit, clip, run: 100 * mirrored(run.points, case(edit, clip)), ".1f"),
+        means(lambda edit, clip, run: 100 * mirrored(run.positions, case(edit, clip)), ".1f"),
     ]
-
-
-TOLERANCES_HEAD = "tolerance, body sizes | iterations | sigma above the minimum's, % | points off, mm"
-
-
-def tolerance_rows() -> Iterator[list[str]]:
-    """For each tolerance: iterations, and how far sigma and points are off those of the smallest tolerance."""
-    solved = {
-        tolerance: [solve_all(case(edit), STARTS["rotation copy"], tolerance=tolerance) for edit in STUDIED]
-        for tolerance in TOLERANCES
-    }
-    for tolerance, runs in solved.items():
-        pairs = list(zip(runs, solved[TOLERANCES[-1]], strict=True))
-        left = np.mean([(run.sigma / best.sigma - 1).mean() for run, best in pairs])
-        off = np.mean([np.linalg.norm(run.points - best.points, axis=-1).mean() for run, best in pairs])
-        count = np.mean([run.iterations.mean() for run in runs])
-        yield [f"{tolerance:.0e}", f"{count:.0f}", f"{100 * left:.2g}", f"{1e3 * off:.2g}"]
-
-
-ETAS_HEAD = "eta | iterations | evaluations"
-
-
-def eta_cells(eta: float) -> list[str]:
-    """The row of a value of eta."""
-    runs = [solve_all(case(edit), STARTS["rotation copy"], eta=eta) for edit in STUDIED]
-    effort = [np.mean([getattr(run, key).mean() for run in runs]) for key in ("iterations", "evaluations")]
-    return [f"{eta:g}", *(f"{count:.0f}" for count in effort)]
 
 
 # ---- whole motions, which the paper leaves to future work
@@ -241,4 +190,4 @@ def motion_values(one: Case) -> Iterator[list[float]]:
     yield [jerk / copy_jerk for jerk in jerks]
     yield [one.paper.metrics["source"]["foot_skate"], *one.metrics("foot_skate")]
     yield [effort.iterations.mean() for effort in efforts]
-    yield [100 * mirrored(each, one) for each in (points.positions, solve_all(one, from_before_moved).points)]
+    yield [100 * mirrored(each, one) for each in (points.positions, from_before(one).positions)]

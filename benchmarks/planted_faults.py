@@ -112,10 +112,7 @@ def tipped(motion, degrees):
     """The motion in a world that is turned about X; by 90 degrees that of a file whose data have Z up, and whose
     skeleton has Y up.
     """
-    world = Rotation.from_euler("x", degrees, degrees=True)
-    rotations = np.array(motion.rotations)
-    rotations[:, 0] = (world * Rotation.from_quat(rotations[:, 0])).as_quat()
-    return replace(motion, rotations=rotations, root_positions=world.apply(np.array(motion.root_positions)))
+    return motion.in_turned_world(Rotation.from_euler("x", degrees, degrees=True))
 
 
 def mirrored_names(motion):

@@ -1,17 +1,25 @@
-"""Measure frames per second of `retarget`, of reading and writing beside pybvh's, and of a whole conversion.
+"""Measure frames per second of `retarget`, files and a whole conversion; and joints, cores, starting and memory.
 
-    python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown PAGE]
+    python benchmarks/speed.py CORPUS [--rounds 7] [--markdown PAGE]
 
-Processor time on one thread; compiling is not counted. The runs alternate, and the tables have medians over the rounds.
-The scoreboard has the speed of other ways of retargeting. Needs the extra `bench`.
+CMU 12_01 of CORPUS goes to H of `edits.py`. Runs that are compared alternate, and the tables have medians over the
+rounds, with the least and the largest: processor time on one thread, but for the two cores and the first run, which are
+timed by the clock. The scoreboard has the speed of other ways of retargeting. Needs the extra `bench`, and a system
+that counts processor time and memory of processes.
 """
 
 from __future__ import annotations
 
+import os
+import resource
+import subprocess
+import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from timeit import Timer
@@ -19,29 +27,48 @@ from timeit import Timer
 import click
 import numpy as np
 import pybvh
-from clips import LONG, back_and_forth, markdown_option
+from clips import LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
+from numpy.typing import NDArray
+from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
 from timing import alone, alternating
 
 from distretarget import Motion, Options, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.pipeline.options import OBJECTIVES
 
+CLIP = "cmu_mb/12_01.bvh"
+SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 LEAST_SECONDS = 0.5  # of processor time, for which each run is repeated in a round
 PEER = f"pybvh {version('pybvh')}"
 FASTEST = f"`retarget`, {OBJECTIVES[0]}"
 COMPARED_WITH = {f"{what}, {PEER}": f"{what}, distretarget" for what in ("reading", "writing")}
+HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
+CHAINS = 35  # added to each of two joints
+CHAIN_JOINTS = 3
+VERY_LONG = 50_000  # frames of the clip whose memory is measured
+CONVERT = """
+import resource, sys
+from distretarget import read_bvh, retarget, write_bvh
+source = read_bvh(sys.argv[1])
+result = retarget(source, read_bvh(sys.argv[2]).skeleton)
+result.metrics
+write_bvh(sys.argv[3], result.motion)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
 
 Runs = dict[str, Callable[[], object]]
+Line = tuple[str, str, str]
+Array = NDArray[np.float64]
+
+
+# ---- frames per second
 
 
 def of_clip(source: Motion, body: Skeleton) -> Runs:
     """Retargeting by each objective."""
-
-    def by(objective: str) -> Callable[[], object]:
-        return lambda: retarget(source, body, Options(objective=objective))
-
-    return {f"`retarget`, {objective}": by(objective) for objective in OBJECTIVES}
+    return {f"`retarget`, {name}": partial(retarget, source, body, Options(objective=name)) for name in OBJECTIVES}
 
 
 def of_files(clip: Path, source: Motion, body: Skeleton) -> Runs:
@@ -83,33 +110,116 @@ def _other(name: str, runs: Runs) -> str:
     return FASTEST if FASTEST in runs else COMPARED_WITH.get(name, name)
 
 
-def _cells(speed: np.ndarray, ratio: np.ndarray) -> Iterator[str]:
+def _cells(speed: Array, ratio: Array) -> Iterator[str]:
     yield f"{np.median(speed):,.0f}"
     yield f"{speed.min():,.0f} to {speed.max():,.0f}"
     yield f"{np.median(ratio):.2f}"
 
 
-def measured(clip: Path, target: str, rounds: int) -> dict[str, str]:
+# ---- joints, cores, starting and memory
+
+
+def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
+    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints, which do not bend, on some joints."""
+    body, draw = clip.skeleton, np.random.default_rng(1)
+    for name in joints:
+        number = clip.skeleton.index(name)
+        bone = clip.skeleton.offsets[clip.skeleton.children[number][0]]
+        for chain in range(count):
+            first = 0.4 * bone + 0.2 * np.linalg.norm(bone) * draw.normal(size=3)
+            offsets = [first, *[0.25 * bone] * (CHAIN_JOINTS - 1)]
+            chain_names = [f"{name}Chain{chain}Joint{link}" for link in range(CHAIN_JOINTS)]
+            body = with_chain(body, number, dict(zip(chain_names, offsets, strict=True)))
+    return on_skeleton(clip, body)
+
+
+def joint_lines(rounds: int) -> Iterator[Line]:
+    """Exponents of the time in the number of joints, from a sample without and with many chains of joints."""
+    for what, joints in (("chains without contacts", ("Head", "Hips")), ("hands full of chains meet", HANDS)):
+        clips, runs = [with_chains(read_bvh(SAMPLE), count, joints) for count in (0, CHAINS)], []
+        for clip in clips:
+            long_forearms = clip.skeleton.lengths * np.where(np.isin(clip.skeleton.names, HANDS), 1.3, 1.0)
+            runs.append(partial(retarget, clip, clip.skeleton.with_lengths(long_forearms)))
+        times, (before, after) = alternating(runs, rounds), (len(clip.skeleton) for clip in clips)
+        exponents = np.log(times[:, 1] / times[:, 0]) / np.log(after / before)
+        yield _line(f"exponent in joints, {what}, {before} to {after}", exponents)
+
+
+def core_line(source: Motion, body: Skeleton, rounds: int) -> Line:
+    """The gain from a second core for one clip."""
+    clip = back_and_forth(source, LONG)
+
+    def run(threads: str) -> None:
+        os.environ["OMP_NUM_THREADS"] = threads
+        retarget(clip, body)
+
+    times = alternating([partial(run, "1"), partial(run, "2")], rounds, time.perf_counter)
+    os.environ["OMP_NUM_THREADS"] = "1"
+    return _line(f"two cores over one, {LONG:,} frames: frames/s", times[:, 0] / times[:, 1])
+
+
+def start_lines(clip: Path, folder: Path, rounds: int) -> Iterator[Line]:
+    """The cost of starting a process, relative to imports."""
+    program, output = [sys.executable, "-m", "distretarget"], str(folder / "out.bvh")
+    convert = [*program, str(clip), str(CHILD), "-o", output, "--overwrite"]
+    imports = [[sys.executable, "-c", f"import {what}"] for what in ("numpy", "numpy, scipy.spatial.transform")]
+    commands = [[*program, "--version"], imports[0], convert, imports[1]]
+    times = alternating([partial(_run, command) for command in commands], rounds, _time_of_children)
+    yield _line("`--version` over `import numpy`, processor time", times[:, 0] / times[:, 1])
+    yield _line("524 frames over `import numpy, scipy.spatial.transform`, processor time", times[:, 2] / times[:, 3])
+    clap = [*program, str(SAMPLE), str(HERO), "-o", str(folder / "clap.glb"), "--overwrite"]
+    seconds = alternating([partial(_run, clap)], rounds, time.perf_counter)[:, 0]
+    yield _line("clap onto the hero, a process [s]", seconds)
+
+
+def memory_line(source: Motion, body: Skeleton, folder: Path) -> Line:
+    """The peak memory of a very long clip."""
+    clip = back_and_forth(source, VERY_LONG)
+    long, target, output = (folder / name for name in ("very_long.bvh", "target.bvh", "very_long_out.bvh"))
+    write_bvh(long, clip)
+    write_bvh(target, Motion(body, clip.root_positions[:1], clip.rotations[:1], clip.frame_time_text))
+    peak = float(_run([sys.executable, "-c", CONVERT, str(long), str(target), str(output)]))
+    arrays = VERY_LONG * len(body) * 7 * 8 / 1e6
+    what = f"peak memory of {VERY_LONG:,} frames of {len(body)} joints, with 7 numbers each ({arrays:.0f} MB) [MB]"
+    return what, f"{peak:.0f}", ""
+
+
+def _run(command: list[str]) -> str:
+    return subprocess.run(command, check=True, capture_output=True, text=True, cwd=SAMPLES.parent).stdout
+
+
+def _time_of_children() -> float:
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def _line(what: str, values: Array) -> Line:
+    return what, f"{np.median(values):.2f}", f"{values.min():.2f} to {values.max():.2f}"
+
+
+def measured(clip: Path, rounds: int) -> dict[str, str]:
     """The tables."""
     source = read_bvh(clip)
-    body, head = edited(source.rigid_skeleton, TARGETS[target]), " | frames/s, median | slowest to fastest | time over"
-    with tempfile.TemporaryDirectory() as folder:
-        long, motion = Path(folder) / "long.bvh", back_and_forth(source, LONG)
-        write_bvh(long, motion)
+    body, head = edited(source.rigid_skeleton, TARGETS["H"]), " | frames/s, median | slowest to fastest | time over"
+    with tempfile.TemporaryDirectory() as name:
+        folder, motion = Path(name), back_and_forth(source, LONG)
+        write_bvh(folder / "long.bvh", motion)
+        lines = [*joint_lines(rounds), core_line(source, body, rounds), *start_lines(clip, folder, rounds)]
         return {
             "speed": table(f"{head} contact's", rows(of_clip(source, body), len(source), rounds)),
-            "files": table(f"{head} distretarget's", rows(of_files(long, motion, body), LONG, rounds)),
+            "files": table(f"{head} distretarget's", rows(of_files(folder / "long.bvh", motion, body), LONG, rounds)),
+            "scaling": table(" | median | least to largest", [*lines, memory_line(source, body, folder)]),
         }
 
 
 @click.command(help=__doc__)
-@click.argument("clip", type=Path)
+@corpus_argument
 @markdown_option
-@click.option("--target", type=click.Choice(list(TARGETS)), default="H")
 @click.option("--rounds", default=7, show_default=True)
-def main(clip: Path, page: Path | None, target: str, rounds: int) -> None:
+def main(corpus: Path, page: Path | None, rounds: int) -> None:
     """Measure, print, and write the tables if a page is given."""
-    publish(alone(measured, clip, target, rounds), page)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every process compiles the sources
+    publish(alone(measured, (corpus / CLIP).resolve(), rounds), page)
 
 
 if __name__ == "__main__":

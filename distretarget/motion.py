@@ -286,6 +286,12 @@ class Motion:
         path = self.root_positions * HALF_TURN
         return Motion(self.skeleton.turned_round(), path, rotations, self.frame_time_text, moving)
 
+    def in_turned_world(self, turn: Rotation) -> Motion:
+        """Return the motion in a world that is turned about its origin: by one rotation, or by one for each frame."""
+        rotations = np.array(self.rotations)
+        rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+        return replace(self, root_positions=turn.apply(np.array(self.root_positions)), rotations=rotations)
+
     def scaled(self, factor: float) -> Motion:
         """Return the motion of a body that is larger by a factor, along a path that is; a SettingsError if the factor
         is not above 0.

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from distretarget.io.bvh_writer import bvh_parts
+
 TEXT = """\
 HIERARCHY
 ROOT Hips
@@ -49,6 +51,11 @@ def edit(*changes, text=TEXT):
         assert old in text
         text = text.replace(old, new, 1)
     return text
+
+
+def format_bvh(motion):
+    """The BVH text of a motion."""
+    return "".join(bvh_parts(motion))
 
 
 def assert_same(motion, other, atol=0.0):

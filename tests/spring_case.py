@@ -10,7 +10,7 @@ from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import part_of_joint
 from distretarget.ik.springs import FrameSprings, Springs, room_for, spring_energy
 from distretarget.objectives.contact import TOLERANCE
-from distretarget.objectives.contact_terms import Given, NearPairs, solve_frames
+from distretarget.objectives.contact_terms import ContactFrames, NearPairs, solve_contact_frames
 
 
 def no_pairs(frames):
@@ -109,6 +109,6 @@ class Case:
             v[:first] = before
         rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
         copy, frames = CopiedBones(self.bones[first:], self.root[first:]), len(self.root) - first
-        given = Given(no_pairs(frames), rows, no_floor(frames), room_for(len(rows.a)))
-        solve_frames(self.body, copy, given, TOLERANCE, v, first, log, Workspace.of(self.body))
+        given = ContactFrames(no_pairs(frames), rows, no_floor(frames), room_for(len(rows.a)))
+        solve_contact_frames(self.body, copy, given, TOLERANCE, v, first, log, Workspace.of(self.body))
         return v, log

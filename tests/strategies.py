@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from bvh_texts import format_bvh
 from hypothesis import reject
 from hypothesis import strategies as st
 
 from distretarget import Motion, Skeleton, SkeletonError
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.bvh_writer import format_bvh
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 PARTS = ("Hips", "Spine", "Neck", "Head", "LeftArm", "LeftForeArm", "LeftHand", "LeftUpLeg", "LeftLeg", "LeftFoot")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from bodies import other_lengths, person, swaying
+from bvh_texts import format_bvh
 from input_files import file_of, target_of
 
 from distretarget import retarget
@@ -21,7 +22,6 @@ from distretarget.batch.processes import Processes
 from distretarget.batch.record import new_record
 from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.pipeline import conversion
 from distretarget.pipeline.conversion import Recipe

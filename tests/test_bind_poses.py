@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.joints import bind_poses
-from distretarget.character.nodes import Nodes, Skin
+from distretarget.character.nodes import Nodes, SkinBinding
 
 JOINTS = 10
 
@@ -38,7 +38,7 @@ BENT = transform([0.0, 0.0, 1.0], [0.0, 0.0, 0.5])
 def found(bent, joints=JOINTS):
     """The bind poses of a skin whose mesh is in `SPACE`, when some joints show another pose."""
     world = [SPACE @ bind @ (BENT if joint in bent else np.eye(4)) for joint, bind in enumerate(BINDS)]
-    skin = Skin(np.arange(joints), np.linalg.inv(BINDS), ())
+    skin = SkinBinding(np.arange(joints), np.linalg.inv(BINDS), ())
     return bind_poses(nodes_at(world), [skin])
 
 
@@ -52,15 +52,15 @@ def test_half_of_the_joints_say_in_which_space_the_mesh_is():
 def test_where_most_joints_show_other_poses_the_mesh_is_in_the_world():
     turns = [transform([0.3 * joint, 0.2, 0.1 * joint], [0.1 * joint, 0.0, 0.0]) for joint in range(JOINTS)]
     world = [SPACE @ bind @ turn for bind, turn in zip(BINDS, turns, strict=True)]
-    poses = bind_poses(nodes_at(world), [Skin(np.arange(JOINTS), np.linalg.inv(BINDS), ())])
+    poses = bind_poses(nodes_at(world), [SkinBinding(np.arange(JOINTS), np.linalg.inv(BINDS), ())])
     for joint in range(JOINTS):
         np.testing.assert_allclose(poses[joint], BINDS[joint], atol=1e-9)
 
 
 def test_of_skins_with_a_joint_in_common_the_one_that_reaches_highest_decides():
     other = np.array([transform([0.0, 0.3, 0.0], [0.5, 0.1 * joint, 0.0]) for joint in range(JOINTS)])
-    low = Skin(np.array([1, 2, 3]), np.linalg.inv(other[[1, 2, 3]]), ())
-    high = Skin(np.array([0, 1]), np.linalg.inv(BINDS[:2]), ())
+    low = SkinBinding(np.array([1, 2, 3]), np.linalg.inv(other[[1, 2, 3]]), ())
+    high = SkinBinding(np.array([0, 1]), np.linalg.inv(BINDS[:2]), ())
     for skins in ([low, high], [high, low]):
         poses = bind_poses(nodes_at(BINDS), skins)
         np.testing.assert_allclose(poses[1], BINDS[1], atol=1e-9)
@@ -70,14 +70,14 @@ def test_of_skins_with_a_joint_in_common_the_one_that_reaches_highest_decides():
 
 def test_of_skins_that_reach_as_high_the_largest_decides():
     other = np.array([transform([0.0, 0.3, 0.0], [0.5, 0.1 * joint, 0.0]) for joint in range(JOINTS)])
-    small = Skin(np.array([0, 1]), np.linalg.inv(other[:2]), ())
-    large = Skin(np.array([0, 1, 2]), np.linalg.inv(BINDS[:3]), ())
+    small = SkinBinding(np.array([0, 1]), np.linalg.inv(other[:2]), ())
+    large = SkinBinding(np.array([0, 1, 2]), np.linalg.inv(BINDS[:3]), ())
     for skins in ([small, large], [large, small]):
         poses = bind_poses(nodes_at(BINDS), skins)
         np.testing.assert_allclose(poses[1], BINDS[1], atol=1e-9)
 
 
 def test_a_skin_without_inverse_binds_was_bound_as_the_nodes_show():
-    poses = bind_poses(nodes_at(BINDS), [Skin(np.array([0, 2]), None, ())])
+    poses = bind_poses(nodes_at(BINDS), [SkinBinding(np.array([0, 2]), None, ())])
     assert sorted(poses) == [0, 2]
     np.testing.assert_array_equal(poses[2], BINDS[2])

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import CORPUS, needs_corpus
-from bvh_texts import HIERARCHY, JOINTS, MOTION, TEXT, assert_same, edit
+from bvh_texts import HIERARCHY, JOINTS, MOTION, TEXT, assert_same, edit, format_bvh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from distretarget.errors import BvhError, DistretargetError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton, read_bvh
-from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import read_text
 from distretarget.motion import Motion
 

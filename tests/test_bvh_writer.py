@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bvh_texts import HIERARCHY, TEXT, assert_same, edit
+from bvh_texts import HIERARCHY, TEXT, assert_same, edit, format_bvh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from distretarget.errors import FileError, MotionError, SkeletonError
 from distretarget.io.bvh import parse_bvh, read_bvh
-from distretarget.io.bvh_writer import format_bvh, write_bvh
+from distretarget.io.bvh_writer import write_bvh
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 

@@ -256,7 +256,7 @@ def test_an_exported_skeleton_is_the_same_target(folder):
 
 @pytest.mark.usefixtures("folder")
 def test_frames_that_do_not_converge_are_reported(monkeypatch):
-    monkeypatch.setattr("distretarget.objectives.contact.solve_frames", _stop_early)
+    monkeypatch.setattr("distretarget.objectives.contact.solve_contact_frames", _stop_early)
     done = run("in.bvh", "body.json", "-o", "out.bvh")
     assert done.returncode == 0
     assert (

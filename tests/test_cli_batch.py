@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person, swaying
+from bvh_texts import format_bvh
 from program import command, last_records, run, run_process, start_process, wait_until
 
 from distretarget import Options, read_bvh, retarget, write_bvh
-from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 
 CLIPS = 16  # of the length LONG

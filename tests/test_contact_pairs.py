@@ -16,7 +16,7 @@ from distretarget.objectives.contact_pairs import (
     LEAST_PATH,
     STIFFNESS,
     CandidatePairs,
-    Contacts,
+    ContactSearch,
     candidate_pairs,
 )
 from distretarget.objectives.contact_terms import WITHIN, write_pair_spring
@@ -50,7 +50,7 @@ def springs_of(source, block, lead):
 def near(pairs, points, standing, block, settings=SETTINGS):
     """The near pairs of points without cuts and without arms; a frame takes a second, so that a lead is in frames."""
     source, copy = points
-    contacts = Contacts(
+    contacts = ContactSearch(
         pairs=pairs,
         source=source,
         copy=copy,

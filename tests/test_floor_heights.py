@@ -10,7 +10,7 @@ from bodies import SAMPLES
 from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.objectives.floor import STIFFNESS, find_flesh, find_floor, rise_of_flesh
+from distretarget.objectives.floor import STIFFNESS, find_flesh, find_floor_springs, rise_of_flesh
 from distretarget.pipeline.performer import match_performer
 from distretarget.skin.capsules import SEGMENTS
 
@@ -22,7 +22,7 @@ UPWARDS = np.array([0.0, 1.0, 0.0])
 def floor_of(source, target):
     """The clip, and the floor while something rests in all frames."""
     clip = match_performer(source, load_target(SAMPLES / target)).performer(RootScale.even(1.0)).clip
-    return clip, find_floor(clip, np.ones((len(source), 1)))
+    return clip, find_floor_springs(clip, np.ones((len(source), 1)))
 
 
 def lifted(frames):
@@ -54,7 +54,7 @@ def test_joints_of_a_region_share_the_stiffness_of_the_floor():
     """A hand with twenty finger joints is pushed up no harder than one without, and no firmer than the body rests."""
     clip, _ = floor_of(CRAWL, "rigs/unreal_t.json")
     weights = np.linspace(0.0, 1.0, len(clip))
-    floor = find_floor(clip, np.stack([weights, 0.5 * weights], axis=1))
+    floor = find_floor_springs(clip, np.stack([weights, 0.5 * weights], axis=1))
     regions = clip.regions.of_joint[floor.joints]
     assert np.bincount(regions).max() > 10
     for region in np.unique(regions):
@@ -66,8 +66,8 @@ def test_joints_are_near_the_floor_where_the_root_takes_them():
     clip, floor = floor_of(CRAWL, "child.json")
     weights, leg = np.ones((len(clip), 1)), clip.leg_lengths[1]
     assert 0 < len(floor.joints) < len(clip.limb_joints)
-    assert len(find_floor(clip.raised(np.tile(10 * leg * clip.up, (len(clip), 1))), weights).joints) == 0
-    sunk = find_floor(clip.raised(np.tile(-10 * leg * clip.up, (len(clip), 1))), weights)
+    assert len(find_floor_springs(clip.raised(np.tile(10 * leg * clip.up, (len(clip), 1))), weights).joints) == 0
+    sunk = find_floor_springs(clip.raised(np.tile(-10 * leg * clip.up, (len(clip), 1))), weights)
     assert set(clip.limb_joints) <= set(sunk.joints)
 
 

@@ -6,7 +6,7 @@ from bodies import posed
 from test_displacement import PERSON, hand_in_belly, standing
 
 from distretarget.ik.limb_bends import FADES, TAU, _Path, bends
-from distretarget.ik.limb_terms import Frames, Room, write_terms
+from distretarget.ik.limb_terms import Frames, LimbWorkspace, write_terms
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.anchors import no_anchors
 from distretarget.skin.balls import segment_gaps
@@ -118,7 +118,7 @@ def test_slopes_are_those_of_the_energy(depth, firmness, free, anchored):
     frames = tied(frames, draw) if anchored else frames
     spots, columns = np.arange(len(skin.balls.pairs)), np.append(np.arange(count), -1)
     displaced = skin.displaced._replace(limbs=skin.displaced.limbs % (count + 1))
-    room, n = Room.of(skin.balls, spots, count), 6 * count
+    room, n = LimbWorkspace.of(skin.balls, spots, count), 6 * count
 
     def terms(w):
         energy, slope, bands = np.zeros(1), np.zeros((1, n)), np.zeros((1, n, 2 * n + 1))

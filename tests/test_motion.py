@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import person, swaying
+from scipy.spatial.transform import Rotation
 
 from distretarget import Target, retarget
 from distretarget.errors import MotionError
@@ -87,3 +88,10 @@ def test_bones_that_move_in_other_frames_than_the_motion_has_are_refused():
         replace(MOTION, moving=bones)
     with pytest.raises(MotionError, match="2 frames of root_positions, 3 of rotations"):
         replace(MOTION, root_positions=MOTION.root_positions[1:])
+
+
+@pytest.mark.parametrize("angles", [40.0, [[10.0], [-70.0], [180.0]]])
+def test_all_joints_turn_with_the_world(angles):
+    turn = Rotation.from_euler("x", angles, degrees=True)
+    expected = np.stack([turn.apply(joint) for joint in MOTION.positions.swapaxes(0, 1)], axis=1)
+    np.testing.assert_allclose(MOTION.in_turned_world(turn).positions, expected, atol=1e-12)

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import WAYS, lengthened, moved, other_lengths, person, swaying
+from bvh_texts import format_bvh
 from scipy.spatial.transform import Rotation
 
 from distretarget import DistretargetError, Motion, Skeleton, retarget
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.bvh_writer import format_bvh
 from distretarget.pipeline.options import OBJECTIVES, Options
 
 BODY = person()

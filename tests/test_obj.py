@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from bvh_texts import format_bvh
 
 from distretarget import BvhError
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.obj import MOST_POINTS, parse_obj, parse_obj_mesh
 
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (1, 2) for z in (-1, 0)) + "f 1 2 3\n"

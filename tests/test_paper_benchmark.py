@@ -5,21 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("numba", reason="needs numba, which compiles the variants of the solver: pip install numba")
-
 from paper_case import EDITS, POSTURE, case, on_table_one
 from paper_checks import checks
-from paper_solver import solve
 from paper_tables import edit_cells, pair_rows, pairs_table, spine_table
 from table_one import table_one
 
-from distretarget.ik.spg import Reason
-
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "paper.md").read_text("utf-8")
-SUBSET = ("legs +30 %", "spine +60 %")
-EFFORT = ("iterations", "time, ms: points / L-BFGS-B")
-"""Columns that depend on the machine: a last bit changes the way to a minimum, though not the minimum."""
+SUBSET = ("legs +60 %", "spine +60 %")
+EFFORT = "iterations"
+"""A column that depends on the machine: a last bit changes the way to a minimum, though not the minimum."""
 
 
 def lines_of(name):
@@ -67,7 +61,7 @@ def test_the_page_has_what_the_solver_finds(edit):
     head, *rows = lines_of("edits")
     written = next(row for row in rows if row[0] == edit)
     for column, *cells in zip(head, written, edit_cells(edit), strict=True):
-        if column not in EFFORT:
+        if column != EFFORT:
             assert_same(*cells)
 
 
@@ -88,16 +82,6 @@ def test_parts_of_sigma_add_up():
     one = case("spine +60 %")
     sums = np.sum([sigmas for _, sigmas in pair_rows()], axis=0)
     np.testing.assert_allclose(sums, [one.sigma(points)[POSTURE] for points in one.postures().values()], rtol=1e-9)
-
-
-@pytest.mark.parametrize("eta", [0.0, 0.5])
-def test_every_eta_finds_the_minimum(eta):
-    one = case("spine +60 %")
-    arguments = one.problem, one.source.positions[POSTURE], one.copy[POSTURE]
-    default, other = (solve(*arguments, **settings)[1] for settings in ({}, {"eta": eta}))
-    assert other.reason == Reason.CONVERGED
-    assert other.value == pytest.approx(default.value, rel=1e-9)
-    assert other.evaluations != default.evaluations
 
 
 def test_the_copy_is_that_of_the_program():

@@ -51,7 +51,7 @@ def test_nothing_is_written_where_the_solver_fails(tmp_path, monkeypatch):
     def solve_wrongly(_body, _clip, _given, _tolerance, v, *_):
         v[:] = np.nan
 
-    monkeypatch.setattr("distretarget.objectives.contact.solve_frames", solve_wrongly)
+    monkeypatch.setattr("distretarget.objectives.contact.solve_contact_frames", solve_wrongly)
     done = run(SAMPLES / "clap.bvh", SAMPLES / "long_arms.json", "-o", tmp_path / "out.bvh")
     assert done.returncode == 1
     assert "clap.bvh: " in done.stderr

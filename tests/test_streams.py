@@ -10,9 +10,9 @@ import sys
 import pybvh
 import pytest
 from bodies import other_lengths, person, swaying
+from bvh_texts import format_bvh
 from program import command, last_records, run
 
-from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 
 CLIP = format_bvh(swaying(person()))

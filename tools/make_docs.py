@@ -32,7 +32,7 @@ def documents() -> dict[Path, str]:
     return {
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
-        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table(), "causes": cause_table()}),
+        DOCS / "diff.md": with_tables(DOCS / "diff.md", {"metrics": metric_table()}),
         DOCS / "data_sets.md": with_tables(DOCS / "data_sets.md", {"faults": fault_table()}),
         README: with_tables(README, {"front": front_table()}),
         SCHEMA: schema(),
@@ -97,15 +97,6 @@ def metric_table() -> str:
         limit = metric.limit.formula("").strip() if metric.limit else ""
         rows.append((f"`{metric.key}`", meaning, limit))
     return table(("metric", "", "limit"), rows)
-
-
-def cause_table() -> str:
-    """What usually causes that metrics are above their limits."""
-    causes: dict[str, list[str]] = {}
-    for metric in METRICS:
-        if metric.limit:
-            causes.setdefault(metric.limit.cause, []).append(f"`{metric.key}`")
-    return table(("usual cause", "of"), ((cause, ", ".join(keys)) for cause, keys in causes.items()))
 
 
 def fault_table() -> str:

@@ -2,8 +2,13 @@
 
     DISTRETARGET_NODE=FOLDER DISTRETARGET_BLENDER=PYTHON python tools/make_interop.py
 
-FOLDER is where the packages of that page were installed by npm, PYTHON that of an environment with the package bpy. A
-program that is missing gets its reason into the table.
+FOLDER is outside of the project; there run
+
+    npm install three assimpjs @babylonjs/core @babylonjs/loaders
+    npm install @pixiv/three-vrm @pixiv/three-vrm-animation esbuild gltf-validator
+
+PYTHON is that of an environment with the package bpy. A program that is missing gets its reason into the table. With
+the same variables, `pytest tests/interop` asks all programs.
 """
 
 from __future__ import annotations

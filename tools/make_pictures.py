@@ -3,7 +3,7 @@
     python tools/make_pictures.py [FOLDER] [--only GLOB]
 
 Each moving picture has a still of the same name, for readers who prefer no motion. FOLDER is `docs/pictures` by
-default. Needs matplotlib (the extra `docs`). benchmarks/pictures.py draws the pictures of docs/results.md.
+default. Needs matplotlib (the extra `docs`).
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def mean_of(
     bodies = [anny.Build(gender=one, race=race, **levels) for (one, race), levels in product(people, LEVELS[build])]
     points = np.mean([moved(data, body) for body in bodies], axis=0)
     points, fitted = in_t_pose(points, rig_of(data, rig, points), joint_of)
-    mesh = mesh_of(base_mesh(data), ("body",), points, fitted, (0.0, 0.0, 0.0))
+    mesh = mesh_of(base_mesh(data), points, fitted)
     vertices = mesh.points - fitted.bones.positions[0]
     return fitted, SkinnedMesh(vertices, mesh.joints, mesh.weights, mesh.triangles)
 

@@ -68,9 +68,7 @@ class World:
             return motion
         up = self.up_vector
         turn = Rotation.from_rotvec(np.pi * self.half_turn * up) * least(axis_vector(self.source_up)[None], up[None])
-        rotations = np.array(motion.rotations)
-        rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-        return replace(motion, root_positions=turn.apply(np.array(motion.root_positions)), rotations=rotations)
+        return motion.in_turned_world(turn)
 
 
 def find_world(

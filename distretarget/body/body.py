@@ -11,13 +11,12 @@ import numpy as np
 from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.beside import limbs_on_body
-from distretarget.body.contradictions import as_body_shows
+from distretarget.body.contradictions import as_body_shows, knees_ahead
 from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, tree_legs, with_hanging_arms
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
 from distretarget.body.resting import feet_at_rest
-from distretarget.body.sides import knees_ahead
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion

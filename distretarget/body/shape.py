@@ -38,7 +38,7 @@ CLEAR_FRONT = 0.3  # a direction shows which way is front if its mean cosine wit
 SLIGHT = 0.05  # directions shorter than this on average show nothing [leg lengths]
 
 
-class Limb(NamedTuple):
+class LimbChain(NamedTuple):
     """The joints of an arm or a leg."""
 
     collar: tuple[int, ...]  # the joints between trunk and upper arm, from the trunk outwards; empty for a leg
@@ -48,7 +48,7 @@ class Limb(NamedTuple):
     length: float  # length from `upper` to `end` [file units]
 
 
-LimbPair = tuple[Limb, Limb]
+LimbPair = tuple[LimbChain, LimbChain]
 
 
 def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
@@ -103,7 +103,7 @@ def _find_legs(skeleton: Skeleton) -> LimbPair | None:
     return (a, b) if a and b else None
 
 
-def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
+def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> LimbChain | None:
     """A leg from its topmost bend, past twist joints, with the knee nearest to its middle; None for one bone."""
     thigh, trunk = skeleton.line(leg.hip), skeleton.line(other.hip)
     above = [*takewhile(lambda joint: joint not in trunk and skeleton.lengths[joint] > 0, thigh)]
@@ -134,10 +134,10 @@ def _find_arms(skeleton: Skeleton, legs: LimbPair) -> LimbPair | None:
     return a, b
 
 
-def _limb(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> Limb:
+def _limb(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> LimbChain:
     """The limb with its upper end, middle and lower end at these places in a chain of joints."""
     length = float(skeleton.paths_from(chain[upper])[chain[end]])
-    return Limb(tuple(chain[:upper]), chain[upper], chain[lower], chain[end], length)
+    return LimbChain(tuple(chain[:upper]), chain[upper], chain[lower], chain[end], length)
 
 
 def _is_bent(skeleton: Skeleton, joint: int, below: int) -> bool:
@@ -202,7 +202,7 @@ def _forks(skeleton: Skeleton, joint: int) -> bool:
     return second > 0 and second >= FORK * longest
 
 
-def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> list[int]:
+def _collar(skeleton: Skeleton, arms: LimbPair, arm: LimbChain, posture: Array) -> list[int]:
     """The inner end of an arm's collar bone: the only candidate, or the last less than halfway out to the shoulder."""
     if len(arm.collar) < 2:
         return list(arm.collar)

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.motion import Motion, rounded, single_precision
+from distretarget.numerics.rotations import continuous
 from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import LARGEST, Skeleton
 
@@ -128,7 +129,7 @@ class Character:
         turned = (
             parents.inv() * Rotation.from_quat(motion.rotations) * parents * Rotation.from_quat(self.locals[joints])
         )
-        rotations, translations = _continuous(turned.as_quat()), motion.translations
+        rotations, translations = continuous(turned.as_quat()), motion.translations
         translations[:, 0] -= self.origin
         translations = parents.inv().apply(translations) / scales
         cosines = np.abs((rotations * self.shown.rotations[joints]).sum(axis=2))
@@ -152,10 +153,3 @@ class Character:
         parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
         path = parent.inv().apply(motion.root_positions - self.origin) / scale
         return replace(single_precision(motion), root_positions=parent.apply(rounded(path) * scale) + self.origin)
-
-
-def _continuous(rotations: Array) -> Array:
-    """Quaternions, (frames, joints, 4), each with the sign that is nearer to the frame before."""
-    flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
-    signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
-    return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])

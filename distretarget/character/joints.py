@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from distretarget.body.conventions import NamedTree
 from distretarget.body.named_anatomy import by_tree
-from distretarget.character.nodes import CharacterScene, Nodes, Skin
+from distretarget.character.nodes import CharacterScene, Nodes, SkinBinding
 from distretarget.errors import FileError, counted, quoted
 from distretarget.numerics.vectors import Array
 
@@ -117,7 +117,7 @@ def _named(nodes: Nodes) -> list[int]:
     return [nodes.top_down[place] for place in anatomy.roles.values()] if anatomy else []
 
 
-def bind_poses(nodes: Nodes, skins: Sequence[Skin]) -> dict[int, Array]:
+def bind_poses(nodes: Nodes, skins: Sequence[SkinBinding]) -> dict[int, Array]:
     """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose. Where several skins have
     a joint, the one that reaches highest decides, and the largest of these; the others are bound where it is.
     """

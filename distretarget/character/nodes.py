@@ -65,7 +65,7 @@ class Nodes:
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class SkinBinding:
     """The nodes that move a mesh, and where they were when it was bound to them.
 
     Inverse bind matrices lead from the space of the mesh to that of each joint in the bind pose; vectors are columns.
@@ -98,7 +98,7 @@ class CharacterScene:
 
     path: str | Path  # for errors
     nodes: Nodes
-    skins: tuple[Skin, ...]
+    skins: tuple[SkinBinding, ...]
     humanoid: Mapping[str, int]  # the node of each bone by VRM 1.0's names, such as "leftUpperArm"; empty without VRM
     animations: tuple[str, ...]  # the names, in the order of the file; they may be empty or the same
     animation: Animation | None  # the one that was asked for, or the only one

@@ -61,33 +61,27 @@ CLIP_OPTION = click.option(
 )
 
 
-def _number(text: str, least: float, most: float) -> float | None:
-    """The number in the text, if it is within bounds."""
+def _number(text: str, least: float, most: float, expected: str) -> float:
+    """The number in the text; an error says what was expected if there is none within bounds."""
     with contextlib.suppress(ValueError):
         if least <= (number := float(text)) <= most:
             return number
-    return None
+    raise click.BadParameter(f"expected {expected}, found {text!r}")
 
 
 def positive(text: str) -> float:
     """The number above 0 in the text."""
-    if (number := _number(text, SMALLEST, LARGEST)) is None:
-        raise click.BadParameter(f"expected a number above 0, from {SMALLEST:g} to {LARGEST:g}, found {text!r}")
-    return number
+    return _number(text, SMALLEST, LARGEST, f"a number above 0, from {SMALLEST:g} to {LARGEST:g}")
 
 
 def limit_of(name: str, text: str) -> float:
     """The limit of what has a name, a number from 0 up."""
-    if (limit := _number(text, 0.0, LARGEST)) is None:
-        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {text!r}")
-    return limit
+    return _number(text, 0.0, LARGEST, f"a number from 0 to {LARGEST:g} as limit of {name}")
 
 
 def of_rate(text: str) -> float:
     """The frame rate in the text [frames/s]."""
-    if (rate := _number(text, SLOWEST, FASTEST)) is None:
-        raise click.BadParameter(f"expected frames per second, from {SLOWEST:g} to {FASTEST:g}, found {text!r}")
-    return rate
+    return _number(text, SLOWEST, FASTEST, f"frames per second, from {SLOWEST:g} to {FASTEST:g}")
 
 
 def of_time(text: str) -> str:

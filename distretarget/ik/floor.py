@@ -24,7 +24,7 @@ class FrameFloor(NamedTuple):
     up: F1  # (3,), the unit vector up
 
 
-class Floor(NamedTuple):
+class FloorSprings(NamedTuple):
     """The heights that joints stay above in some frames."""
 
     joints: I1  # (joints,), joints of the target
@@ -32,14 +32,14 @@ class Floor(NamedTuple):
     stiffness: F2  # (frames, joints), k
     up: F1  # (3,), the unit vector up
 
-    def of_frames(self, frames: slice) -> Floor:
+    def of_frames(self, frames: slice) -> FloorSprings:
         """Return the floor of some of the frames."""
         return self._replace(heights=self.heights[frames], stiffness=self.stiffness[frames])
 
 
-def no_floor(frames: int) -> Floor:
+def no_floor(frames: int) -> FloorSprings:
     """Return a floor that supports no joint."""
-    return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
+    return FloorSprings(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
 
 
 @inlined(fastmath=True)

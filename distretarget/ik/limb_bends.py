@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.spatial.transform import Rotation
 
-from distretarget.ik.limb_terms import Frames, Room, write_displacements, write_terms
+from distretarget.ik.limb_terms import Frames, LimbWorkspace, write_displacements, write_terms
 from distretarget.numerics.moving import largest
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.time_series import Shots, slices_of, spans_of
@@ -68,7 +68,7 @@ def bends(
     count, tau = len(are_arms), min(TAU / frame_time, LONGEST)
     displaced = displaced._replace(limbs=displaced.limbs % (count + 1))  # the last is that of what no limb carries
     frames = Frames(*map(np.ascontiguousarray, frames))
-    room, w = Room.of(balls, spots, count), _rotation_vectors(frames.limbs, start)
+    room, w = LimbWorkspace.of(balls, spots, count), _rotation_vectors(frames.limbs, start)
     stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
     for arms in (False, True):
         own = np.flatnonzero(are_arms == arms)
@@ -96,7 +96,7 @@ class _Limbs:
     frames: Frames
     w: Array  # (frames, limbs, 2, 3), the rotation vectors of all limbs
     reach: float
-    room: Room
+    room: LimbWorkspace
 
     @cached_property
     def columns(self) -> Numbers:

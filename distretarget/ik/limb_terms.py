@@ -47,7 +47,7 @@ class Frames(NamedTuple):
     carried: F4  # (frames, limbs, anchors, 2), the shares of the other arm's displacements that the rays move by
 
 
-class Room(NamedTuple):
+class LimbWorkspace(NamedTuple):
     """Scratch for one frame; the last limb is that of what no limb carries."""
 
     placed: Placed
@@ -63,7 +63,7 @@ class Room(NamedTuple):
     shares: F1  # (spots,), the sum of their shares
 
     @classmethod
-    def of(cls, balls: Balls, spots: Numbers, limbs: int) -> Room:
+    def of(cls, balls: Balls, spots: Numbers, limbs: int) -> LimbWorkspace:
         """Room for a body with so many limbs."""
         meetings, count = int((balls.spare < NEVER).sum()), int(spots.max(initial=-1)) + 1
         d, bones, series = (np.zeros((limbs + 1, 2, width)) for width in (3, 3, 2))
@@ -81,7 +81,7 @@ def write_terms(
     frames: Frames,
     w: F4,
     reach: float,
-    room: Room,
+    room: LimbWorkspace,
     energy: Out[F1],
     slope: Out[F2],
     bands: Out[F3],
@@ -104,7 +104,7 @@ def write_terms(
 
 
 @compiled(fastmath=True)
-def write_displacements(w: F4, limbs: F4, room: Room, d: Out[F4]) -> None:
+def write_displacements(w: F4, limbs: F4, room: LimbWorkspace, d: Out[F4]) -> None:
     """Write the displacements of middle and end of each limb, (frames, limbs, 2, 3)."""
     for t in range(len(w)):
         _pose(w[t], limbs[t], room)
@@ -115,7 +115,7 @@ def write_displacements(w: F4, limbs: F4, room: Room, d: Out[F4]) -> None:
 
 
 @inlined(fastmath=True)
-def _pose(w: Array, limbs: Array, room: Room) -> None:
+def _pose(w: Array, limbs: Array, room: LimbWorkspace) -> None:
     """Write the turned bones of limbs, (limbs, 3, 3), and the displacements of their middles and ends."""
     for limb in range(len(w)):
         for part in range(2):

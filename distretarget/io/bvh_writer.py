@@ -44,13 +44,8 @@ def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None
     write_whole(path, bvh_parts(motion), overwrite)
 
 
-def format_bvh(motion: Motion) -> str:
-    """Return the BVH text of a motion; what is in it, and errors, as in `write_bvh`."""
-    return "".join(bvh_parts(motion))
-
-
 def bvh_parts(motion: Motion) -> Iterator[str]:
-    """Return the text of `format_bvh` in parts, each of which is made when it is taken."""
+    """Return the BVH text of a motion in parts, each of which is made when it is taken; errors as in `write_bvh`."""
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
     decimals = _decimals(motion.skeleton)

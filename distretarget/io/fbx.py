@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.mesh import MeshPart
-from distretarget.character.nodes import Animation, CharacterScene, Nodes, Skin
+from distretarget.character.nodes import Animation, CharacterScene, Nodes, SkinBinding
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, METRES, SMALLEST
@@ -235,7 +235,7 @@ def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.
     return np.asarray(translations), np.asarray(rotations), scales
 
 
-def _skins(nodes: Nodes, read: Read) -> tuple[Skin, ...]:
+def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
     """The skins; where there are none, one for each tree of bones, bound as in the file's bind pose."""
     ends = np.cumsum(read["counts"])[:-1]
     found = zip(np.split(read["joints"], ends), np.split(read["binds"], ends), strict=True)
@@ -247,14 +247,14 @@ def _skins(nodes: Nodes, read: Read) -> tuple[Skin, ...]:
     return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["bones"]))
 
 
-def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> Skin:
+def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> SkinBinding:
     """A skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
     if not binds.any():
-        return Skin(np.unique(joints).astype(np.intp), None)
+        return SkinBinding(np.unique(joints).astype(np.intp), None)
     joints, first = np.unique(joints, return_index=True)
     binds = binds[first]
     binds[:, :3, 3] += (binds[:, :3, :3] @ pivots[joints, :, None])[..., 0]
-    return Skin(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds]))
+    return SkinBinding(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds]))
 
 
 def _inverse(matrix: Array) -> Array:

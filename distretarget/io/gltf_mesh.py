@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.character.mesh import MeshPart
-from distretarget.character.nodes import Skin
+from distretarget.character.nodes import SkinBinding
 from distretarget.errors import DistretargetError, FileError
 from distretarget.io.gltf import Gltf
 from distretarget.io.json_node import Fields, Node
@@ -27,7 +27,7 @@ INFLUENCES = 8  # the bones that move a vertex most; others do not count
 DRACO = "KHR_draco_mesh_compression"
 
 
-def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
+def gltf_parts(gltf: Gltf, skins: tuple[SkinBinding, ...]) -> Iterator[MeshPart]:
     """Yield the meshes at the nodes of a file, without morph targets; primitives that share vertices are one part. A
     FileError or SkeletonFileError if a mesh is compressed or not valid.
     """
@@ -46,7 +46,7 @@ def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
             yield _part(gltf, primitives, node, skin)
 
 
-def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: Skin | None) -> MeshPart:
+def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: SkinBinding | None) -> MeshPart:
     """The part of primitives with the same vertices, which a skin moves, or else the node where they are."""
     for primitive in primitives:
         if DRACO in primitive.inner("extensions"):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.animations import choose_animation
-from distretarget.character.nodes import Animation, CharacterScene, Nodes, Skin
+from distretarget.character.nodes import Animation, CharacterScene, Nodes, SkinBinding
 from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import SkeletonFileError
 from distretarget.io.gltf import Gltf
@@ -110,7 +110,7 @@ def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
     return matrix[:3, 3], Rotation.from_matrix(nearest_rotations(axes[None])[0]).as_quat(), scale
 
 
-def _skins(gltf: Gltf) -> tuple[Skin, ...]:
+def _skins(gltf: Gltf) -> tuple[SkinBinding, ...]:
     """The skins, each with the nodes that show a mesh with it."""
     shown: dict[int, list[int]] = {}
     for number, entry in enumerate(gltf.entries("nodes")):
@@ -121,14 +121,14 @@ def _skins(gltf: Gltf) -> tuple[Skin, ...]:
     return tuple(_skin(gltf, entry, tuple(shown.get(n, ())), binds) for n, entry in enumerate(gltf.entries("skins")))
 
 
-def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Array]) -> Skin:
+def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Array]) -> SkinBinding:
     """A skin; `binds` keeps the inverse bind matrices of each accessor, which skins may share."""
     fields = entry.entries()
     joints = np.array([gltf.index("nodes", node) for node in fields.listed("joints")])
     if not len(joints):
         entry.fail("has no joints")
     if "inverseBindMatrices" not in fields:
-        return Skin(joints, None, meshes)
+        return SkinBinding(joints, None, meshes)
     accessor = gltf.index("accessors", fields["inverseBindMatrices"])
     if accessor not in binds:
         numbers = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
@@ -136,7 +136,7 @@ def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Arr
         binds[accessor][:, 3] = 0.0, 0.0, 0.0, 1.0  # as the specification demands
     if len(binds[accessor]) < len(joints):
         fields["inverseBindMatrices"].fail(f"{len(binds[accessor])} matrices for {len(joints)} joints")
-    return Skin(joints, binds[accessor][: len(joints)], meshes)
+    return SkinBinding(joints, binds[accessor][: len(joints)], meshes)
 
 
 def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:

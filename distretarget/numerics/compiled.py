@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Kind:
+class ArrayKind:
     """The contiguous arrays that a compiled function takes: their dtype and their number of axes."""
 
     dtype: str

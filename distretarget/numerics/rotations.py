@@ -72,3 +72,10 @@ def from_represented(values: Array) -> Array:
         one, other = values[..., :3], values[..., 3:]
         return from_represented(np.stack([one, other, np.cross(one, other)], axis=-1))
     return Rotation.from_quat(values.reshape(-1, 4)).as_quat().reshape(values.shape)
+
+
+def continuous(rotations: Array) -> Array:
+    """Return quaternions, (frames, joints, 4), each with the sign that is nearer to the frame before."""
+    flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
+    signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
+    return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])

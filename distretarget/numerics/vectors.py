@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import Kind, Out, compiled, inlined
+from distretarget.numerics.compiled import ArrayKind, Out, compiled, inlined
 
 Value = TypeVar("Value", bound=np.generic)
 
@@ -20,17 +20,17 @@ Numbers = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Letters = NDArray[np.uint8]
 
-F1 = Annotated[Array, Kind("float64", 1)]
-F2 = Annotated[Array, Kind("float64", 2)]
-F3 = Annotated[Array, Kind("float64", 3)]
-F4 = Annotated[Array, Kind("float64", 4)]
-I1 = Annotated[Numbers, Kind("intp", 1)]
-I2 = Annotated[Numbers, Kind("intp", 2)]
-B1 = Annotated[Flags, Kind("bool", 1)]
-B2 = Annotated[Flags, Kind("bool", 2)]
-I3 = Annotated[Numbers, Kind("intp", 3)]
-S2 = Annotated[NDArray[np.int32], Kind("int32", 2)]
-L1 = Annotated[Letters, Kind("uint8", 1)]
+F1 = Annotated[Array, ArrayKind("float64", 1)]
+F2 = Annotated[Array, ArrayKind("float64", 2)]
+F3 = Annotated[Array, ArrayKind("float64", 3)]
+F4 = Annotated[Array, ArrayKind("float64", 4)]
+I1 = Annotated[Numbers, ArrayKind("intp", 1)]
+I2 = Annotated[Numbers, ArrayKind("intp", 2)]
+B1 = Annotated[Flags, ArrayKind("bool", 1)]
+B2 = Annotated[Flags, ArrayKind("bool", 2)]
+I3 = Annotated[Numbers, ArrayKind("intp", 3)]
+S2 = Annotated[NDArray[np.int32], ArrayKind("int32", 2)]
+L1 = Annotated[Letters, ArrayKind("uint8", 1)]
 
 
 def lengths(vectors: Array) -> Array:

@@ -35,8 +35,8 @@ from distretarget.numerics.time_series import Shots, slices_of, widened
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact_pairs import Contacts
-from distretarget.objectives.contact_terms import Given, solve_frames
+from distretarget.objectives.contact_pairs import ContactSearch
+from distretarget.objectives.contact_terms import ContactFrames, solve_contact_frames
 from distretarget.objectives.resting_joints import within_reach
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
@@ -158,7 +158,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     """Solve some frames of a clip."""
     unit = clip.unit
     body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
-    contacts = Contacts.of(clip, settings)
+    contacts = ContactSearch.of(clip, settings)
     bones, root = _with_bent_knees(clip, supports), np.ascontiguousarray(clip.root / unit)
     bones /= unit
     firmness = settings.foot_lock * SUPPORT_STIFFNESS
@@ -172,8 +172,8 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
         held_springs = support_springs(held, body, bones[block], unit, firmness)
         springs = joined(held_springs, held.scene_springs, held.user_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
-        given = Given(near, springs, held.floor, room)
-        solve_frames(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
+        given = ContactFrames(near, springs, held.floor, room)
+        solve_contact_frames(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit
     return Poses(v, log)
 

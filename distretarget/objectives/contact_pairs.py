@@ -60,7 +60,7 @@ def candidate_pairs(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Contacts:
+class ContactSearch:
     """What the contact pairs of a clip are found from."""
 
     pairs: CandidatePairs
@@ -73,7 +73,7 @@ class Contacts:
     drops: tuple[Drop, ...] = ()  # contacts that do not count
 
     @classmethod
-    def of(cls, clip: Clip, settings: ContactSettings, points: Flags | None = None) -> Contacts:
+    def of(cls, clip: Clip, settings: ContactSettings, points: Flags | None = None) -> ContactSearch:
         """Return it for all contact pairs of a clip, or for those of two of the `points`, (points,)."""
         distances = clip.distances
         points = np.ones(len(distances), bool) if points is None else points

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.floor import Floor, FrameFloor, add_floor, floor_energy
+from distretarget.ik.floor import FloorSprings, FrameFloor, add_floor, floor_energy
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.springs import NEGLIGIBLE, FrameSprings, Springs, is_negligible, spring_energy
 from distretarget.numerics.compiled import Out, compiled, inlined
@@ -85,16 +85,16 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
         A[i, i] += across
 
 
-class Given(NamedTuple):
+class ContactFrames(NamedTuple):
     """The terms of a block of frames."""
 
     near: NearPairs  # contacts in all frames of the block
     springs: Springs  # those of supports and scene contacts in all frames of the block
-    floor: Floor  # the floor in all frames of the block
+    floor: FloorSprings  # the floor in all frames of the block
     room: FrameSprings  # scratch for the springs of one frame
 
 
-class Terms(NamedTuple):
+class ContactTerms(NamedTuple):
     """The terms of one frame."""
 
     springs: FrameSprings  # those of contacts and supports, then room for a spring per joint that the floor pushes up
@@ -103,20 +103,20 @@ class Terms(NamedTuple):
 
 
 @inlined(fastmath=True)
-def _energy(scratch: Scratch, terms: Terms) -> float:
+def _energy(scratch: Scratch, terms: ContactTerms) -> float:
     return spring_energy(scratch, terms.springs, terms.acting) + floor_energy(scratch, terms.floor)
 
 
 @inlined(fastmath=True)
-def _like_springs(scratch: Scratch, terms: Terms) -> tuple[FrameSprings, int]:
+def _like_springs(scratch: Scratch, terms: ContactTerms) -> tuple[FrameSprings, int]:
     return terms.springs, add_floor(scratch, terms.floor, terms.springs, terms.acting)
 
 
 @inlined(fastmath=True)
-def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
+def _terms_of(given: ContactFrames, frame: int, start: Array) -> ContactTerms:  # noqa: ARG001
     floor = given.floor
     of_frame = FrameFloor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
-    return Terms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
+    return ContactTerms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
 
 
 @inlined(fastmath=True)
@@ -143,10 +143,10 @@ _solve_poses = pose_solver(_terms_of, _energy, _like_springs)
 
 
 @compiled()
-def solve_frames(
+def solve_contact_frames(
     body: Articulation,
     copy: CopiedBones,
-    given: Given,
+    given: ContactFrames,
     tolerance: float,
     v: Out[F3],
     first: int,

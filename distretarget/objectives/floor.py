@@ -8,7 +8,7 @@ import numpy as np
 
 from distretarget.body.anatomy import WITHOUT_SIDE
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.ik.floor import Floor, no_floor
+from distretarget.ik.floor import FloorSprings, no_floor
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.moving import largest
@@ -29,7 +29,7 @@ class Flesh(NamedTuple):
 
 
 def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Flesh:
-    """Return the joints of trunk and head near the floor, if skins are known; `weights` are those of `find_floor`."""
+    """Return the joints of trunk and head near the floor, if skins are known; `weights` as in `find_floor_springs`."""
     if undersides is None or not clip.legs:
         return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
     joints = clip.limb_joints[clip.regions.inside(*WITHOUT_SIDE)[clip.limb_joints]]
@@ -45,14 +45,16 @@ def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Fle
 def rise_of_flesh(clip: Clip, weights: Array, flesh: Flesh) -> Array:
     """Return how much the root rises, (frames,), so that the skin of trunk and head is no lower than the soles while
     something rests [target file units]: a large head in a cartwheel, a belly in a push-up. `weights` are those of
-    `find_floor`.
+    `find_floor_springs`.
     """
     low = flesh.heights - clip.copy_on_path(flesh.joints) @ clip.up
     rise = weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
     return clip.widened(rise[:, None], ROOT_BLEND)[:, 0]
 
 
-def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None, flesh: Flesh | None = None) -> Floor:
+def find_floor_springs(
+    clip: Clip, weights: Array, undersides: Undersides | None = None, flesh: Flesh | None = None
+) -> FloorSprings:
     """Return the heights that joints other than the feet's stay above while something rests.
 
     The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
@@ -83,7 +85,7 @@ def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None,
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(clip.regions.of_joint[joints], return_inverse=True, return_counts=True)
     stiffness = STIFFNESS * weight[:, None] / count[region]
-    return Floor(joints, np.ascontiguousarray(lowest / clip.unit), stiffness, up)
+    return FloorSprings(joints, np.ascontiguousarray(lowest / clip.unit), stiffness, up)
 
 
 def _height_of_floor(clip: Clip) -> Array:

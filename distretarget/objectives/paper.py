@@ -28,11 +28,11 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.paper_terms import (
     AskedDistances,
-    Given,
+    PaperFrames,
+    PaperTerms,
     Stress,
-    Terms,
     no_distances,
-    solve_frames,
+    solve_paper_frames,
     solve_points,
 )
 
@@ -175,14 +175,14 @@ def solve_poses(
     springs = _springs_of(asked, terms)
     for block in blocks_of(len(clip.copy)):
         copy = CopiedBones(bones[block], root[block])
-        given = Given(S[block], guess[block], distances.ratio, terms, asked.of_frames(block), springs)
-        solve_frames(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)
+        given = PaperFrames(S[block], guess[block], distances.ratio, terms, asked.of_frames(block), springs)
+        solve_paper_frames(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)
         progress(block.stop - block.start)
     v[:, -1] *= unit
     return Poses(v, log)
 
 
-def _terms(distances: DistanceProblem) -> Terms:
+def _terms(distances: DistanceProblem) -> PaperTerms:
     points = len(distances)
     u, v = np.triu_indices(points, 1)
     on = distances.priorities[u, v] > 0
@@ -190,10 +190,10 @@ def _terms(distances: DistanceProblem) -> Terms:
     joints, pi = distances.targets, np.array(distances.priorities)
     springs = FrameSprings(joints[u], joints[v], np.zeros((len(u), 3)), np.zeros((len(u), 3, 3)))
     columns = np.zeros((2, 3, points))
-    return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
+    return PaperTerms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
 
 
-def _springs_of(asked: AskedDistances, terms: Terms) -> Numbers:
+def _springs_of(asked: AskedDistances, terms: PaperTerms) -> Numbers:
     """(asked,), the spring of each asked pair; -1 for none."""
     a, b = np.sort(terms.points[np.stack([asked.u, asked.v])], axis=0)
     on = (terms.springs.a == a[:, None]) & (terms.springs.b == b[:, None])

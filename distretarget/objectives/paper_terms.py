@@ -88,7 +88,7 @@ def solve_points(
         record(minimum, log, first + t)
 
 
-class Terms(NamedTuple):
+class PaperTerms(NamedTuple):
     """The stress of one frame."""
 
     points: I1  # (points,), the joint at each point
@@ -100,19 +100,19 @@ class Terms(NamedTuple):
     springs: FrameSprings  # one for each of these pairs, scratch for the curvature
 
 
-class Given(NamedTuple):
+class PaperFrames(NamedTuple):
     """A block of frames."""
 
     source: F3  # (frames, 3, points), the source's points [source file units]
     guess: F3  # (frames, parts + 1, 3), the start pose of each frame
     ratio: F2  # (points, points), tau2 / tau1 [body sizes / source file unit]
-    terms: Terms  # those of one frame, scratch
+    terms: PaperTerms  # those of one frame, scratch
     asked: AskedDistances  # distances in place of the source's
     springs: I1  # (asked,), the spring of each of them
 
 
 @inlined(fastmath=True)
-def _stress(scratch: Scratch, terms: Terms) -> float:
+def _stress(scratch: Scratch, terms: PaperTerms) -> float:
     for point, joint in enumerate(terms.points):
         for i in range(3):
             terms.x[i, point] = scratch.x[joint, i]
@@ -124,7 +124,7 @@ def _stress(scratch: Scratch, terms: Terms) -> float:
 
 
 @inlined(fastmath=True)
-def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[FrameSprings, int]:
+def _pair_springs(scratch: Scratch, terms: PaperTerms) -> tuple[FrameSprings, int]:
     """A spring along each pair, with its priority as stiffness."""
     springs = terms.springs
     for s in range(len(springs.a)):
@@ -139,7 +139,7 @@ def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[FrameSprings, int]:
 
 
 @inlined()
-def _terms_of(given: Given, frame: int, start: Array) -> Terms:
+def _terms_of(given: PaperFrames, frame: int, start: Array) -> PaperTerms:
     copy_to(start, given.guess[frame])
     target_distances(given.source[frame], given.ratio, given.terms.delta)
     _put_distances(given.asked, frame, given.terms.delta, given.terms.pi)
@@ -153,10 +153,10 @@ _solve_poses = pose_solver(_terms_of, _stress, _pair_springs)
 
 
 @compiled()
-def solve_frames(
+def solve_paper_frames(
     body: Articulation,
     copy: CopiedBones,
-    given: Given,
+    given: PaperFrames,
     tolerance: float,
     v: Out[F3],
     first: int,

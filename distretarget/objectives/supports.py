@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from distretarget.ik.articulation import Articulation
-from distretarget.ik.floor import Floor, no_floor
+from distretarget.ik.floor import FloorSprings, no_floor
 from distretarget.ik.holds import write_holds
 from distretarget.ik.springs import Springs, no_springs
 from distretarget.numerics.vectors import Array, Numbers
@@ -42,7 +42,7 @@ class Supports:
     feet: int
     weights: Array
     places: Array
-    floor: Floor
+    floor: FloorSprings
     scene_springs: Springs
     user_springs: Springs
 

@@ -127,10 +127,7 @@ def at_speed(motion: Motion, factor: float) -> Motion:
 
 def turned(motion: Motion, degrees: float) -> Motion:
     """Return a motion turned to the left about the vertical through the origin."""
-    turn = Rotation.from_rotvec(np.radians(degrees) * Body.of_motion(motion).up_vector)
-    rotations = motion.rotations.copy()
-    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    return replace(motion, root_positions=turn.apply(np.array(motion.root_positions)), rotations=rotations)
+    return motion.in_turned_world(Rotation.from_rotvec(np.radians(degrees) * Body.of_motion(motion).up_vector))
 
 
 def looped(motion: Motion) -> Motion:

@@ -23,7 +23,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.constraints import centimetres, frames_of
-from distretarget.objectives.contact_pairs import Contacts
+from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Match, match_performer
@@ -113,7 +113,7 @@ def _spans(entry: Entry, on: NDArray[np.bool_]) -> Iterator[Entry]:
 def _touching(matching: Matching, clip: Clip, supports: Supports, settings: ContactSettings) -> Iterator[Entry]:
     """The spans in which each two regions touch."""
     names, of_joint = clip.regions.names, clip.regions.of_joint
-    contacts = Contacts.of(clip, replace(settings, blend=0.0))
+    contacts = ContactSearch.of(clip, replace(settings, blend=0.0))
     f = {pair: np.zeros(len(clip)) for pair in combinations(range(len(names)), 2)}
     for block in blocks_of(len(clip)):
         near = contacts.near(block, supports[block].standing)

@@ -27,7 +27,7 @@ from distretarget.numerics.vectors import extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.floor import find_flesh, find_floor, rise_of_flesh
+from distretarget.objectives.floor import find_flesh, find_floor_springs, rise_of_flesh
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
@@ -173,7 +173,7 @@ class Performer:
                 supports = with_resting_joints(clip, feet, resting)
             flesh = find_flesh(clip, supports.weights, undersides)
             clip = clip.raised(np.outer(rise_of_flesh(clip, supports.weights, flesh), clip.up))
-            supports = replace(supports, floor=find_floor(clip, supports.weights, undersides, flesh))
+            supports = replace(supports, floor=find_floor_springs(clip, supports.weights, undersides, flesh))
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)

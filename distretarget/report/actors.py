@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
+from distretarget.numerics.rotations import continuous
 from distretarget.numerics.vectors import Array
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import Looks, Material, SkinnedMesh
@@ -96,7 +97,7 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
     turning = np.union1d(turning, [0])
     still = np.setdiff1d(np.arange(len(skeleton)), turning)
     world, fixed = motion.world_rotations[:, turning], motion.rotations[0, still]
-    numbers = np.rint(32767 * _continuous(_turned_axes(turn, world)))
+    numbers = np.rint(32767 * continuous(_turned_axes(turn, world)))
     moving = motion.moving
     roles = body.anatomy.roles if body and body.anatomy else {}
     return {
@@ -118,13 +119,6 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
         "centre": roles.get("hips", 0) if body is None or body.pelvis_joint is None else body.pelvis_joint,
         "ends": [roles[role] for role in ENDS if role in roles],
     }
-
-
-def _continuous(rotations: Array) -> Array:
-    """Quaternions, (frames, joints, 4), each with the sign that is nearer to the frame before."""
-    flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
-    signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
-    return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])
 
 
 def _differences(numbers: Array) -> NDArray[np.int16]:

@@ -37,7 +37,7 @@ SETTLED = 1e-3  # it ends where limbs move by less than this in sum [body units]
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
 
 
-class Room(NamedTuple):
+class PushWorkspace(NamedTuple):
     """Scratch for one frame."""
 
     placed: Placed
@@ -63,7 +63,9 @@ def displacements(balls: Balls, displaced: Displaced, posed: Array, limbs: Array
     moved = displaced._replace(limbs=displaced.limbs % (count + 1))
     result = np.zeros((len(posed), count + 1, 2, 3))  # the last limb is that of what no limb carries
     free = np.concatenate([free, np.zeros((len(posed), 1, 2))], axis=1)
-    room = Room(room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *np.zeros((3, count + 1, 2, 3)))
+    room = PushWorkspace(
+        room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *np.zeros((3, count + 1, 2, 3))
+    )
     posed, limbs, free, soft = map(np.ascontiguousarray, (posed, limbs, free, soft))
     _write_displacements(balls, moved, posed, limbs, free, soft, room, result)
     return result[:, :count]
@@ -71,7 +73,7 @@ def displacements(balls: Balls, displaced: Displaced, posed: Array, limbs: Array
 
 @compiled(fastmath=True)
 def _write_displacements(
-    balls: Balls, displaced: Displaced, posed: F4, limbs: F4, free: F3, soft: F2, room: Room, result: Out[F4]
+    balls: Balls, displaced: Displaced, posed: F4, limbs: F4, free: F3, soft: F2, room: PushWorkspace, result: Out[F4]
 ) -> None:
     placed, rows, ends, nowhere, before, afresh = room
     for frame in range(len(posed)):

@@ -14,7 +14,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.skin.surface_gaps import Bound, Points, Room, write_gaps
+from distretarget.skin.surface_gaps import Bound, GapWorkspace, Points, write_gaps
 
 # How many points a segment of a body has: limbs are thin, and what they touch is large.
 POINTS = {"hand": 220, "forearm": 180, "chest": 400, "belly": 300, "pelvis": 300, "head": 400, "thigh": 200}
@@ -68,7 +68,9 @@ class Surface:
         for pair, (_, part) in enumerate(parts):
             members[pair, [*part]] = True
         count = len(self.points.radii)
-        room = Room(np.zeros((count, 3)), np.zeros(count, np.intp), np.zeros(len(SEGMENTS), np.intp), np.zeros((3, 3)))
+        room = GapWorkspace(
+            np.zeros((count, 3)), np.zeros(count, np.intp), np.zeros(len(SEGMENTS), np.intp), np.zeros((3, 3))
+        )
         write_gaps(self.points, moved, limbs, members, np.ascontiguousarray(wanted[frames]), farthest, room, found)
         gaps[frames] = found
         return gaps

@@ -28,7 +28,7 @@ class Points(NamedTuple):
     of_segment: I1  # (segments + 1,), the first point of each segment; the last is their end
 
 
-class Room(NamedTuple):
+class GapWorkspace(NamedTuple):
     """Scratch for one frame."""
 
     placed: F2  # (points, 3)
@@ -39,7 +39,7 @@ class Room(NamedTuple):
 
 @compiled(fastmath=True)
 def write_gaps(
-    points: Points, moved: F4, limbs: I1, parts: B2, wanted: B2, farthest: float, room: Room, gaps: Out[F2]
+    points: Points, moved: F4, limbs: I1, parts: B2, wanted: B2, farthest: float, room: GapWorkspace, gaps: Out[F2]
 ) -> None:
     """Write the least height of the points of limbs over parts, (frames, pairs), where it is wanted and less than
     `farthest`. `moved`, (frames, joints, 3, 4), are rotations and places of joints; `limbs`, (pairs,), are segments,

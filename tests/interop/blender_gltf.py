@@ -1,6 +1,6 @@
 """Play a glTF file in Blender: python blender_gltf.py TASK, the path of a JSON file, with the package bpy.
 
-The task has file, animation (a number, or null), times, nodes, and for a picture camera, size and picture (a path).
+The task has file, animation (a number, or null), times and nodes.
 The last line printed has the positions of the nodes in the axes of glTF.
 """
 
@@ -11,10 +11,8 @@ from pathlib import Path
 import bpy
 from io_scene_gltf2.blender.imp.animation import BlenderAnimation
 from io_scene_gltf2.blender.imp.blender_gltf import BlenderGlTF
-from mathutils import Vector
 
 FPS = 60
-SIDE = 3  # of the camera, as in players_page.mjs
 
 task = json.loads(Path(sys.argv[1]).read_text("utf-8"))
 bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -57,29 +55,4 @@ for time in task["times"]:
     scene.frame_set(int(frame), subframe=frame % 1)
     positions.append([place(node) for node in task["nodes"]])
 
-if "camera" in task:
-    x, y, z = task["camera"]["centre"]
-    half, sign = task["camera"]["half"], -1 if task["camera"].get("back") else 1
-    centre = Vector((x, -z, y))
-    view = bpy.data.objects.new("view", bpy.data.cameras.new("view"))
-    view.data.type, view.data.ortho_scale = "ORTHO", 2 * half
-    view.data.clip_end = 20 * half
-    view.location = centre + SIDE * half * Vector((0.5 * sign, -sign, 0.25))
-    view.rotation_euler = (centre - view.location).to_track_quat("-Z", "Y").to_euler()
-    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    sun.data.energy, sun.rotation_euler = 0.5, view.rotation_euler
-    for thing in (view, sun):
-        scene.collection.objects.link(thing)
-    for body in [thing for thing in scene.objects if thing.type == "ARMATURE"]:
-        body.hide_render = True
-    world = bpy.data.worlds.new("white")
-    world.use_nodes = True
-    world.node_tree.nodes["Background"].inputs[0].default_value = (1, 1, 1, 1)
-    scene.world, scene.camera = world, view
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.device, scene.cycles.max_bounces = 2, "CPU", 1
-    scene.view_settings.view_transform = "Standard"
-    scene.render.resolution_x = scene.render.resolution_y = task["size"]
-    scene.render.image_settings.file_format, scene.render.filepath = "PNG", task["picture"]
-    bpy.ops.render.render(write_still=True)
 sys.stdout.write("\n" + json.dumps(positions) + "\n")

@@ -55,17 +55,9 @@ class Expected:
     positions: np.ndarray
     vrma: Path | None = None
 
-    @classmethod
-    def load(cls, path: Path, animation: int | str | None, npz: Path, vrma: Path | None = None) -> Expected:
-        """What an npz with `nodes`, `times` and `positions` says of a file."""
-        with np.load(npz) as arrays:
-            return cls(path, animation, arrays["nodes"], arrays["times"], arrays["positions"], vrma)
-
-    def farthest(self, players: Players, program: str, picture: Path | None = None) -> float:
+    def farthest(self, players: Players, program: str) -> float:
         """How far off a program plays any node in any frame [m]; NaN if it knows not all nodes."""
-        found = players.play(
-            program, self.path, self.animation, self.times, self.nodes, vrma=self.vrma, picture=picture
-        )
+        found = players.play(program, self.path, self.animation, self.times, self.nodes, vrma=self.vrma)
         return float(np.linalg.norm(found - self.positions, axis=-1).max())
 
 

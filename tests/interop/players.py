@@ -3,13 +3,11 @@
     with Players() as players:
         positions = players.play("three.js", path, "walk", times, nodes)    # (frames, nodes, 3) [m]
 
-Nodes count by their index in the file. `expected` files hold what a result should be: an npz with `times` [s], `nodes`
-and `positions`.
+Nodes count by their index in the file.
 """
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import shutil
@@ -30,22 +28,6 @@ PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 IN_BROWSER = {"three.js": "three", "Babylon.js": "@babylonjs/loaders", "three-vrm": "@pixiv/three-vrm"}
 PLAYERS = (*IN_BROWSER, "Blender")
 FLAGS = ("--no-sandbox", "--disable-background-networking", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-
-
-@dataclass(frozen=True)
-class Camera:
-    """An orthographic camera: what it looks at [m], half the height of what it shows [m], and whether from behind."""
-
-    centre: tuple[float, float, float]
-    half: float
-    back: bool = False
-
-    @classmethod
-    def on(cls, positions: np.ndarray, back: bool = False) -> Camera:
-        """The camera that sees positions (..., 3) and some room around them."""
-        points = positions.reshape(-1, 3)
-        low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-        return cls(tuple((0.5 * (low + high)).tolist()), float(0.65 * np.linalg.norm(high - low)), back)
 
 
 def missing(program: str) -> str:
@@ -109,9 +91,6 @@ class Players:
         nodes: Iterable[int],
         *,
         vrma: Path | None = None,
-        picture: Path | None = None,
-        camera: Camera | None = None,
-        size: int = 480,
     ) -> np.ndarray:
         """Return where a program has nodes at some times, (times, nodes, 3) [m]; NaN where it knows no such node.
 
@@ -122,9 +101,6 @@ class Players:
             times: [s].
             nodes: numbers of nodes in the file.
             vrma: the file of the animation, for three-vrm to play on the VRM in `path`.
-            picture: a PNG file to write: the mesh at the last of the times.
-            camera: for the picture; one that sees the nodes if None.
-            size: of the picture [pixels].
         """
         path, nodes = path.resolve(), [int(node) for node in nodes]
         task = {
@@ -132,18 +108,11 @@ class Players:
             "times": [float(time) for time in times],
             "nodes": nodes,
         }
-        if picture:
-            last = self.play(program, path, animation, task["times"][-1:], nodes, vrma=vrma) if camera is None else None
-            camera = camera or Camera.on(last, back="VRM" in gltf_player.load(path)[0].get("extensions", {}))
-            task |= {"camera": vars(camera), "size": size}
         if program == "Blender":
-            return _positions(_blender(task, path, picture))
-        answer = self._asked(program, path, task, vrma)
-        if picture:
-            picture.write_bytes(base64.b64decode(answer["picture"].partition(",")[2]))
-        return _positions(answer["positions"])
+            return _positions(_blender(task, path))
+        return _positions(self._asked(program, path, task, vrma))
 
-    def _asked(self, program: str, path: Path, task: dict, vrma: Path | None) -> dict:
+    def _asked(self, program: str, path: Path, task: dict, vrma: Path | None) -> list:
         if vrma:
             task = task | {"vrma": _address(vrma.resolve())}
         call = "([program, url, task]) => window.players[program](url, task)"
@@ -191,14 +160,14 @@ def build(folder: Path) -> Path:
     return folder / "players_page.js"
 
 
-def _blender(task: dict, path: Path, picture: Path | None) -> list:
+def _blender(task: dict, path: Path) -> list:
     with tempfile.TemporaryDirectory() as folder:
         file = path
         if path.suffix not in (".glb", ".gltf"):
             file = Path(folder) / "character.glb"
             shutil.copy(path, file)
         asked = Path(folder) / "task.json"
-        asked.write_text(json.dumps(task | {"file": str(file)} | ({"picture": str(picture)} if picture else {})))
+        asked.write_text(json.dumps(task | {"file": str(file)}))
         command = [os.environ[BLENDER], str(HERE / "blender_gltf.py"), str(asked)]
         done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:

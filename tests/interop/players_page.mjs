@@ -1,44 +1,13 @@
-// Play files of characters in a browser: window.players[program](url, task) returns positions of nodes and a picture.
-// A task has animation (a number, or null), times, nodes, and for a picture camera {centre, half, back} and size.
-import {
-  AnimationMixer, Color, DirectionalLight, HemisphereLight, LoopOnce, OrthographicCamera, Scene, Vector3, WebGLRenderer,
-} from "three";
+// Play files of characters in a browser: window.players[program](url, task) returns positions of nodes.
+// A task has animation (a number, or null), times and nodes.
+import { AnimationMixer, LoopOnce, Vector3 } from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import { VRMLoaderPlugin } from "@pixiv/three-vrm";
 import { VRMAnimationLoaderPlugin, createVRMAnimationClip } from "@pixiv/three-vrm-animation";
 import { Engine } from "@babylonjs/core/Engines/engine.js";
 import { Scene as BabylonScene } from "@babylonjs/core/scene.js";
-import { FreeCamera } from "@babylonjs/core/Cameras/freeCamera.js";
-import { HemisphericLight } from "@babylonjs/core/Lights/hemisphericLight.js";
-import { Color4 } from "@babylonjs/core/Maths/math.color.js";
-import { Vector3 as BabylonVector } from "@babylonjs/core/Maths/math.vector.js";
 import { LoadAssetContainerAsync } from "@babylonjs/core/Loading/sceneLoader.js";
 import "@babylonjs/loaders/glTF/2.0/index.js";
-
-const SIDE = 3; // of the camera: x, y and z [half heights of the picture]
-
-function eye({ centre, half, back }) {
-  const [x, y, z] = [0.5 * SIDE * half, 0.25 * SIDE * half, SIDE * half];
-  return back ? [centre[0] - x, centre[1] + y, centre[2] - z] : [centre[0] + x, centre[1] + y, centre[2] + z];
-}
-
-function threePicture(root, { camera, size }) {
-  const renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
-  renderer.setSize(size, size);
-  const scene = new Scene();
-  scene.background = new Color(0xffffff);
-  const sun = new DirectionalLight(0xffffff, 1.5);
-  sun.position.set(...eye(camera));
-  scene.add(root, new HemisphereLight(0xffffff, 0x888888, 1), sun);
-  const { half } = camera;
-  const view = new OrthographicCamera(-half, half, half, -half, 0.001 * half, 20 * half);
-  view.position.set(...eye(camera));
-  view.lookAt(new Vector3(...camera.centre));
-  renderer.render(scene, view);
-  const picture = renderer.domElement.toDataURL("image/png");
-  renderer.dispose();
-  return picture;
-}
 
 /** Play a clip on a root that a loader has made; `update` runs after each frame. */
 function threePlayed(gltf, root, clip, task, update = () => {}) {
@@ -55,7 +24,7 @@ function threePlayed(gltf, root, clip, task, update = () => {}) {
       objects.set(node, object);
     }
   });
-  const positions = task.times.map((time) => {
+  return task.times.map((time) => {
     mixer.setTime(time);
     update();
     root.updateMatrixWorld(true);
@@ -64,7 +33,6 @@ function threePlayed(gltf, root, clip, task, update = () => {}) {
       return object ? new Vector3().setFromMatrixPosition(object.matrixWorld).toArray() : null;
     });
   });
-  return { positions, picture: task.camera && threePicture(root, task) };
 }
 
 async function three(url, task) {
@@ -96,8 +64,8 @@ async function threeVrm(url, task) {
 
 async function babylon(url, task) {
   const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = task.size ?? 16;
-  const engine = new Engine(canvas, true, { preserveDrawingBuffer: true });
+  canvas.width = canvas.height = 16;
+  const engine = new Engine(canvas);
   const scene = new BabylonScene(engine);
   scene.useRightHandedSystem = true;
   const ending = url.slice(url.lastIndexOf("."));
@@ -138,22 +106,8 @@ async function babylon(url, task) {
       return line.at(-1).getWorldMatrix().getTranslation().asArray();
     });
   });
-  let picture;
-  if (task.camera) {
-    const { half, centre } = task.camera;
-    scene.clearColor = new Color4(1, 1, 1, 1);
-    const view = new FreeCamera("view", new BabylonVector(...eye(task.camera)), scene);
-    view.mode = 1;
-    [view.orthoLeft, view.orthoRight, view.orthoBottom, view.orthoTop] = [-half, half, -half, half];
-    [view.minZ, view.maxZ] = [0.001 * half, 20 * half];
-    view.setTarget(new BabylonVector(...centre));
-    new HemisphericLight("light", new BabylonVector(...eye(task.camera)), scene).intensity = 1;
-    await scene.whenReadyAsync();
-    scene.render();
-    picture = canvas.toDataURL("image/png");
-  }
   engine.dispose();
-  return { positions, picture };
+  return positions;
 }
 
 window.players = { "three.js": three, "three-vrm": threeVrm, "Babylon.js": babylon };
