@@ -203,6 +203,21 @@ def test_a_foot_that_stands_flat_lifts_the_hips_more_than_one_on_its_toes():
     assert np.all(np.abs(hips_rise(clip, feet) - right) < 0.4 * np.abs(left - right))
 
 
+@pytest.mark.parametrize(("feet", "share"), [([1, 1, 0, 0], -1.0), ([0, 0, 1, 1], 1.0), ([1, 1, 1, 1], 0.0)])
+def test_wide_hips_that_tilt_are_as_high_as_narrow_ones_by_the_leg_that_stands(feet, share):
+    tilt, wider = 0.3, 2.0
+    upright = {"Hips": [0, 0, tilt], "LeftHip": [0, 0, -tilt], "RightHip": [0, 0, -tilt]}
+    body = person()
+    clip = Clip.of(matched(standing(body, turns=upright), lengthened(body, {"Hip": wider})), RootScale.even(1.0))
+    stance = find_foot_lock(clip)
+    stance = replace(stance, weights=np.tile(np.array(feet, float), (len(clip), 1)))
+    ankles = [pair.source.ankle for pair in clip.legs]
+    places = np.repeat(clip.source.positions[:, ankles], 2, axis=1)
+    left, right = body.offsets[[body.index(f"{side}Hip") for side in SIDES]]
+    lower = (wider - 1.0) * 0.5 * (left - right)[0] * np.sin(tilt)  # than the source's, of the joint that is lower
+    np.testing.assert_allclose(hips_rise(clip, replace(stance, places=places)), share * lower, atol=1e-6)
+
+
 def test_hips_of_each_shot_rise_on_their_own():
     shots = np.arange(40) >= 25
     np.testing.assert_allclose(rising(np.where(shots, 0.5, 0.02), np.ones(40), shots), np.where(shots, 0.5, 0.02))
