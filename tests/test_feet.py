@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import body_of, matched, moved, person, posed
+from bodies import body_of, lengthened, matched, moved, person, posed
 from built_rigs import along_bones, with_axes
 from scipy.spatial.transform import Rotation
 
@@ -132,6 +132,21 @@ def test_hips_are_measured_over_the_ankle():
     for key in ("foot_height", "foot_pitch", "ankle_height"):
         np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-6)
     np.testing.assert_allclose(measured(standing(), standing(height=LEG + 0.2)).hips_height, 0.0, atol=1e-9)
+
+
+def test_wide_hips_that_tilt_on_one_leg_are_measured_by_that_leg():
+    """The other leg is kicked up, its foot above its hip joint: that stands on nothing, even in a clip of one frame."""
+    tilt = np.array([0.0, 0.0, 0.4])
+    turns = {"Hips": tilt, "LeftHip": -tilt, "RightHip": [-2.5, 0.0, 0.0]}
+    source, result = (standing(body, frames=1, turns=turns) for body in (PERSON, lengthened(PERSON, {"Hip": 2.0})))
+    feet = measured(source, result)
+    np.testing.assert_array_equal(feet.stance, [[True, True, False, False]])
+    np.testing.assert_allclose(feet.hips_height, [[0.0, np.nan]], atol=1e-9)
+
+
+def test_hips_near_the_floor_sit_on_it():
+    source = standing(turns=bent_knees(np.radians(80)))
+    assert np.isnan(measured(source, source).hips_height).all()
 
 
 def test_the_largest_hips_height_is_of_a_frame():

@@ -10,11 +10,13 @@ from bodies import SAMPLES
 from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.objectives.floor import STIFFNESS, find_flesh, find_floor_springs, rise_of_flesh
+from distretarget.objectives.floor import STIFFNESS, Flesh, find_flesh, find_floor_springs, rise_of_flesh
+from distretarget.objectives.foot_lock import find_foot_lock
 from distretarget.pipeline.performer import match_performer
 from distretarget.skin.capsules import SEGMENTS
 
 CRAWL = read_bvh(SAMPLES / "supports" / "crawl.bvh")
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 UP = 30.0  # [cm]
 UPWARDS = np.array([0.0, 1.0, 0.0])
 
@@ -23,6 +25,13 @@ def floor_of(source, target):
     """The clip, and the floor while something rests in all frames."""
     clip = match_performer(source, load_target(SAMPLES / target)).performer(RootScale.even(1.0)).clip
     return clip, find_floor_springs(clip, np.ones((len(source), 1)))
+
+
+def on_floor_of(source, target):
+    """The clip on a target of legs of any length, and what both rest on."""
+    match = match_performer(source, load_target(target))
+    own, leg = match.matching.leg_lengths
+    return match.performer(RootScale.even(leg / own)).clip, match.undersides
 
 
 def lifted(frames):
@@ -105,19 +114,42 @@ def test_a_large_head_stays_above_the_floor_of_a_cartwheel(tmp_path):
 
 
 def test_the_root_rises_only_for_skin_that_would_be_below_the_floor():
-    match = match_performer(CRAWL, load_target(SAMPLES.parent / "sample_characters" / "hero.glb"))
-    own, leg = match.matching.leg_lengths
-    clip, rests = match.performer(RootScale.even(leg / own)).clip, np.ones((len(CRAWL), 1))
+    clip, undersides = on_floor_of(CRAWL, HERO)
+    leg, rests = clip.leg_lengths[1], np.ones((len(CRAWL), 1))
 
     def rise(by, weights=rests):
         raised = clip.raised(np.outer(np.broadcast_to(by, len(clip)), UPWARDS))
-        return rise_of_flesh(raised, weights, find_flesh(raised, weights, match.undersides))
+        hands = replace(find_foot_lock(raised), weights=np.zeros((len(clip), 4)))
+        supports = hands.with_joints(np.array([0]), np.array([0]), weights, np.zeros((len(clip), 1, 3)))
+        return rise_of_flesh(raised, supports, find_flesh(raised, weights, undersides))
 
     assert not rise(leg).any()
     needed = rise(-0.5 * leg)
     assert (needed > 0).all()
     np.testing.assert_allclose(rise(needed - 0.5 * leg), 0, atol=1e-9)
     assert not rise(-0.5 * leg, 0 * rests).any()
+
+
+def test_the_root_rises_for_skin_no_farther_than_the_legs_reach():
+    """A trunk that reaches far below the floor does not lift the feet on which the body stands."""
+    clip, _ = on_floor_of(read_bvh(SAMPLES / "wave.bvh"), SAMPLES / "child.json")
+    feet, leg = find_foot_lock(clip), clip.leg_lengths[1]
+    feet = replace(feet, weights=np.ones_like(feet.weights))
+    deep = Flesh(np.array([clip.pelvis]), np.full((len(clip), 1), 10.0 * leg))
+    hips = clip.raised(np.outer(rise_of_flesh(clip, feet, deep), UPWARDS)).copy_on_path(
+        np.array([pair.target.hip for pair in clip.legs])
+    )
+    reaches = np.linalg.norm(hips - feet.places[:, ::2], axis=2).max(axis=1) / leg
+    np.testing.assert_allclose(reaches, 1.0, atol=0.01)
+
+
+def test_skin_of_thighs_does_not_raise_the_root():
+    """It goes where the feet are placed."""
+    clip, undersides = on_floor_of(CRAWL, HERO)
+    sunk = clip.raised(np.tile(-10.0 * clip.leg_lengths[1] * UPWARDS, (len(clip), 1)))
+    joints = find_flesh(sunk, np.ones((len(clip), 1)), undersides).joints.tolist()
+    assert clip.pelvis in joints
+    assert not {pair.target.hip for pair in clip.legs} & {*joints}
 
 
 def test_without_skin_no_flesh_is_near_the_floor():

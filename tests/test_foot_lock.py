@@ -203,6 +203,46 @@ def test_a_foot_that_stands_flat_lifts_the_hips_more_than_one_on_its_toes():
     assert np.all(np.abs(hips_rise(clip, feet) - right) < 0.4 * np.abs(left - right))
 
 
+@pytest.mark.parametrize(("feet", "share"), [([1, 1, 0, 0], -1.0), ([0, 0, 1, 1], 1.0), ([1, 1, 1, 1], 0.0)])
+def test_wide_hips_that_tilt_are_as_high_as_narrow_ones_by_the_leg_that_stands(feet, share):
+    tilt, wider = 0.3, 2.0
+    upright = {"Hips": [0, 0, tilt], "LeftHip": [0, 0, -tilt], "RightHip": [0, 0, -tilt]}
+    body = person()
+    clip = Clip.of(matched(standing(body, turns=upright), lengthened(body, {"Hip": wider})), RootScale.even(1.0))
+    stance = find_foot_lock(clip)
+    stance = replace(stance, weights=np.tile(np.array(feet, float), (len(clip), 1)))
+    ankles = [pair.source.ankle for pair in clip.legs]
+    places = np.repeat(clip.source.positions[:, ankles], 2, axis=1)
+    left, right = body.offsets[[body.index(f"{side}Hip") for side in SIDES]]
+    lower = (wider - 1.0) * 0.5 * (left - right)[0] * np.sin(tilt)  # than the source's, of the joint that is lower
+    np.testing.assert_allclose(hips_rise(clip, replace(stance, places=places)), share * lower, atol=1e-6)
+
+
+def with_forefoot(body):
+    """The body with its toe joints right below the ankles, so that they turn the whole foot."""
+    offsets = np.array(body.offsets)
+    for side in SIDES:
+        offsets[body.index(f"{side}Toe")] = [0.0, -0.05, 0.0]
+        offsets[body.index(f"{side}Toe_End")] = [0.0, 0.0, 0.2]
+    return body.with_offsets(offsets)
+
+
+def test_how_far_a_forefoot_is_bent_as_it_rests_belongs_to_the_rig():
+    """Feet on the floor are flat, and what such a joint turns besides that turns the toes of the target."""
+    frames, more = np.arange(60), 0.5
+    bent = np.outer(0.2 + more * (frames >= 40), [1.0, 0.0, 0.0])
+    lifted = np.outer(-1.2 * (frames >= 40), [1.0, 0.0, 0.0])  # of the left leg, which then does not rest
+    turns = {"LeftToe": bent, "RightToe": [0.2, 0.0, 0.0], "LeftHip": lifted}
+    result = retarget(standing(with_forefoot(person()), 60, turns), person())
+    toes = {side: person().index(f"{side}Toe") for side in SIDES}
+    turned = {side: Rotation.from_quat(result.motion.rotations[:, toe]).magnitude() for side, toe in toes.items()}
+    np.testing.assert_allclose(turned["Right"], 0.0, atol=1e-3)
+    np.testing.assert_allclose(turned["Left"][:20], 0.0, atol=1e-3)
+    np.testing.assert_allclose(turned["Left"][50:], more, atol=1e-3)
+    feet = result.motion.positions[:, [toes["Right"], person().index("RightAnkle")]] @ UP
+    np.testing.assert_allclose(np.ptp(feet, axis=1), 0.0, atol=0.01)
+
+
 def test_hips_of_each_shot_rise_on_their_own():
     shots = np.arange(40) >= 25
     np.testing.assert_allclose(rising(np.where(shots, 0.5, 0.02), np.ones(40), shots), np.where(shots, 0.5, 0.02))

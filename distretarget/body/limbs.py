@@ -41,6 +41,10 @@ class Leg:
         """Hip, ankle and toe."""
         return self.hip, self.ankle, self.toe
 
+    def foot_bends(self, skeleton: Skeleton) -> bool:
+        """Return whether a joint turns the foot between ankle and toe, such as a ForeFoot right below the ankle."""
+        return self.toe != self.ankle and skeleton.parents[self.toe] != self.ankle
+
 
 Legs = tuple[Leg, Leg]
 

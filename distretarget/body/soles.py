@@ -99,6 +99,28 @@ def with_normals(soles: Sequence[Sole], normals: Sequence[Array]) -> tuple[Sole,
     return left, right
 
 
+def with_resting_feet(pose: Pose, body: Body, legs: Legs) -> Pose:
+    """Return a pose of a body with what is below the ankles turned as it is on average while the feet rest in the
+    body's motion; the same below an ankle whose foot never rests.
+    """
+    motion, length = body.motion, leg_length(body.skeleton, legs)
+    if motion is None:
+        return pose
+    rotations, positions = pose.rotations.copy(), pose.positions.copy()
+    for leg in legs:
+        rests = feet_at_rest(motion, leg, body.up_vector, length).all(axis=1)
+        if not rests.any():
+            continue
+        ankle = Rotation.from_quat(pose.rotations[leg.ankle])
+        to_ankle = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[rests]).inv()
+        for joint in body.skeleton.subtree(leg.ankle):
+            turned = to_ankle * Rotation.from_quat(motion.world_rotations_of(joint)[rests])
+            away = to_ankle.apply(motion.positions[rests, joint] - motion.positions[rests, leg.ankle])
+            rotations[joint] = (ankle * turned.mean()).as_quat()
+            positions[joint] = pose.positions[leg.ankle] + ankle.apply(np.median(away, axis=0))
+    return replace(pose, rotations=rotations, positions=positions)
+
+
 def _reference_sole(body: Body, leg: Leg, pose: Pose) -> Sole:
     """The sole in the reference pose; a hanging foot gets the usual pitch."""
     stance = body.reference.directions

@@ -15,7 +15,7 @@ from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
 from distretarget.body.mesh_soles import flat_normals
-from distretarget.body.soles import Sole, find_soles, resting_normals, with_normals
+from distretarget.body.soles import Sole, find_soles, resting_normals, with_normals, with_resting_feet
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
@@ -168,11 +168,20 @@ class Matching:
         both_stand = self.source.stands and self.target.stands
         return recognised and (both_stand or self.source.standing is not None or not self.rest_poses_alike)
 
-    @property
+    @cached_property
     def poses(self) -> tuple[Pose, Pose]:
         """The poses in which source and target are aligned."""
         source, target = self.source, self.target
-        return (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
+        pose, own = (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
+        return (with_resting_feet(pose, source, self.legs[0]) if self.legs and self._bends_otherwise else pose), own
+
+    @of_rig
+    def _bends_otherwise(self) -> bool:
+        """Whether the source's feet bend below the ankles and the target's do not, as those with a ForeFoot right below
+        the ankle. The rest pose does not show how far such feet are bent while they stand flat.
+        """
+        bodies = self.source, self.target
+        return [any(leg.foot_bends(body.skeleton) for leg in body.legs or ()) for body in bodies] == [True, False]
 
     def shared_bones(self, x: Array, y: Array) -> tuple[Numbers, Array, Array]:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
@@ -282,7 +291,8 @@ def _rig(
         method=method,
     )
     vars(rig)["rig"] = rig  # fill the cached property
-    return rig if all(sole.known for soles in rig._own_soles for sole in soles) else None
+    known = not rig._bends_otherwise and all(sole.known for soles in rig._own_soles for sole in soles)
+    return rig if known else None
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:

@@ -25,10 +25,12 @@ def foot_joints(legs: Sequence[Leg]) -> Numbers:
 
 
 def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Flags:
-    """(frames, foot joints), whether each foot joint rests; `length` is that of a leg, `up`, (3,), the vector up."""
+    """(frames, foot joints), whether each foot joint rests; `length` is that of a leg, `up`, (3,), the vector up. A
+    foot that is higher than the hip joint of its leg carries nothing, as in a clip of a single kick.
+    """
     paths = motion.positions[:, foot_joints(legs)] / length
-    heights = paths @ up
-    low = heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT
+    heights, hips = paths @ up, motion.positions[:, [leg.hip for leg in legs for _ in range(2)]] @ up / length
+    low = (heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT) & (heights < hips)
     rests = np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
     count = np.count_nonzero(rests.any(axis=1))
     return rests & (count >= min(LEAST / motion.frame_time, 0.5 * len(rests)))

@@ -36,6 +36,7 @@ HOLD = 1.0  # a hand or head that holds on to something stays in its place for t
 PLACE = 0.02  # which is no larger than this [leg lengths],
 SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
 FARTHER = 0.04  # ... this much farther [leg lengths]
+SITS = 0.25  # hips that are no higher than this above the soles carry the body as well [leg lengths]
 BETWEEN = 0.5  # the body takes about this long from its feet to other supports [s]
 ENDS = ("left hand", "right hand", "head")  # the regions that hold on to something
 BASES = ("trunk", "hips")  # the regions where their limbs begin
@@ -65,9 +66,9 @@ class FlatFoot:
         pitch = float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
         return cls(leg, sole.joints, pitch, sole.ankle, sole.normal)
 
-    def over_time(self, motion: Motion, hips: Array, up: Array) -> Array:
-        """(5, frames), the foot's `_FootTracks` but the first, heights in file units; nan what is unknown. `hips`,
-        (frames, 3), is the middle of the hip joints, `up`, (3,), the unit vector up.
+    def over_time(self, motion: Motion, up: Array) -> Array:
+        """(6, frames), the foot's `_FootTracks` but the first, heights in file units; nan what is unknown; `up`, (3,),
+        is the unit vector up.
         """
         ankle, normals = motion.positions[:, self.leg.ankle], np.full((len(motion), 3), np.nan)
         if self.normal is not None:
@@ -78,7 +79,8 @@ class FlatFoot:
         pitch = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
         lowest = np.fmin(lowest_heights(motion.positions, up, self.points), heel @ up)
         over_sole = ankle @ up - self.flat_height
-        return np.stack([lowest, normals @ up, pitch - self.flat_pitch, over_sole, (hips - ankle) @ up])
+        hip = motion.positions[:, self.leg.hip]
+        return np.stack([lowest, normals @ up, pitch - self.flat_pitch, over_sole, ankle @ up, hip @ up])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -107,17 +109,26 @@ class _FootTracks:
     level: Flags  # (frames, legs), whether the sole, not the tip or the back of the foot, faces the floor
     pitch: Array  # (frames, legs), of the foot from its flat sole [degrees]
     flat_ankle: Array  # (frames, legs), the height of the ankle less that over a flat sole [leg lengths]
-    hips: Array  # (frames, legs), the height of the middle of the hip joints over the ankle [leg lengths]
+    ankle: Array  # (frames, legs), the height of the ankle [leg lengths]
+    hip: Array  # (frames, legs), that of the leg's hip joint [leg lengths]
 
     @classmethod
     def of(cls, motion: Motion, feet: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:
         """Follow the feet of a motion, on legs of this length [file units]."""
-        hips = motion.positions[:, [foot.leg.hip for foot in feet]].mean(axis=1) if feet else np.zeros((len(motion), 3))
-        tracks = np.reshape([foot.over_time(motion, hips, up) for foot in feet], (len(feet), 5, len(motion)))
-        sole, level_by, pitch, flat_ankle, over_ankle = tracks.transpose(1, 2, 0)
+        tracks = np.reshape([foot.over_time(motion, up) for foot in feet], (len(feet), 6, len(motion)))
+        sole, level_by, pitch, flat_ankle, ankle, hip = tracks.transpose(1, 2, 0)
         paths = motion.positions[:, foot_joints([foot.leg for foot in feet])] / length
         skate = speeds_along(level(paths, up), motion.frame_time)
-        return cls(skate, sole / length, ~(level_by < LEVEL), pitch, flat_ankle / length, over_ankle / length)
+        level_sole, heights = ~(level_by < LEVEL), (each / length for each in (flat_ankle, ankle, hip))
+        return cls(skate, sole / length, level_sole, pitch, *heights)
+
+    def hips_over(self, rests: Flags) -> Array:
+        """(frames, legs), how high the hips are over each ankle [leg lengths]: the middle of the hip joints of the legs
+        that stand on the feet that rest, (frames, legs). Where the pelvis tilts on one leg, wide hips are as high as
+        narrow ones by the hip joint of that leg.
+        """
+        standing = rests.sum(axis=1, keepdims=True)
+        return np.asarray((rests * self.hip).sum(axis=1, keepdims=True) / np.maximum(standing, 1) - self.ankle)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -146,17 +157,20 @@ class SourceFeet:
             off = self.floor.off(sole, self.belongs)
         on_sole = ankle_rests & toe_rests & source.level
         flat = on_sole & (np.abs(source.pitch) <= FLAT)
-        alone = ankle_rests & ~others_carry[:, None]
+        sits = (source.hip < source.sole.min(axis=1, keepdims=True, initial=np.inf) + SITS).any(axis=1)
+        alone = ankle_rests & ~(others_carry | sits)[:, None]
+        stands = ankle_rests | toe_rests
+        hips_off = np.abs(own.hips_over(stands) - source.hips_over(stands))
         return Feet(
             joints=foot_joints([foot.leg for foot in self.feet]),
             stance=self.stance,
             skate_source=source.skate,
             skate=own.skate,
             sole=sole,
-            foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(off), np.nan),
+            foot_height=np.where(stands, 100 * np.abs(off), np.nan),
             foot_pitch=np.where(on_sole, np.abs(own.pitch - source.pitch), np.nan),
             ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
-            hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
+            hips_height=np.where(alone, 100 * hips_off, np.nan),
         )
 
     def off_floor(self, feet: Feet, supports: SupportsMeasured) -> tuple[Array, Flags]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,10 @@ from distretarget.ik.floor import FloorSprings, no_floor
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.moving import largest
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.time_series import by_shot
+from distretarget.numerics.vectors import Array, Numbers, level
 from distretarget.objectives.clip import Clip
+from distretarget.objectives.supports import Supports
 
 STIFFNESS = 500.0  # k, shared by the joints of a region
 NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
@@ -29,10 +32,13 @@ class Flesh(NamedTuple):
 
 
 def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Flesh:
-    """Return the joints of trunk and head near the floor, if skins are known; `weights` as in `find_floor_springs`."""
+    """Return the joints of trunk and head near the floor, if skins are known; `weights` are those of `find_floor_springs`. The
+    joints at the tops of the legs are left out: the skin about them is on thighs, which go where the feet are placed.
+    """
     if undersides is None or not clip.legs:
         return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
     joints = clip.limb_joints[clip.regions.inside(*WITHOUT_SIDE)[clip.limb_joints]]
+    joints = joints[~np.isin(joints, [pair.target.hip for pair in clip.legs])]
     floor, rests = _height_of_floor(clip) - undersides.soles[1], weights.max(axis=1, initial=0.0) > 0.0
     reach = np.array([undersides.target.reach(joint) for joint in joints.tolist()])
     near = (clip.copy_on_path(joints) @ clip.up - floor < reach) & rests[:, None]
@@ -42,14 +48,29 @@ def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Fle
     return Flesh(joints, heights)
 
 
-def rise_of_flesh(clip: Clip, weights: Array, flesh: Flesh) -> Array:
+def rise_of_flesh(clip: Clip, supports: Supports, flesh: Flesh) -> Array:
     """Return how much the root rises, (frames,), so that the skin of trunk and head is no lower than the soles while
-    something rests [target file units]: a large head in a cartwheel, a belly in a push-up. `weights` are those of
-    `find_floor_springs`.
+    something rests [target file units]: a large head in a cartwheel, a belly in a push-up. It rises no farther than
+    the legs of resting feet reach: what is missing then is the trunk's.
     """
     low = flesh.heights - clip.copy_on_path(flesh.joints) @ clip.up
-    rise = weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
-    return clip.widened(rise[:, None], ROOT_BLEND)[:, 0]
+    rise: Array = supports.weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
+    if not rise.any():
+        return rise
+    rise = by_shot(partial(largest, reach=round(ROOT_BLEND / clip.frame_time)), clip.shots, rise[:, None])
+    stands = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2)
+    beyond = stands * np.maximum(rise - _room_of_legs(clip, supports), 0.0)
+    return clip.averaged(rise[:, 0] - beyond.max(axis=1, initial=0.0), ROOT_BLEND)
+
+
+def _room_of_legs(clip: Clip, supports: Supports) -> Array:
+    """(frames, legs), how much higher the hips can go until each leg is straight to the place of its ankle; 0 if it
+    does not reach that [target file units].
+    """
+    hips = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs], np.intp))
+    legs = hips - supports.places[:, : supports.feet : 2]
+    reach = np.maximum(clip.leg_lengths[1] ** 2 - (level(legs, clip.up) ** 2).sum(axis=2), 0.0)
+    return np.asarray(np.maximum(np.sqrt(reach) - legs @ clip.up, 0.0))
 
 
 def find_floor_springs(

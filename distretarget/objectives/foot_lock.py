@@ -131,14 +131,15 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
     (frames,) [target file units]: what the resting ankles are higher on average, smoothed. A foot that stands flat
     counts more than one on its toes. A shot in which no foot rests takes the difference of the soles' ankle heights.
 
+    On one leg the hips are where the hip joint of that leg is: where the pelvis tilts, it is lower in wide hips.
+
     Feet on their mesh are higher by another amount in each rest: those that have left the floor do not count, and the
     hips follow from one rest to the next.
     """
     if not clip.legs:
         return np.zeros(len(clip))
-    ankles = [pair.source.ankle for pair in clip.legs]
     places = feet.places[:, ::2]
-    higher = (places - clip.scale.places(clip.source.positions[:, ankles], clip.up)) @ clip.up
+    higher = _over_source(clip, places, [pair.source.ankle for pair in clip.legs])
     lifts = [_heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
     rests, flat = feet.weights[:, ::2], 1.0 / (1.0 + np.abs(lifts).T / (ROLL * clip.leg_lengths[0]))
     usual = np.mean([pair.target_sole.ankle - clip.scale.height * pair.source_sole.ankle for pair in clip.legs])
@@ -150,7 +151,28 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
         mean = np.where(total > 0.0, (weights * higher).sum(axis=1) / weights.sum(axis=1), usual)
         return smoothed(mean[:, None], total, blend / clip.frame_time)[:, 0]
 
-    return by_shot(rise, clip.shots, higher, rests, flat)
+    return by_shot(rise, clip.shots, higher, rests, flat) + _rise_on_one_leg(clip, feet.weights[:, ::2])
+
+
+def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
+    """(frames,), how far the hip joints of the legs that stand are below the source's, scaled, smoothed [target file
+    units]: where the pelvis tilts on one leg, that leg's joint is lower in wide hips. `rests`, (frames, legs), is how
+    firmly each foot rests.
+    """
+    hips = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs]))
+    higher = _over_source(clip, hips, [pair.source.hip for pair in clip.legs])
+
+    def lower(higher: Array, rests: Array) -> Array:
+        total = rests.sum(axis=1)
+        mean = (rests * higher).sum(axis=1) / np.maximum(total, LITTLE)
+        return -smoothed(mean[:, None], total, ROOT_BLEND / clip.frame_time)[:, 0]
+
+    return by_shot(lower, clip.shots, higher, rests)
+
+
+def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:
+    """(frames, joints), how much higher places, (frames, joints, 3), are than joints of the source, scaled."""
+    return np.asarray((places - clip.scale.places(clip.source.positions[:, joints], clip.up)) @ clip.up)
 
 
 def _heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:

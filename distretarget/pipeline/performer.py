@@ -172,7 +172,7 @@ class Performer:
                 clip = clip.raised(root_shift(clip, feet, resting))
                 supports = with_resting_joints(clip, feet, resting)
             flesh = find_flesh(clip, supports.weights, undersides)
-            clip = clip.raised(np.outer(rise_of_flesh(clip, supports.weights, flesh), clip.up))
+            clip = clip.raised(np.outer(rise_of_flesh(clip, supports, flesh), clip.up))
             supports = replace(supports, floor=find_floor_springs(clip, supports.weights, undersides, flesh))
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
