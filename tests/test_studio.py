@@ -138,6 +138,27 @@ def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character
     assert (tmp_path / "made_from" / name).read_bytes() == content
 
 
+def test_orders_that_go_on_from_others_give_the_same_to_the_bit(dropped):
+    _, clip, character = dropped
+    bench, contacts = (
+        dropped[0],
+        [
+            [],
+            [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}],
+            [{"plant": "left foot", "keep": False, "frames": [5, 30]}],
+            [{"between": ["left hand", "right hand"], "keep": False}, {"look": "head", "like": "source"}],
+        ],
+    )
+    for entries in contacts:
+        done = bench.carry_out(Order.of({"clip": clip, "character": character, "contacts": entries}))
+        fresh = Bench()
+        numbers = [fresh.add(path.name, path.read_bytes())["id"] for path in (WAVE, HERO)]
+        other = fresh.carry_out(Order.of({"clip": numbers[0], "character": numbers[1], "contacts": entries}))
+        assert done.conversion is bench.carry_out(Order.of({"clip": clip, "character": character})).conversion
+        assert done.file("glb") == other.file("glb")
+        assert done.as_data == other.as_data
+
+
 def test_the_papers_objective_has_no_supports_in_its_command(dropped):
     bench, clip, character = dropped
     options = {"objective": "paper", "supports": "feet"}
