@@ -185,9 +185,14 @@ class Bench:
         self._solving = threading.Lock()  # one order is carried out at a time
 
     def add(self, name: str, content: bytes) -> dict[str, object]:
-        """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use."""
+        """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use. The same
+        file again is the one that is there.
+        """
         plain = PurePath(name.replace("\\", "/").replace("\0", "")).name
         file = InputFile(content, plain if plain.strip(".") else "file", has_folder=False)
+        for known in self.dropped:
+            if (known["name"], known["hash"]) == (str(file.path), file.hash):
+                return known
         held = sum(len(each.content) for each in self._files.values())
         if held + len(content) > MOST:
             raise FileError(file.path, f"does not fit: the files on the page may have {MOST:,} bytes; start it anew")
