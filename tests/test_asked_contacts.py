@@ -28,7 +28,7 @@ from distretarget import (
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.objectives.constraint_reach import front_of
 from distretarget.objectives.part_axes import PARTS
-from distretarget.pipeline.found_contacts import marked_contacts
+from distretarget.pipeline.found_contacts import contacts_of, marked_contacts
 from distretarget.skin.balls import segment_gaps
 
 FRAMES = (100, 150)
@@ -390,16 +390,21 @@ def test_the_program_lists_writes_and_takes_contacts(tmp_path):
     )
 
 
+def marks_of(result):
+    """The marked contacts of a result."""
+    return marked_contacts(result, contacts_of(result.baseline))
+
+
 def test_marks_say_what_was_found_dropped_and_added(clap, child):
     claps = [entry for entry in find_contacts(clap) if isinstance(entry, Contact)]
     drop = Contact(between=("right hand", "left hand"), keep=False, frames=claps[1].frames)
-    marks = marked_contacts(asked(clap, child, drop, HAND_ON_HEAD))
+    marks = marks_of(asked(clap, child, drop, HAND_ON_HEAD))
     hands = [each.mark for each in marks if each.entry.parts == ("left hand", "right hand")]
     assert hands == ["found", "dropped", *["found"] * 4]
     assert [each.entry for each in marks if each.mark == "added"] == [HAND_ON_HEAD]
     line = next(entry_to_json(each.entry) for each in marks if each.mark == "dropped")
     assert json.loads(line)["between"] == ["left hand", "right hand"]
-    assert not {each.mark for each in marked_contacts(retarget(clap, child))} - {"found"}
+    assert not {each.mark for each in marks_of(retarget(clap, child))} - {"found"}
 
 
 @pytest.mark.parametrize(("on", "thick"), [("RightElbow", False), ("Chest3", True)])

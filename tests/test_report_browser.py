@@ -16,7 +16,7 @@ from distretarget.contact_entries import Contact, ContactList
 from distretarget.io.contacts_file import entry_to_json
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import METRICS, NOT_RUN, metrics_at
-from distretarget.pipeline.found_contacts import marked_contacts
+from distretarget.pipeline.found_contacts import contacts_of, marked_contacts
 from distretarget.report.clip_page import diff_page, run_diff, run_page
 from distretarget.report.diff_document import About, document
 
@@ -261,7 +261,8 @@ def test_what_is_chosen_by_mouse_goes_to_that_frame(opened):
 
 
 def test_contacts_are_copied_as_entries_of_a_contact_file(opened):
-    tab, marked = opened("asked"), marked_contacts(asked_run())
+    tab, run = opened("asked"), asked_run()
+    marked = marked_contacts(run, contacts_of(run.baseline))
     told = {(each.mark, entry_to_json(each.entry)) for each in marked}
     for name, number, expected, frames in (
         ("left hand - right hand", 120, "dropped", None),

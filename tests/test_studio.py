@@ -10,7 +10,9 @@ import subprocess
 import sys
 import threading
 import time
+import tomllib
 import zipfile
+from contextlib import contextmanager
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -24,10 +26,12 @@ from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.target_file import load_target
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
+from distretarget.studio.samples import SAMPLES as OFFERED
 
 WAVE = SAMPLES / "wave.bvh"
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TOKEN = "secret"
+PLAIN = "distretarget clap.bvh hero.glb -o clap_hero.glb"
 
 
 @pytest.fixture(scope="module")
@@ -37,15 +41,16 @@ def dropped():
     return bench, *(bench.add(path.name, path.read_bytes())["id"] for path in (SAMPLES / "wave.bvh", HERO))
 
 
-@pytest.fixture(scope="module")
-def studio():
+@contextmanager
+def serving(bench):
     """The address of a studio that answers."""
     uvicorn = pytest.importorskip("uvicorn")
     from distretarget.studio.server import studio_app
 
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
-    server = uvicorn.Server(uvicorn.Config(studio_app(TOKEN, port), log_level="warning", timeout_graceful_shutdown=1))
+    app = studio_app(TOKEN, port, bench)
+    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
     while not server.started:
@@ -53,6 +58,13 @@ def studio():
     yield f"http://127.0.0.1:{port}/{TOKEN}/"
     server.should_exit = True
     thread.join(10)
+
+
+@pytest.fixture(scope="module")
+def studio():
+    """The address of a studio for all tests of this file."""
+    with serving(Bench()) as address:
+        yield address
 
 
 def answer(studio, path, content=None, **headers):
@@ -136,6 +148,27 @@ def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character
     ran = in_shell(tmp_path / "made_from", f"distretarget retarget --project {shlex.quote(f'./{project}')}")
     assert ran.returncode == 0, ran.stderr
     assert (tmp_path / "made_from" / name).read_bytes() == content
+
+
+def test_orders_that_go_on_from_others_give_the_same_to_the_bit(dropped):
+    _, clip, character = dropped
+    bench, contacts = (
+        dropped[0],
+        [
+            [],
+            [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}],
+            [{"plant": "left foot", "keep": False, "frames": [5, 30]}],
+            [{"between": ["left hand", "right hand"], "keep": False}, {"look": "head", "like": "source"}],
+        ],
+    )
+    for entries in contacts:
+        done = bench.carry_out(Order.of({"clip": clip, "character": character, "contacts": entries}))
+        fresh = Bench()
+        numbers = [fresh.add(path.name, path.read_bytes())["id"] for path in (WAVE, HERO)]
+        other = fresh.carry_out(Order.of({"clip": numbers[0], "character": numbers[1], "contacts": entries}))
+        assert done.conversion is bench.carry_out(Order.of({"clip": clip, "character": character})).conversion
+        assert done.file("glb") == other.file("glb")
+        assert done.as_data == other.as_data
 
 
 def test_the_papers_objective_has_no_supports_in_its_command(dropped):
@@ -296,6 +329,20 @@ def test_a_file_that_is_too_large_is_refused(studio, monkeypatch):
     assert (status, "larger" in json.loads(text)["error"]) == (422, True)
 
 
+def test_samples_are_added_once_and_nothing_else_by_their_way(studio):
+    abouts = [json.loads(answer(studio, f"/{TOKEN}/samples/hero.glb", b"")[2]) for _ in range(2)]
+    assert abouts[0] == abouts[1]
+    assert abouts[0]["character"]
+    for name in ("nobody.bvh", "pyproject.toml", "..%2Fhero.glb"):
+        assert answer(studio, f"/{TOKEN}/samples/{name}", b"")[0] in (404, 422)
+
+
+def test_a_wheel_has_the_samples():
+    wheel = tomllib.loads((SAMPLES.parent / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    paths = [f"{folder}/{name}" for name, folder in OFFERED.items()]
+    assert {path: f"distretarget/{path}" for path in paths} == wheel["force-include"]
+
+
 def test_what_cannot_be_written_is_not_offered(dropped):
     bench, clip, character = dropped
     order = {"clip": clip, "character": character}
@@ -391,6 +438,20 @@ def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tm
     tab.close()
 
 
+def test_a_sample_is_one_press_away_from_an_empty_page(browser):
+    from playwright.sync_api import expect
+
+    tab = browser.new_page()
+    with serving(Bench()) as address:
+        tab.goto(address)
+        tab.get_by_test_id("try-sample").click()
+        expect(tab.get_by_test_id("command")).to_have_text(PLAIN, timeout=30_000)
+        expect(tab.get_by_test_id("try-sample")).to_be_hidden()
+        tab.get_by_role("button", name="walk").click()
+        expect(tab.get_by_test_id("command")).to_have_text(PLAIN.replace("clap", "walk"), timeout=30_000)
+        tab.close()
+
+
 WHERE = """(joint) => {
   const { stage } = app, side = stage.sides.at(-1), views = stage.views.length;
   const { positions } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
@@ -410,33 +471,22 @@ def solved(browser):
     """A tab with a clip on a character, of a studio of its own, and a function that waits for a solved command."""
     from playwright.sync_api import expect
 
-    uvicorn = pytest.importorskip("uvicorn")
-    from distretarget.studio.server import studio_app
-
-    bench = Bench()
+    bench, problems = Bench(), []
     for path in (SAMPLES / "clap.bvh", HERO):
         bench.add(path.name, path.read_bytes())
-    listening = socket.create_server(("127.0.0.1", 0))
-    port = listening.getsockname()[1]
-    app = studio_app(TOKEN, port, bench)
-    server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
-    thread.start()
-    tab, problems = browser.new_page(viewport={"width": 1440, "height": 1000}), []
-    tab.on("pageerror", lambda error: problems.append(str(error)))
-    tab.goto(f"http://127.0.0.1:{port}/{TOKEN}/")
 
     def wait(words=""):
-        plain = "distretarget clap.bvh hero.glb -o clap_hero.glb"
-        expect(tab.get_by_test_id("command")).to_have_text(f"{plain}{words}", timeout=30_000)
+        expect(tab.get_by_test_id("command")).to_have_text(f"{PLAIN}{words}", timeout=30_000)
         expect(tab.get_by_test_id("solve-state")).to_have_text("done", timeout=30_000)
 
-    wait()
-    yield tab, wait
-    assert not problems
-    tab.close()
-    server.should_exit = True
-    thread.join(10)
+    with serving(bench) as address:
+        tab = browser.new_page(viewport={"width": 1440, "height": 1000})
+        tab.on("pageerror", lambda error: problems.append(str(error)))
+        tab.goto(address)
+        wait()
+        yield tab, wait
+        assert not problems
+        tab.close()
 
 
 def drawn(tab):
@@ -596,8 +646,8 @@ def test_files_that_do_not_fit_together_are_refused(monkeypatch):
     content = WAVE.read_bytes()
     monkeypatch.setattr(bench, "MOST", 2 * len(content))
     full = Bench()
-    for _ in range(2):
-        full.add("wave.bvh", content)
+    for name in ("wave.bvh", "wave.bvh", "other.bvh"):
+        full.add(name, content)  # the same file again takes no place
     with pytest.raises(FileError, match="does not fit"):
         full.add("more.bvh", content)
     assert len(full.dropped) == 2

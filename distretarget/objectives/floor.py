@@ -32,7 +32,7 @@ class Flesh(NamedTuple):
 
 
 def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Flesh:
-    """Return the joints of trunk and head near the floor, if skins are known; `weights` are those of `find_floor_springs`. The
+    """Return the joints of trunk and head near the floor, if skins are known; `weights` as in `find_floor_springs`. The
     joints at the tops of the legs are left out: the skin about them is on thighs, which go where the feet are placed.
     """
     if undersides is None or not clip.legs:

@@ -8,8 +8,8 @@ and again with these put right by the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.time_series import Shots, smoothstep
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.anchors import anchors, no_anchors
 from distretarget.objectives.approach import approached
@@ -76,14 +76,23 @@ class Reach:
 
 
 def with_skin(
-    clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings, reach: Reach | None = None
+    clip: Clip,
+    skins: Skins,
+    posed: Motion,
+    supports: Supports,
+    settings: ContactSettings,
+    reach: Reach | None = None,
+    wanted: Flags | None = None,
 ) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks, and as a user does; `posed` is the motion
-    before.
+    before. Only frames that are `wanted`, (frames,), need to be right; by default all.
     """
     free = how_free(clip, skins.target, supports, settings)[..., 1]
     posed = approached(clip, skins, posed, free if reach is None else free * (1.0 - reach.ties))
-    chunks = chunks_of(len(clip), round(FADES * TAU / clip.frame_time))
+    margin = round(FADES * TAU / clip.frame_time)
+    chunks = chunks_of(len(clip), margin)
+    if wanted is not None:
+        chunks = [*_of_wanted(chunks, wanted, margin)]
     posed.positions  # noqa: B018 - once for all chunks
 
     def displaced(chunk: Chunk) -> Array:
@@ -92,8 +101,20 @@ def with_skin(
         d = _displaced(clip[around], skins, posed[around], supports[around], settings, around.start, reaching)
         return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
 
-    d = np.concatenate([*in_threads(displaced, chunks)])
+    d = np.zeros((len(clip), len(skins.target.limbs), 2, 3))
+    for chunk, found in zip(chunks, in_threads(displaced, chunks), strict=True):
+        d[chunk.frames] = found
     return bent(posed, skins.target.limbs, skins.target.unit * d)
+
+
+def _of_wanted(chunks: Sequence[Chunk], wanted: Flags, margin: int) -> Iterator[Chunk]:
+    """Chunks, each from the first to the last of its frames that are wanted; none without such frames."""
+    for chunk in chunks:
+        frames = chunk.frames.start + np.flatnonzero(wanted[chunk.frames])
+        if len(frames):
+            first, end = int(frames[0]), int(frames[-1]) + 1
+            context = slice(max(first - margin, 0), min(end + margin, len(wanted)))
+            yield replace(chunk, frames=slice(first, end), context=context)
 
 
 def _displaced(

@@ -9,7 +9,7 @@ and the blend is as smooth as the motion below it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -47,6 +47,14 @@ SLOPE = 0.05  # how fast it changes there is measured over this time [s]
 LEAST = 1e-12  # angles are no smaller [rad]
 
 
+@dataclass(frozen=True, eq=False)
+class Unasked:
+    """A performer's poses without what a user asks for, but without the contacts that are dropped, and their motion."""
+
+    poses: Poses
+    motion: Motion  # with limbs bent as the performer's skin asks
+
+
 def dropping(performer: Performer, constraints: Constraints) -> Performer:
     """Return a performer without the contacts that constraints drop."""
     return replace(performer, clip=replace(performer.clip, drops=constraints.dropped)) if constraints else performer
@@ -60,12 +68,12 @@ def constrained(performer: Performer, constraints: Constraints, ways: Ways = ())
     return replace(dropping(performer, constraints), supports=supports)
 
 
-def constrained_result(free: Performer, poses: Poses, constraints: Constraints, mapper: Mapper) -> RetargetResult:
-    """Solve a clip as a user asks, and return its result; `poses` are those of the performer without what is made.
+def constrained_result(free: Performer, unasked: Unasked, constraints: Constraints, mapper: Mapper) -> RetargetResult:
+    """Solve a clip as a user asks, and return its result; `unasked` is the performer without what is made.
 
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
-    made, asked = constraints.made, constrained(free, constraints)
+    made, poses, asked = constraints.made, unasked.poses, constrained(free, constraints)
     held = _held(asked, poses, mapper)
     for _ in range(1, ROUNDS):
         closed = _closed(asked, asked.posed(held), made)
@@ -73,9 +81,10 @@ def constrained_result(free: Performer, poses: Poses, constraints: Constraints, 
         asked = constrained(free, constraints, ways)
         held = _held(asked, poses, mapper)
     log = np.where(made.share > 0.0, held.log, poses.log)
-    unbent, whole = free.posed(poses), free.match.skins is not None and not made.rest_on_body
-    led = layered([made], unbent, asked.posed(_with_arms(held, poses, free))) if whole else asked.posed(held)
-    posed = layered([made], free.with_own_skin(unbent), met(asked, led, made), whole)
+    whole = free.match.skins is not None and not made.rest_on_body
+    led = asked.posed(_with_arms(held, poses, free) if whole else held)
+    led = layered([made], free.posed(poses), led) if whole else led
+    posed = layered([made], unasked.motion, met(asked, led, made), whole)
     asked = replace(asked, supports=constrained_supports(free.supports, asked.supports, made.share))
     return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
 
@@ -115,11 +124,11 @@ def constrained_supports(free: Supports, asked: Supports, share: Array) -> Suppo
 def met(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
     """Return a motion with its limbs and looks as a user asks. Skin stays outside: limbs bend out of it and to what is
     asked for in one solve; what that leaves is asked for on top in the next, as in the method of multipliers. Where
-    parts are to rest on the body itself, they do, whatever skin they enter.
+    parts are to rest on the body itself, they do, whatever skin they enter. Other frames are not solved.
     """
-    skins, body = asked.match.skins, asked.match.matching.target
+    skins, body, wanted = asked.match.skins, asked.match.matching.target, constraints.share > 0.0
     if skins is None or constraints.rest_on_body:
-        closed = asked.with_own_skin(_closed(asked, motion, constraints))
+        closed = asked.with_own_skin(_closed(asked, motion, constraints), wanted=wanted)
         return _closed(asked, closed, constraints)  # what averages, and skin, have left
     limbs, weights = _reaching(asked, constraints), [constraint.weight for constraint in constraints]
     before = limbs.brought_out(with_looks(motion, constraints, body), weights)
@@ -129,7 +138,7 @@ def met(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
     ways, ties = limbs.ways(before, places)
     best, least = before, np.inf
     for _ in range(TURNS):
-        now = asked.with_own_skin(before, Reach(ways / body.unit, ties, tuple(filter(None, gaps))))
+        now = asked.with_own_skin(before, Reach(ways / body.unit, ties, tuple(filter(None, gaps))), wanted)
         left = _farthest(asked, constraints, now)
         if left < least:
             best, least = now, left

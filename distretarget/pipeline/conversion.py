@@ -24,7 +24,7 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import needs_map, retarget
+from distretarget.pipeline.retargeting import Prepared, needs_map, prepare
 from distretarget.skeleton import JointMap
 from distretarget.target import Target
 
@@ -124,6 +124,56 @@ class Converted:
     clip: NamedClip
 
 
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """A clip that is ready to be retargeted as a recipe says, for several results that differ in contacts alone.
+
+    Attributes:
+        prepared: the clip on its target.
+        source: the clip's file; its mesh says how thick the performer is, unless the recipe does.
+        target: the body.
+        recipe: how.
+    """
+
+    prepared: Prepared
+    source: InputFile
+    target: TargetFile
+    recipe: Recipe
+
+    @classmethod
+    def of(cls, motion: Motion, source: InputFile, target: TargetFile, recipe: Recipe) -> Conversion:
+        """Return that of a motion that `Recipe.read` returned; errors as in `prepare`, which name the file at fault."""
+        body = target.target.for_source(motion.rigid_skeleton)
+        arguments = recipe.match_arguments(motion, source, body, target.path)
+        try:
+            prepared = prepare(motion, body, recipe.options, **arguments)
+        except MatchingError as error:
+            raise needs_map(error, source.path, target.path) from error
+        except DistretargetError as error:
+            raise error.in_file(source.path) from None
+        return cls(prepared, source, target, recipe)
+
+    def converted(
+        self,
+        name: str,
+        kinds: tuple[OutputKind, ...],
+        contacts: ContactList = NO_CONTACTS,
+        mapper: Mapper = in_threads,
+        progress: Progress = ignore_progress,
+    ) -> Converted:
+        """Return the clip with what is said of contacts; parameters and errors as in `convert`."""
+        try:
+            result = self.prepared.solved(contacts, mapper, progress)
+        except ContactsError as error:
+            raise error.in_file(error.path or self.source.path) from None
+        except DistretargetError as error:
+            raise error.in_file(self.source.path) from None
+        writing = self.recipe.writing
+        clip = writing.clip(result.motion, name, result.world.up_vector)
+        result = replace(result, motion=as_written(result.motion, kinds[0], writing.precision, self.target))
+        return Converted(result, replace(clip, labels=result.labels) if "arrays" in kinds else clip)
+
+
 def convert(
     motion: Motion,
     source: InputFile,
@@ -152,18 +202,4 @@ def convert(
     Raises:
         DistretargetError: as in `retarget`; it names the file at fault.
     """
-    body = target.target.for_source(motion.rigid_skeleton)
-    arguments = recipe.match_arguments(motion, source, body, target.path)
-    try:
-        result = retarget(
-            motion, body, recipe.options, contacts=contacts, mapper=mapper, progress=progress, **arguments
-        )
-    except ContactsError as error:
-        raise error.in_file(error.path or source.path) from None
-    except MatchingError as error:
-        raise needs_map(error, source.path, target.path) from error
-    except DistretargetError as error:
-        raise error.in_file(source.path) from None
-    clip = recipe.writing.clip(result.motion, name, result.world.up_vector)
-    result = replace(result, motion=as_written(result.motion, kinds[0], recipe.writing.precision, target))
-    return Converted(result, replace(clip, labels=result.labels) if "arrays" in kinds else clip)
+    return Conversion.of(motion, source, target, recipe).converted(name, kinds, contacts, mapper, progress)

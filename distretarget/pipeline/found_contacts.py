@@ -25,6 +25,7 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.constraints import centimetres, frames_of
 from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.supports import RESTS, Supports
+from distretarget.pipeline.baseline import Baseline
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -81,9 +82,13 @@ class MarkedContact:
     mark: Literal["found", "dropped", "added"]
 
 
-def marked_contacts(result: RetargetResult) -> tuple[MarkedContact, ...]:
+def contacts_of(baseline: Baseline) -> ContactList:
+    """Return the contacts that are found in the source of a baseline."""
+    return _found(Match(baseline.world, baseline.matching))
+
+
+def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedContact, ...]:
     """Return what was found in the source of a result, and what the user dropped and added, by their first frames."""
-    found = _found(Match(result.world, result.matching))
     clip = Clip.of(result.matching, RootScale.even(result.root_scale))
     said = [(entry, frames_of(result.asked, clip, entry)) for entry in result.asked if entry.acts]
     marked = []

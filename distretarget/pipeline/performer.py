@@ -23,7 +23,7 @@ from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
-from distretarget.numerics.vectors import extent, lengths
+from distretarget.numerics.vectors import Flags, extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.clip import Clip
@@ -33,6 +33,7 @@ from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.skin import Reach, with_skin
 from distretarget.objectives.supports import Supports, no_supports
+from distretarget.pipeline.baseline import Baseline
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult, undersides_of
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
@@ -77,7 +78,17 @@ class Match:
         """
         engine_root = find_engine_root(self.matching, scale, options.root_follows)
         clip = Clip.of(self.matching, scale)
-        return Performer(self, engine_root, clip, no_supports(len(clip)), DEFAULT_SETTINGS)
+        baseline = Baseline(
+            source=clip.source,
+            rotation_copy=self.in_file(along_channels(engine_root.placed(clip.copy), self.matching.body_joints)),
+            matching=self.matching,
+            world=self.world,
+            distances=clip.distances,
+            skins=self.skins,
+            mesh=self.mesh,
+            source_mesh=self.source_mesh,
+        )
+        return Performer(self, engine_root, clip, baseline, no_supports(len(clip)), DEFAULT_SETTINGS)
 
 
 def match_performer(
@@ -158,6 +169,7 @@ class Performer:
     match: Match  # source and target
     engine_root: EngineRoot  # the target's root on the floor, if it has one
     clip: Clip  # the clip as the solvers take it
+    baseline: Baseline  # what its results are measured against
     supports: Supports  # the joints that rest on the world
     settings: ContactSettings  # of the contact objective
 
@@ -182,12 +194,12 @@ class Performer:
         """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
-    def with_own_skin(self, posed: Motion, reach: Reach | None = None) -> Motion:
-        """Return a motion with its limbs bent as the performer's skin asks, and as a user does; the same motion without
-        skin.
+    def with_own_skin(self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None) -> Motion:
+        """Return a motion with its limbs bent as the performer's skin asks, and as a user does, in the frames that are
+        `wanted`, (frames,), by default all; the same motion without skin.
         """
         skins = self.match.skins
-        return with_skin(self.clip, skins, posed, self.supports, self.settings, reach) if skins else posed
+        return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted) if skins else posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
         """Return the result of the poses, with the paper's solved points where there are any; `posed` is its motion
@@ -199,27 +211,19 @@ class Performer:
         self.clip.copy.forget()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
-        body = self.match.matching.body_joints
-        placed = (along_channels(self.engine_root.placed(each), body) for each in (posed, self.clip.copy))
-        motion, copy = map(self.match.in_file, placed)
+        placed = along_channels(self.engine_root.placed(posed), self.match.matching.body_joints)
+        motion = self.match.in_file(placed)
         check_finite(motion)
         check_places(posed, self.clip)
-        for each in (motion, copy):  # what is written needs no positions
+        for each in (motion, self.baseline.rotation_copy):  # what is written needs no positions
             each.forget()
         return RetargetResult(
-            source=self.clip.source,
+            baseline=self.baseline,
             motion=motion,
-            rotation_copy=copy,
-            matching=self.match.matching,
-            world=self.match.world,
             root_scale=self.clip.scale.height,
             effort=poses.effort,
             supports=self.supports if self.settings.foot_lock else no_supports(len(motion)),
             postures=postures,
-            distances=self.clip.distances,
-            skins=self.match.skins,
-            mesh=self.match.mesh,
-            source_mesh=self.match.source_mesh,
         )
 
     def _as_channels_allow(self, posed: Motion) -> Motion:

@@ -14,21 +14,16 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.root_path import path_carriers
 from distretarget.baseline.world import World
-from distretarget.body.beside import Tree
-from distretarget.body.body import Body
-from distretarget.body.pelvis import way_to_thighs
 from distretarget.contact_entries import NO_CONTACTS, ContactList
-from distretarget.distances import DistanceProblem, posture_stress
+from distretarget.distances import DistanceProblem
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
-from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.comparison import Comparison
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
 from distretarget.measure.needless import find_needless, find_shaking, find_turned
 from distretarget.measure.pops import find_pops
-from distretarget.measure.skin import Skin, find_skin
-from distretarget.measure.surface import find_surface
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
@@ -36,9 +31,8 @@ from distretarget.numerics.vectors import Array, lengths
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.supports import RESTS, Supports
+from distretarget.pipeline.baseline import Baseline
 from distretarget.pipeline.causes import Causes
-from distretarget.rig import found_once
-from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 Labels = dict[str, NDArray[Any]]
@@ -54,37 +48,23 @@ class RetargetResult:
     """A retargeted motion, with its source, baseline, matching and solver effort.
 
     Attributes:
-        source: the source's motion, in the target's world.
+        baseline: the source and the rotation copy, which are the same for all results of a clip on a target.
         motion: on the target, with the source's frames and frame time.
-        rotation_copy: the baseline, the source's rotations on the target's bones.
-        matching: which source joint drives which target joint, and the two bodies.
-        world: the axes, and the root's OFFSET.
         root_scale: target units per source unit of the root's path.
         effort: the solver's effort on each frame.
         supports: the joints that rest on the world, and their places; empty where all are free, as with the paper's
             objective.
         postures: the paper's solved points; None for the contact objective.
-        distances: the points that source and target share, with their path lengths.
-        skins: the surfaces of source and target; None for stick figures.
         asked: what the user said of contacts.
         unmet: what of that could be met in part only, a line each.
-        mesh: of the target, by which the metrics of skin are measured; None to measure them by its surface.
-        source_mesh: of the source, the same.
     """
 
-    source: Motion
+    baseline: Baseline
     motion: Motion
-    rotation_copy: Motion
-    matching: Matching
-    world: World
     root_scale: float
     effort: Effort
     supports: Supports
     postures: Postures | None
-    distances: DistanceProblem
-    skins: Skins | None = None
-    mesh: SkinnedMesh | None = None
-    source_mesh: SkinnedMesh | None = None
     asked: ContactList = NO_CONTACTS
     unmet: tuple[str, ...] = ()
 
@@ -102,32 +82,64 @@ class RetargetResult:
         return f"{self.motion._repr_html_()}<table><tr>{head}</tr>{'</tr>'.join(rows)}</tr></table>{lines}"
 
     @property
+    def source(self) -> Motion:
+        """The source's motion, in the target's world."""
+        return self.baseline.source
+
+    @property
+    def rotation_copy(self) -> Motion:
+        """The source's rotations on the target's bones."""
+        return self.baseline.rotation_copy
+
+    @property
+    def matching(self) -> Matching:
+        """Which source joint drives which target joint, and the two bodies."""
+        return self.baseline.matching
+
+    @property
+    def world(self) -> World:
+        """The axes, and the root's OFFSET."""
+        return self.baseline.world
+
+    @property
+    def distances(self) -> DistanceProblem:
+        """The points that source and target share, with their path lengths."""
+        return self.baseline.distances
+
+    @property
+    def skins(self) -> Skins | None:
+        """The surfaces of source and target; None for stick figures."""
+        return self.baseline.skins
+
+    @property
+    def mesh(self) -> SkinnedMesh | None:
+        """The mesh of the target, by which the metrics of skin are measured; None to measure them by its surface."""
+        return self.baseline.mesh
+
+    @property
+    def source_mesh(self) -> SkinnedMesh | None:
+        """The mesh of the source, the same."""
+        return self.baseline.source_mesh
+
+    @property
     def drivers(self) -> NDArray[np.intp]:
         """(target joints,), the source joint that drives each target joint, -1 for none."""
         return self.matching.drivers
 
-    @cached_property
+    @property
     def copy_stress(self) -> Array:
         """(frames,), the stress of the rotation copy, Eq. (2), over the squared height of the target's rest pose."""
-        return self._stress_of(self.rotation_copy)
+        return self.baseline.stress
 
     @cached_property
     def written_stress(self) -> Array:
         """(frames,), the same of `motion`."""
-        return self._stress_of(self.motion)
+        return self.baseline.stress_of(self.motion)
 
     @property
     def free_stress(self) -> Array | None:
         """(frames,), the same of the solved points; None without them."""
-        return None if self.postures is None else self._relative * self.postures.stress
-
-    def _stress_of(self, motion: Motion) -> Array:
-        return self._relative * posture_stress(self.distances, self.source.positions, motion.positions)
-
-    @property
-    def _relative(self) -> float:
-        """The factor from stress in body sizes squared to stress in target heights squared."""
-        return (self.distances.body_size / self.matching.target.height) ** 2
+        return None if self.postures is None else self.baseline.relative * self.postures.stress
 
     @property
     def comparison(self) -> Comparison:
@@ -137,31 +149,17 @@ class RetargetResult:
     @cached_property
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
-        source, target = self.matching.source, self.matching.target
-        skins, surface = None, None
-        if self.skins:
-            of_target = _skin_of(target, self.skins.target.capsules, self.mesh)
-            skins = _skin_of(source, self.skins.source.capsules, self.source_mesh), of_target
-            surface = find_surface(target.skeleton, self.skins.target.capsules, self.mesh)
-        reference = Reference(self.source, self.matching, self.world.up_vector, skins, surface)
-
-        def compare(motion: Motion) -> Comparison:
-            comparison = reference.compare(self._on_body(motion))
-            self.copy_stress if motion is self.rotation_copy else self.written_stress  # noqa: B018 - by these positions
-            motion.forget()
-            return comparison
-
+        baseline = self.baseline
+        baseline.reference  # noqa: B018 - for both
         side_by_side = mapper_for(len(self.motion), COMPARED * len(self.motion.skeleton))
-        copy, result = side_by_side(compare, (self.rotation_copy, self.motion))
+        copy, result = side_by_side(lambda compare: compare(), (lambda: baseline.comparison, self._compared))
         return result, copy
 
-    def _on_body(self, motion: Motion) -> Motion:
-        """A motion of the target's file by the joints of its body, on which feet and hands may hang otherwise."""
-        own = self.matching.target.skeleton
-        hung = (motion.skeleton.parents != own.parents).any()
-        motion = Tree(own, np.arange(len(own))).motion(motion) if hung else motion
-        way = way_to_thighs(Body.of(motion.skeleton)) if (motion.skeleton.offsets != own.offsets).any() else None
-        return way.motion(motion) if way else motion
+    def _compared(self) -> Comparison:
+        comparison = self.baseline.reference.compare(self.baseline.on_body(self.motion))
+        self.written_stress  # noqa: B018 - by these positions
+        self.motion.forget()
+        return comparison
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
@@ -179,7 +177,7 @@ class RetargetResult:
         not_converged = np.zeros(len(self.motion))
         not_converged[self.effort.not_converged] = 1.0
         body, (of_result, of_copy) = self.matching.target, self._comparisons
-        motions = self._on_body(self.rotation_copy), self._on_body(self.motion)
+        motions = self.baseline.on_body(self.rotation_copy), self.baseline.on_body(self.motion)
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
@@ -273,12 +271,6 @@ class RetargetResult:
                 f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
                 f"{', by reach: the leg is straight' if stretched else ''}"
             )
-
-
-@found_once
-def _skin_of(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Skin:
-    """The skin by which a body is measured."""
-    return find_skin(body, capsules, mesh)
 
 
 def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import NoneType
 
@@ -22,7 +22,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import find_distances, solve_paper
-from distretarget.pipeline.constrained_motion import constrained_result, dropping, layered, unmet
+from distretarget.pipeline.constrained_motion import Unasked, constrained_result, dropping, layered, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -84,25 +84,74 @@ def retarget(
     mapper, progress = in_threads if mapper is None else mapper, ignore_progress if progress is None else progress
     check_callable("mapper", mapper)
     check_callable("progress", progress)
+    return prepare(source, target, options, joint_map, rest, builds, settings).solved(contacts, mapper, progress)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A clip on its target with all that does not depend on what a user asks of contacts, for several results of it.
+
+    Attributes:
+        performer: source and target, with what rests in the source.
+        options: as in `retarget`.
+        unasked: the clip as it is without what a user asks; None until it is `once_solved`.
+    """
+
+    performer: Performer
+    options: Options
+    unasked: Unasked | None = None
+
+    def solved(
+        self, contacts: ContactList = NO_CONTACTS, mapper: Mapper = in_threads, progress: Progress = ignore_progress
+    ) -> RetargetResult:
+        """Return the result with what is asked of contacts; parameters and errors as in `retarget`."""
+        performer = self.performer
+        blend = performer.settings.blend
+        constraints = Constraints.of(contacts, performer.clip, performer.match.matching.target, blend)
+        if self.options.objective == "paper":
+            return _by_paper(performer, contacts, constraints, progress)
+        free = dropping(performer, constraints.drops)
+        unasked = self.unasked if self.unasked and free is performer else _unasked(free, mapper, progress)
+        if not constraints.made:
+            return replace(free.result(unasked.poses, posed=unasked.motion), asked=contacts)
+        return replace(constrained_result(free, unasked, constraints, mapper), asked=contacts)
+
+    def once_solved(self, progress: Progress = ignore_progress) -> Prepared:
+        """Return the same, solved without what a user asks of contacts, as far as the objective has use for it."""
+        if self.options.objective == "paper":
+            return self
+        return replace(self, unasked=_unasked(self.performer, in_threads, progress))
+
+
+def _unasked(performer: Performer, mapper: Mapper, progress: Progress) -> Unasked:
+    """A performer without what a user asks for."""
+    poses = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
+    performer.clip.copy.forget()  # turning the copy by the poses takes no positions
+    return Unasked(poses, performer.with_own_skin(performer.posed(poses)))
+
+
+def prepare(
+    source: Motion,
+    target: AnyTarget,
+    options: Options = DEFAULT_OPTIONS,
+    joint_map: JointMap | None = None,
+    rest: Motion | None = None,
+    builds: Builds = OWN_BUILDS,
+    settings: ContactSettings = DEFAULT_SETTINGS,
+) -> Prepared:
+    """Match a clip to its target, and find what rests; parameters and errors as in `retarget`."""
     match = match_performer(source, target, options, joint_map, rest, builds)
     match = replace(match, matching=on_own_soles(match.matching, options.root_scale, match.undersides))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
-        return _by_paper(performer, contacts, settings, progress)
-    performer = performer.with_supports(options, settings)
-    constraints = Constraints.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
-    free = dropping(performer, constraints.drops)
-    poses = solve_contact(free.clip, free.supports, free.settings, mapper=mapper, progress=progress)
-    if not constraints.made:
-        return replace(free.result(poses), asked=contacts)
-    return replace(constrained_result(free, poses, constraints, mapper), asked=contacts)
+        return Prepared(replace(performer, settings=settings), options)
+    return Prepared(performer.with_supports(options, settings), options)
 
 
 def _by_paper(
-    performer: Performer, contacts: ContactList, settings: ContactSettings, progress: Progress
+    performer: Performer, contacts: ContactList, constraints: Constraints, progress: Progress
 ) -> RetargetResult:
     """The result of the paper's objective, with the distances that are asked for."""
-    constraints = Constraints.of(contacts, performer.clip, performer.match.matching.target, settings.blend)
     distances = find_distances(contacts, constraints) if constraints else None
     poses, postures = solve_paper(performer.clip, progress)
     if distances is None:

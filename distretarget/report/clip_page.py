@@ -19,7 +19,7 @@ from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
-from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
+from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, packed
 from distretarget.report.diff_document import About, DiffDocument, Table, document
@@ -103,7 +103,7 @@ def shown_performer(
         measured=measured,
         skins=skins,
         meshes=(None, result.mesh if result else None),
-        marked=marked_contacts(result) if result and marked is None else marked or (),
+        marked=marked_contacts(result, contacts_of(result.baseline)) if result and marked is None else marked or (),
     )
 
 

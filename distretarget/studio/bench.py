@@ -10,10 +10,11 @@ import zipfile
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import PurePath
 
+from distretarget.contact_entries import ContactList
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.io.files import encoded_parts
@@ -23,8 +24,8 @@ from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import content_of, output_kind, suffix_of
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import Converted, convert
-from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
+from distretarget.pipeline.conversion import Conversion, Converted, Recipe
+from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.report.clip_page import run_page, run_stage
 from distretarget.report.diff_document import About
 from distretarget.studio.order import Names, Order, project_to_json
@@ -42,10 +43,20 @@ class Done:
     """An order that was carried out."""
 
     order: Order
+    conversion: Conversion  # that orders with other contacts begin with
+    found: ContactList  # in the clip
     converted: Converted
-    target: TargetFile
-    source: InputFile
     format: str
+
+    @property
+    def source(self) -> InputFile:
+        """The clip."""
+        return self.conversion.source
+
+    @property
+    def target(self) -> TargetFile:
+        """The character."""
+        return self.conversion.target
 
     @property
     def report(self) -> str:
@@ -56,7 +67,7 @@ class Done:
     @cached_property
     def contacts(self) -> tuple[MarkedContact, ...]:
         """The contacts of the clip: found, dropped and added."""
-        return marked_contacts(self.converted.result)
+        return marked_contacts(self.converted.result, self.found)
 
     @cached_property
     def as_data(self) -> dict[str, object]:
@@ -174,9 +185,14 @@ class Bench:
         self._solving = threading.Lock()  # one order is carried out at a time
 
     def add(self, name: str, content: bytes) -> dict[str, object]:
-        """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use."""
+        """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use. The same
+        file again is the one that is there.
+        """
         plain = PurePath(name.replace("\\", "/").replace("\0", "")).name
         file = InputFile(content, plain if plain.strip(".") else "file", has_folder=False)
+        for known in self.dropped:
+            if (known["name"], known["hash"]) == (str(file.path), file.hash):
+                return known
         held = sum(len(each.content) for each in self._files.values())
         if held + len(content) > MOST:
             raise FileError(file.path, f"does not fit: the files on the page may have {MOST:,} bytes; start it anew")
@@ -240,19 +256,20 @@ class Bench:
         form = order.format or formats[0]
         if form not in formats:
             raise SettingsError(f"format is {form!r:.40}; expected one of {', '.join(formats)}")
+        before = next((done for done in self._done.values() if done.order.preparation == order.preparation), None)
+        conversion = before.conversion if before else self._conversion(source, target, recipe, go_on)
+        converted = conversion.converted(
+            recipe.name_of(source), (OUTPUTS[f".{form}"],), contacts=order.contacts, progress=go_on
+        )
+        found = before.found if before else contacts_of(converted.result.baseline)
+        return Done(order, conversion, found, converted, form)
+
+    @staticmethod
+    def _conversion(source: InputFile, target: TargetFile, recipe: Recipe, go_on: Callable[[int], None]) -> Conversion:
         motion, _ = recipe.read(source)
         go_on(0)
-        converted = convert(
-            motion,
-            source,
-            target,
-            recipe,
-            name=recipe.name_of(source),
-            kinds=(OUTPUTS[f".{form}"],),
-            contacts=order.contacts,
-            progress=go_on,
-        )
-        return Done(order, converted, target, source, form)
+        ready = Conversion.of(motion, source, target, recipe)
+        return replace(ready, prepared=ready.prepared.once_solved(go_on))
 
     def _file(self, number: str) -> InputFile:
         if number not in self._files:

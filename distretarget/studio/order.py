@@ -89,6 +89,11 @@ class Order:
         )
 
     @property
+    def preparation(self) -> str:
+        """What decides it but for contacts and format: orders with the same differ in the last steps alone."""
+        return json.dumps({**json.loads(self.key), "contacts": None, "format": None}, sort_keys=True)
+
+    @property
     def map_file(self) -> MapFile:
         """The pairs as a map file."""
         return MapFile(dict(self.pairs), "map.json")

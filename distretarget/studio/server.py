@@ -20,6 +20,7 @@ from distretarget.errors import DistretargetError, SettingsError
 from distretarget.report.page import html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
+from distretarget.studio.samples import sample
 
 LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
 LONGEST_TAB = 40  # of what a tab calls itself
@@ -55,6 +56,10 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         content = await _body(request, LARGEST)
         name = unquote(request.headers.get("x-name", "file"))
         return JSONResponse(await anyio.to_thread.run_sync(bench.add, name, content))
+
+    async def try_sample(request: Request) -> Response:
+        name = request.path_params["name"]
+        return JSONResponse(await anyio.to_thread.run_sync(lambda: bench.add(name, sample(name))))
 
     async def solve(request: Request) -> Response:
         times = [time.perf_counter()]
@@ -109,6 +114,7 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         ("assets/{name}", asset, "GET"),
         ("files", drop, "POST"),
         ("files", dropped, "GET"),
+        ("samples/{name}", try_sample, "POST"),
         ("solve", solve, "POST"),
         ("player", player, "GET"),
         ("take/{kind}", take, "POST"),

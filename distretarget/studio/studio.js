@@ -31,16 +31,19 @@ async function ask(path, body, headers = {}) {
   throw new Error(fault.error ?? `the studio does not answer (${response.status})`);
 }
 
-async function drop(file, role) {
+const drop = (file, role) => add(file.name, role, () => ask("files", file, { "X-Name": encodeURIComponent(file.name) }));
+const sample = (name) => add(name, name.endsWith(".bvh") ? "clip" : "character", () => ask(`samples/${name}`, ""));
+
+/** Adds a file that `send` gives to the server; what is wrong with it is said beside its place. */
+async function add(name, role, send) {
   const place = $(`${role ?? "clip"}-what`);
   place.classList.remove("wrong");
-  place.textContent = `reading ${file.name} ...`;
+  place.textContent = `reading ${name} ...`;
   try {
-    const about = await (await ask("files", file, { "X-Name": encodeURIComponent(file.name) })).json();
-    take(about, role);
+    take(await (await send()).json(), role);
   } catch (error) {
     place.classList.add("wrong");
-    place.textContent = `${error.message.startsWith(file.name) ? "" : `${file.name}: `}${error.message}`;
+    place.textContent = `${error.message.startsWith(name) ? "" : `${name}: `}${error.message}`;
   }
 }
 
@@ -291,6 +294,8 @@ for (const name of Object.keys(OPTIONS)) $(name).onchange = (event) => option(na
 $("fps").onchange = (event) => set({ fps: Number(event.target.value) || null });
 $("in_place").onchange = (event) => set({ in_place: event.target.checked });
 $("animation").onchange = (event) => set({ animation: event.target.value, contacts: [] });
+for (const button of document.querySelectorAll("[data-sample]")) button.onclick = () => sample(button.dataset.sample);
+$("try").onclick = () => ["clap.bvh", "hero.glb"].forEach(sample);
 $("undo").onclick = () => step(past, future);
 $("redo").onclick = () => step(future, past);
 $("format").onchange = (event) => set({ format: event.target.value });
