@@ -470,3 +470,16 @@ def test_what_is_off_the_box_of_a_group_changes_nothing(meshed):
     np.testing.assert_allclose(found.deepest, without.deepest, atol=1e-9)
     np.testing.assert_allclose(found.gap_error, without.gap_error, atol=1e-9)
     np.testing.assert_array_equal(found.inside, without.inside)
+
+
+def test_a_point_inside_is_as_deep_as_the_nearest_skin_whichever_joint_moves_that():
+    """The ball of a thigh swings into that of the hips: points in it are as deep as the skin of either is near."""
+    mesh, _ = two_balls("leftUpperLeg", np.array([0.0, -0.3, 0.0]), 0.1)
+    hips, thigh, turn = ROLES["hips"], ROLES["leftUpperLeg"], Rotation.from_euler("Z", -30, degrees=True)
+    rotations = PERSON.unturned[None].copy()
+    rotations[0, thigh] = turn.as_quat()
+    swung = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.0333333")
+    centre, ball = PERSON.rest_positions[hips], PERSON.rest_positions[thigh] + turn.apply([0.0, -0.3, 0.0])
+    places = ball + np.linspace(0.0, 0.09, 10)[:, None] * normalised(centre - ball)
+    off_skin = [radius - np.linalg.norm(places - at, axis=1) for at, radius in ((ball, 0.1), (centre, BELLY))]
+    np.testing.assert_allclose(depths_in(mesh, places, swung).max(axis=1), np.abs(off_skin).min(axis=0), atol=0.003)

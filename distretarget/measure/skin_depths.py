@@ -317,8 +317,25 @@ def _to_triangles(moved, body, lattice, deep, i, j, k, a, b, c, corners):  # typ
 
 
 @inlined()
+def _to_skin(x, q, moved, body, placed, group, deep, i, j, k, a, b, c, blended, corners):  # type: ignore[no-untyped-def]
+    """How deep the point a b c is by triangles, as `_to_triangles`; if inside, by those around its places in the bind
+    pose from all groups, as where skin folds the nearest is not the one that it is inside of.
+    """
+    lattice = body.groups[group, 3]
+    exact = _to_triangles(moved, body, lattice, deep, i, j, k, a, b, c, corners)
+    for other in range(len(body.groups) - 1 if exact > 0.0 else 0):
+        u, v, w = a - placed[other, 0], b - placed[other, 1], c - placed[other, 2]
+        limit = placed[other, 3] + exact
+        if other != group and body.groups[other, 3] == lattice and u * u + v * v + w * w < limit * limit:
+            _deep, _on, l, m, n, vertex, _left = _depth(x, q, moved, body, other, -1, a, b, c, blended)
+            if vertex >= 0:
+                exact = min(exact, _to_triangles(moved, body, lattice, 1.0, l, m, n, a, b, c, corners))
+    return exact
+
+
+@inlined()
 def _exact(  # type: ignore[no-untyped-def]
-    x, q, moved, skin, body, of_place, alone, group, segment, point, deep, place, blended, corners
+    x, q, moved, skin, body, placed, of_place, alone, group, segment, point, deep, place, blended, corners
 ):
     """The point that is reached from one by way of neighbours that are deeper in a segment, or in those that are looked
     for together with it, and how deep it is, by triangles; writes its place in the bind pose. `deep` and `place` are
@@ -328,7 +345,7 @@ def _exact(  # type: ignore[no-untyped-def]
     if lattice < 0:
         return point, deep
     a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
-    exact = _to_triangles(moved, body, lattice, deep, place[0], place[1], place[2], a, b, c, corners)
+    exact = _to_skin(x, q, moved, body, placed, group, deep, place[0], place[1], place[2], a, b, c, blended, corners)
     before = -1
     while before != point:
         before = point
@@ -337,7 +354,7 @@ def _exact(  # type: ignore[no-untyped-def]
             a, b, c = _posed(x, q, skin.joints[other], skin.bound[other])
             depth, on, i, j, k, _v, _left = _depth(x, q, moved, body, group, -1, a, b, c, blended)
             if on >= 0 and _counts_for(of_place, alone, on, segment):
-                depth = _to_triangles(moved, body, lattice, depth, i, j, k, a, b, c, corners)
+                depth = _to_skin(x, q, moved, body, placed, group, depth, i, j, k, a, b, c, blended, corners)
                 if depth > exact:
                     point, exact = other, depth
                     place[0], place[1], place[2] = i, j, k
@@ -540,5 +557,19 @@ def _find(
                 deep, group, on = deepest_of[segment], last[part, segment, 1], alone[frame, part]
                 if point >= 0 and place[0] < np.inf and deep > -np.inf and deep >= least[segment]:
                     last[part, segment, 0], deepest_of[segment] = _exact(
-                        x, q, moved, skin, body, of_place, on, group, segment, point, deep, place, blended, corners
+                        x,
+                        q,
+                        moved,
+                        skin,
+                        body,
+                        placed,
+                        of_place,
+                        on,
+                        group,
+                        segment,
+                        point,
+                        deep,
+                        place,
+                        blended,
+                        corners,
                     )
