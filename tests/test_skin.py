@@ -417,3 +417,70 @@ def test_an_upper_arm_in_the_trunk_is_as_deep_as_known_and_its_top_does_not_coun
     assert known.max() > 3
     np.testing.assert_allclose(found.deepest_parts[:, 0], known, atol=0.4)
     np.testing.assert_array_equal(found.deepest, 0)
+
+
+# ---- what need not be looked at
+
+
+def two_balls(second, offset, radius):
+    """A ball around the hips, another on a joint, and a ball around each hand: as capsules, and as a mesh."""
+    mesh, capsules = round_body(rings=60)
+    joint, centre = ROLES[second], PERSON.rest_positions[ROLES[second]] + offset
+    tiny = np.array([[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0]])
+    more = mesh_of([(joint, capsule_surface(centre + tiny, np.array([radius, radius]), 60, 60))])
+    both = SkinnedMesh(
+        np.concatenate([mesh.vertices, more.vertices]),
+        np.concatenate([mesh.joints, more.joints]),
+        np.concatenate([mesh.weights, more.weights]),
+        np.concatenate([mesh.triangles, more.triangles + len(mesh.vertices)]),
+    )
+    segment = SEGMENTS.index("left thigh" if second == "leftUpperLeg" else second)
+    return both, Capsules(
+        np.append(capsules.joints, joint),
+        np.concatenate([capsules.ends, np.tile(offset, (1, 2, 1))]),
+        np.concatenate([capsules.radii, np.full((1, 2), radius)]),
+        np.append(capsules.segments, segment),
+    )
+
+
+def test_of_the_parts_of_a_place_the_nearest_is_found_and_others_if_they_are_looked_for_alone():
+    skin, motion = find_skin(BODY, two_balls("leftUpperLeg", np.array([0.0, -0.3, 0.0]), 0.08)[1]), bending()
+    posed = motion.positions, motion.world_rotations
+    hand, pelvis, thigh = (SEGMENTS.index(name) for name in ("left hand", "pelvis", "left thigh"))
+    shape = len(motion), len(PARTS), len(SEGMENTS)
+    reach = np.full(shape, -np.inf)
+    reach[:, hand, [pelvis, thigh]] = 1.0
+    of_thigh = motion.positions[:, ROLES["leftUpperLeg"]] + [0.0, -0.3, 0.0]
+    known = 0.08 + HAND - np.linalg.norm(motion.positions[:, HANDS[0]] - of_thigh, axis=1)
+    together = find_depths(skin.patches, skin.solids, posed, reach)[0][:, hand]
+    alone = find_depths(skin.patches, skin.solids, posed, reach, alone=np.ones(shape, bool))[0][:, hand]
+    nearest = np.maximum(known, known_depths(motion))
+    np.testing.assert_allclose(alone[:, thigh], known, atol=0.005)
+    np.testing.assert_allclose(alone[:, pelvis], known_depths(motion), atol=0.005)
+    np.testing.assert_allclose(together[:, [pelvis, thigh]].max(axis=1), nearest, atol=0.005)
+
+
+@pytest.mark.parametrize("meshed", [False, True])
+def test_what_is_off_the_box_of_a_group_changes_nothing(meshed):
+    mesh, capsules = two_balls("chest", np.zeros(3), 0.15)
+    skin, motion = find_skin(BODY, capsules, mesh if meshed else None), bending()
+    endless = skin.solids._replace(boxes=np.tile([-9.0, -9.0, -9.0, 9.0, 9.0, 9.0], (len(skin.solids.balls), 1)))
+    without = measured(replace(skin, solids=endless), motion)
+    found = measured(skin, motion)
+    assert found.deepest.max() > 3
+    np.testing.assert_allclose(found.deepest, without.deepest, atol=1e-9)
+    np.testing.assert_allclose(found.gap_error, without.gap_error, atol=1e-9)
+    np.testing.assert_array_equal(found.inside, without.inside)
+
+
+def test_a_point_inside_is_as_deep_as_the_nearest_skin_whichever_joint_moves_that():
+    """The ball of a thigh swings into that of the hips: points in it are as deep as the skin of either is near."""
+    mesh, _ = two_balls("leftUpperLeg", np.array([0.0, -0.3, 0.0]), 0.1)
+    hips, thigh, turn = ROLES["hips"], ROLES["leftUpperLeg"], Rotation.from_euler("Z", -30, degrees=True)
+    rotations = PERSON.unturned[None].copy()
+    rotations[0, thigh] = turn.as_quat()
+    swung = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.0333333")
+    centre, ball = PERSON.rest_positions[hips], PERSON.rest_positions[thigh] + turn.apply([0.0, -0.3, 0.0])
+    places = ball + np.linspace(0.0, 0.09, 10)[:, None] * normalised(centre - ball)
+    off_skin = [radius - np.linalg.norm(places - at, axis=1) for at, radius in ((ball, 0.1), (centre, BELLY))]
+    np.testing.assert_allclose(depths_in(mesh, places, swung).max(axis=1), np.abs(off_skin).min(axis=0), atol=0.003)

@@ -188,10 +188,12 @@ class SourceSkin:
             for forearm, hand in enumerate(HAND):  # what a forearm may touch, its hand may touch for it
                 beside[:, hand] |= beside[:, forearm]
             reach[:, : len(LIMBS)][beside & skin.can_touch[: len(LIMBS)]] = touch
-            there = PLACE_OF[segment][:, None] == PLACE_OF
+            alone = np.zeros(reach.shape, bool)
+            there, of_part = (of[segment][:, None] == of for of in (PLACE_OF, PART_OF))
             for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
                 reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height
-            depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach))
+                alone[frame[of_part[:, part]], either[of_part[:, part]], part] = True
+            depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
             of_arm = _of_arms(depths)
             gaps[rows], spots[rows] = _touch(skin, depths, places, frame, limb, segment)
@@ -278,7 +280,7 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
         for place in np.unique(PLACE_OF):  # where a limb touches several parts of one place, the nearest counts
             on = np.flatnonzero(place == PLACE_OF)
             some = np.where(touching[:, :, on], of_limbs[:, :, on], -np.inf)
-            touching[:, :, on] &= some == some.max(axis=2, keepdims=True)
+            touching[:, :, on] &= np.arange(len(on)) == some.argmax(axis=2)[:, :, None]
         frame, limb, segment = np.nonzero(touching)
         gaps, spots = _touch(skin, depths, places, frame, limb, segment)
         return np.stack([frames[frame], limb, segment]), 100.0 / skin.height * gaps, spots
@@ -331,11 +333,13 @@ def _around_changes(seen: Numbers, touches: Numbers) -> Numbers:
     return np.concatenate([np.zeros(0, np.intp), *spans])
 
 
-def _depths(skin: Skin, motion: Motion, frames: Numbers, reach: Array) -> tuple[Array, Array, Array]:
+def _depths(
+    skin: Skin, motion: Motion, frames: Numbers, reach: Array, alone: Flags | None = None
+) -> tuple[Array, Array, Array]:
     """`find_depths` in some frames, where two parts meet those of the first of the two."""
     posed = motion.positions[frames], world_rotations(motion.skeleton.parents, motion.rotations[frames])
     reach = np.where(reach >= 0.0, np.maximum(reach, BESIDE_POINTS / 100.0 * skin.height), reach)
-    depths, places, inside = find_depths(skin.patches, skin.solids, posed, reach, GRAZING / 100.0 * skin.height)
+    depths, places, inside = find_depths(skin.patches, skin.solids, posed, reach, GRAZING / 100.0 * skin.height, alone)
     return _of_first(depths), places, inside
 
 

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from distretarget.measure.skin_places import PLACE_OF
 from distretarget.measure.surface_distances import squared_distance
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.quaternions import turned
-from distretarget.numerics.vectors import F1, F2, F3, F4, I1, I2, I3, Array
+from distretarget.numerics.vectors import B3, F1, F2, F3, F4, I1, I2, I3, Array, Flags
 from distretarget.skin.capsules import SEGMENTS
 
 PARTS = SEGMENTS[: SEGMENTS.index("head") + 1]  # whose skin may be inside others: arms, legs and head
@@ -39,6 +40,7 @@ class Solids(NamedTuple):
     # (groups + 1, 4), joint and segment of each, its first capsule, and its lattice or -1; the last is their end
     groups: I2
     balls: F2  # (groups, 4), one around each: centre relative to the joint, and radius [file units]
+    boxes: F2  # (groups, 6), one around each: its lowest and its highest corner relative to the joint [file units]
     # (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius where it
     # begins, the change of the radius along it, and how far along it, over a point's distance to the axis, the nearest
     # ball is off the point's foot
@@ -62,21 +64,28 @@ class Solids(NamedTuple):
 
 
 def find_depths(
-    patches: Patches, solids: Solids, posed: tuple[Array, Array], reach: Array, grazing: float = 0.0
+    patches: Patches,
+    solids: Solids,
+    posed: tuple[Array, Array],
+    reach: Array,
+    grazing: float = 0.0,
+    alone: Flags | None = None,
 ) -> tuple[Array, Array, Array]:
     """Return how deep the deepest point of each part is inside each segment, (frames, parts, segments), negative where
     it is that far off, and minus the reach where that is farther [file units]; where this point is in the bind pose of
     the segment, (frames, parts, segments, 3), nan where none was found; and the number of vertices, (frames,), that the
     points of hands and forearms stand for that are inside any segment, deeper than `grazing`.
 
-    `posed` are the positions and world rotations of the joints, (frames, joints, 3 and 4); `reach`, (frames or 1,
-    parts, segments), is how far from a segment to look [file units], negative infinity for not at all.
+    Of the segments of one place, `PLACE_OF`, a part is looked for where it is nearest or inside; in segments that are
+    `alone`, (frames, parts, segments), wherever it is. `posed` are the positions and world rotations of the joints,
+    (frames, joints, 3 and 4); `reach`, (frames or 1, parts, segments), is how far from a segment to look [file units],
+    negative infinity for not at all.
     """
     shape = len(posed[0]), len(patches.parts) - 1, len(SEGMENTS)
     depths = np.array(np.broadcast_to(-reach, shape), order="C")
     inside, places = np.zeros(len(depths)), np.full((*shape, 3), np.nan)
-    near, placed = np.empty(len(solids.balls), np.intp), np.empty((len(solids.balls), 4))
-    placed_patches, last = np.empty((len(patches.balls) + 1, 4)), np.full((*shape[1:], 2), -1, np.intp)
+    near, last = np.empty((len(solids.balls), 2), np.intp), np.full((*shape[1:], 2), -1, np.intp)
+    looked, placed, placed_patches = (np.empty((len(on) + 1, 4)) for on in (solids.balls, solids.balls, patches.balls))
     x, q = map(np.ascontiguousarray, posed)
     _find(
         x,
@@ -84,7 +93,12 @@ def find_depths(
         patches,
         solids,
         grazing,
+        PLACE_OF,
+        np.zeros(shape, bool) if alone is None else alone,
         near,
+        np.empty(len(SEGMENTS)),
+        np.zeros(4),
+        looked,
         placed,
         placed_patches,
         np.empty((len(solids.rest), 12)),
@@ -206,6 +220,13 @@ def _blend(moved, body, vertex, blended):  # type: ignore[no-untyped-def]
 
 
 @inlined()
+def _alike(body, vertex, other):  # type: ignore[no-untyped-def]
+    """Whether one joint alone moves two vertices."""
+    alone = body.weights[vertex, 0] > RIGID and body.weights[other, 0] > RIGID
+    return alone and body.joints[vertex, 0] == body.joints[other, 0]
+
+
+@inlined()
 def _unblended(m, a, b, c):  # type: ignore[no-untyped-def]
     """The place that a matrix and a shift move to a b c; far off where the matrix is flat."""
     u, v, w = a - m[9], b - m[10], c - m[11]
@@ -222,38 +243,45 @@ def _unblended(m, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _depth(x, q, moved, body, group, a, b, c, blended):  # type: ignore[no-untyped-def]
-    """How deep the point a b c is in a group, the segment that it is in, and its place in the bind pose.
+def _depth(x, q, moved, body, group, by, a, b, c, blended):  # type: ignore[no-untyped-def]
+    """How deep the point a b c is in a group, the segment that it is in, its place in the bind pose, the vertex that is
+    nearest there, or -1, and how far off the place may be.
 
     What moves a point of a mesh is not known before its place in the bind pose is: it is found by repetition, as the
-    skin's joints nearest to the place before would have it. What is then left of the way counts as apart.
+    skin's joints nearest to the place before would have it; first as the vertex `by` or, without one, -1, as the
+    group's joint would. What is then left of the way counts as apart.
     """
     joint, lattice = body.groups[group, 0], body.groups[group, 3]
     rest = body.rest[joint]
-    i, j, k = _relative(x[joint], q[joint], a, b, c)
+    if by < 0:
+        i, j, k = _relative(x[joint], q[joint], a, b, c)
+        i, j, k = i + rest[0], j + rest[1], k + rest[2]
+    else:
+        _blend(moved, body, by, blended)
+        i, j, k = _unblended(blended, a, b, c)
     if lattice < 0:
+        i, j, k = i - rest[0], j - rest[1], k - rest[2]
         deep = _in_capsules(body.capsules, body.groups[group, 2], body.groups[group + 1, 2], i, j, k)
-        return deep, body.groups[group, 1], i + rest[0], j + rest[1], k + rest[2]
-    i, j, k = i + rest[0], j + rest[1], k + rest[2]
+        return deep, body.groups[group, 1], i + rest[0], j + rest[1], k + rest[2], -1, 0.0
     distance, vertex = _on_lattice(body, lattice, i, j, k)
-    by = -1  # the vertex whose joints brought the point where it is; at first the group's joint alone does
-    if vertex >= 0 and body.joints[vertex, 0] == joint and body.weights[vertex, 0] > RIGID:
+    if by < 0 and vertex >= 0 and body.joints[vertex, 0] == joint and body.weights[vertex, 0] > RIGID:
         by = vertex
+    left = 0.0
     for _ in range(PASSES):
-        if vertex < 0 or vertex == by:
+        if vertex < 0 or vertex == by or (by >= 0 and _alike(body, vertex, by)):
+            left = 0.0
             break
         _blend(moved, body, vertex, blended)
         l, m, n = _unblended(blended, a, b, c)
-        off = np.sqrt((l - i) * (l - i) + (m - j) * (m - j) + (n - k) * (n - k))
-        if not off < np.inf:
+        left = np.sqrt((l - i) * (l - i) + (m - j) * (m - j) + (n - k) * (n - k))
+        if not left < np.inf:
             vertex = -1
             break
         i, j, k, by = l, m, n, vertex
         distance, vertex = _on_lattice(body, lattice, i, j, k)
-        distance += off
     if vertex < 0:
-        return -np.inf, -1, i, j, k
-    return -distance, body.segments[vertex], i, j, k
+        return -np.inf, -1, i, j, k, -1, np.inf
+    return -distance - left, body.segments[vertex], i, j, k, vertex, left
 
 
 @inlined()
@@ -289,24 +317,44 @@ def _to_triangles(moved, body, lattice, deep, i, j, k, a, b, c, corners):  # typ
 
 
 @inlined()
-def _exact(x, q, moved, skin, body, group, segment, point, deep, place, blended, corners):  # type: ignore[no-untyped-def]
-    """The point that is reached from one by way of neighbours that are deeper in a segment, and how deep it is, by
-    triangles; writes its place in the bind pose. `deep` and `place` are what is known of the first point.
+def _to_skin(x, q, moved, body, placed, group, deep, i, j, k, a, b, c, blended, corners):  # type: ignore[no-untyped-def]
+    """How deep the point a b c is by triangles, as `_to_triangles`; if inside, by those around its places in the bind
+    pose from all groups, as where skin folds the nearest is not the one that it is inside of.
+    """
+    lattice = body.groups[group, 3]
+    exact = _to_triangles(moved, body, lattice, deep, i, j, k, a, b, c, corners)
+    for other in range(len(body.groups) - 1 if exact > 0.0 else 0):
+        u, v, w = a - placed[other, 0], b - placed[other, 1], c - placed[other, 2]
+        limit = placed[other, 3] + exact
+        if other != group and body.groups[other, 3] == lattice and u * u + v * v + w * w < limit * limit:
+            _deep, _on, l, m, n, vertex, _left = _depth(x, q, moved, body, other, -1, a, b, c, blended)
+            if vertex >= 0:
+                exact = min(exact, _to_triangles(moved, body, lattice, 1.0, l, m, n, a, b, c, corners))
+    return exact
+
+
+@inlined()
+def _exact(  # type: ignore[no-untyped-def]
+    x, q, moved, skin, body, placed, of_place, alone, group, segment, point, deep, place, blended, corners
+):
+    """The point that is reached from one by way of neighbours that are deeper in a segment, or in those that are looked
+    for together with it, and how deep it is, by triangles; writes its place in the bind pose. `deep` and `place` are
+    what is known of the first point.
     """
     lattice = body.groups[group, 3]
     if lattice < 0:
         return point, deep
     a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
-    exact = _to_triangles(moved, body, lattice, deep, place[0], place[1], place[2], a, b, c, corners)
+    exact = _to_skin(x, q, moved, body, placed, group, deep, place[0], place[1], place[2], a, b, c, blended, corners)
     before = -1
     while before != point:
         before = point
         for n in range(skin.first[before], skin.first[before + 1]):
             other = skin.neighbours[n]
             a, b, c = _posed(x, q, skin.joints[other], skin.bound[other])
-            depth, on, i, j, k = _depth(x, q, moved, body, group, a, b, c, blended)
-            if on == segment:
-                depth = _to_triangles(moved, body, lattice, depth, i, j, k, a, b, c, corners)
+            depth, on, i, j, k, _v, _left = _depth(x, q, moved, body, group, -1, a, b, c, blended)
+            if on >= 0 and _counts_for(of_place, alone, on, segment):
+                depth = _to_skin(x, q, moved, body, placed, group, depth, i, j, k, a, b, c, blended, corners)
                 if depth > exact:
                     point, exact = other, depth
                     place[0], place[1], place[2] = i, j, k
@@ -335,9 +383,43 @@ def _meet(ball, other, reach):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _reach(deepest):  # type: ignore[no-untyped-def]
-    """How far to look where the deepest point found so far is this deep; all points inside are counted."""
-    return 0.0 if 0.0 < deepest < np.inf else -deepest
+def _meets_box(ball, box, x, q, reach):  # type: ignore[no-untyped-def]
+    """Whether a ball is within reach of a box on a joint at x with the rotation q."""
+    i, j, k = _relative(x, q, ball[0], ball[1], ball[2])
+    u, v, w = max(box[0] - i, i - box[3], 0.0), max(box[1] - j, j - box[4], 0.0), max(box[2] - k, k - box[5], 0.0)
+    limit = max(ball[3] + reach, 0.0)
+    return u * u + v * v + w * w <= limit * limit
+
+
+@inlined()
+def _is_beyond(looked, ball, reach):  # type: ignore[no-untyped-def]
+    """Whether a ball is farther off than the reach, since depths change no faster than places do; `looked` is a place
+    and how deep it is.
+    """
+    room = -looked[3] - ball[3] - reach
+    return room > 0.0 and _apart(looked, ball) < room * room
+
+
+@inlined()
+def _reach(deepest, counted):  # type: ignore[no-untyped-def]
+    """How far to look where the deepest point found so far is this deep, and all points inside are counted or not."""
+    return 0.0 if counted and 0.0 < deepest < np.inf else -deepest
+
+
+@inlined()
+def _counts_for(of_place, alone, segment, other):  # type: ignore[no-untyped-def]
+    """Whether a point in or near a segment is as good as one in or near another."""
+    return segment == other or (of_place[segment] == of_place[other] and not alone[other])
+
+
+@inlined()
+def _raise(least, of_place, alone, segment, deep):  # type: ignore[no-untyped-def]
+    """Raise how deep a point has to be, so that it need be looked for, after one that is so deep in a segment; in other
+    segments all that are inside are looked for.
+    """
+    for other in range(len(least)):
+        if _counts_for(of_place, alone, segment, other):
+            least[other] = max(least[other], deep if other == segment else min(deep, 0.0))
 
 
 @inlined()
@@ -359,7 +441,12 @@ def _find(
     skin: Patches,
     body: Solids,
     grazing: float,
-    near: Out[I1],
+    of_place: I1,
+    alone: B3,
+    near: Out[I2],
+    least: Out[F1],
+    at: Out[F1],
+    looked: Out[F2],
     placed: Out[F2],
     placed_patches: Out[F2],
     moved: Out[F2],
@@ -370,11 +457,13 @@ def _find(
     places: Out[F4],
     inside: Out[F1],
 ) -> None:
-    """Write depths, places and counts of vertices inside. Scratch are `near`, (groups,), the near groups; `placed`,
-    (groups, 4), and `placed_patches`, (patches + 1, 4), balls in the world; `moved`, (joints, 12), and `blended`,
-    (12,), how joints and vertices move; and `corners`, (3, 3), a triangle. `last`, (parts, segments, 2), begins as -1:
-    the point and group that were deepest in the frame before, with which the search begins, as all that is farther off
-    need not be looked at.
+    """Write depths, places and counts of vertices inside. Scratch are `near`, (groups, 2), the near groups and the
+    vertices by which their points are brought back; `least`, (segments,), how deep points have to be; `at`, (4,), a
+    point; `looked`, (groups + 1, 4), where groups were last looked at, and how deep that may be; `placed`, (groups + 1,
+    4), and `placed_patches`, (patches + 1, 4), balls in the world; `moved`, (joints, 12), and `blended`, (12,), how
+    joints and vertices move; and `corners`, (3, 3), a triangle. `last`, (parts, segments, 2), begins as -1: the point
+    and group that were deepest in the frame before, with which the search begins, as all that is farther off need not
+    be looked at.
     """
     groups, parts, patches = body.groups, skin.parts, skin.patches
     all_patches = len(patches) - 1
@@ -389,59 +478,98 @@ def _find(
         for group in range(len(groups) - 1):
             joint = groups[group, 0]
             _set(placed[group], x[joint], q[joint], body.balls[group])
+            looked[group, 3] = np.inf
         for part in range(len(parts) - 1):
-            near_groups, deepest_of, is_limb = 0, depths[frame, part], part < len(LIMBS)
-            for segment in range(len(deepest_of)):
+            near_groups, deepest_of, counted = 0, depths[frame, part], part < len(LIMBS)
+            for segment in range(len(least)):
+                least[segment] = deepest_of[segment]
+            for segment in range(len(least)):
                 point, group = last[part, segment, 0], last[part, segment, 1]
-                if point >= 0 and deepest_of[segment] < 0.0:
-                    a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
-                    deep, on, i, j, k = _depth(x, q, moved, body, group, a, b, c, blended)
-                    if on == segment and deep > deepest_of[segment]:
+                if point >= 0 and (least[segment] < 0.0 or not counted):
+                    at[0], at[1], at[2] = _posed(x, q, skin.joints[point], skin.bound[point])
+                    if not _meet(placed[group], at, _reach(least[segment], counted)):
+                        continue
+                    deep, on, i, j, k, _v, _left = _depth(x, q, moved, body, group, -1, at[0], at[1], at[2], blended)
+                    if on == segment and deep > least[segment]:
                         # a point that is inside is counted when all are looked at
-                        deepest_of[segment] = min(deep, 0.0)
+                        deepest_of[segment] = min(deep, 0.0) if counted else deep
+                        _raise(least, of_place, alone[frame, part], segment, deepest_of[segment])
                         places[frame, part, segment, 0] = i
                         places[frame, part, segment, 1] = j
                         places[frame, part, segment, 2] = k
             _enclose(around, placed_patches, parts[part], parts[part + 1])
             for group in range(len(groups) - 1):
-                if _meet(placed[group], around, _reach(deepest_of[groups[group, 1]])):
-                    near[near_groups] = group
+                if _meet(placed[group], around, _reach(least[groups[group, 1]], counted)):
+                    near[near_groups, 0] = group
                     near_groups += 1
             for patch in range(parts[part], parts[part + 1] if near_groups else parts[part]):
-                found, ball = 0, placed_patches[patch]
+                found, farthest, ball = 0, -np.inf, placed_patches[patch]
                 for n in range(near_groups):
-                    group = near[n]
-                    reach = _reach(deepest_of[groups[group, 1]])
-                    if not _meet(placed[group], ball, reach):
+                    group = near[n, 0]
+                    reach = _reach(least[groups[group, 1]], counted)
+                    joint = groups[group, 0]
+                    if (
+                        not _meet(placed[group], ball, reach)
+                        or _is_beyond(looked[group], ball, reach)
+                        or not _meets_box(ball, body.boxes[group], x[joint], q[joint], reach)
+                    ):
                         continue
-                    deep, _on, _i, _j, _k = _depth(x, q, moved, body, group, ball[0], ball[1], ball[2], blended)
+                    deep, _on, _i, _j, _k, by, left = _depth(
+                        x, q, moved, body, group, -1, ball[0], ball[1], ball[2], blended
+                    )
+                    for axis in range(3):
+                        looked[group, axis] = ball[axis]
+                    looked[group, 3] = deep + 2.0 * left if left < np.inf else np.inf
                     if deep + ball[3] > -reach or deep == -np.inf:
-                        near[n], near[found] = near[found], group
-                        found += 1
+                        is_known, farthest = False, max(farthest, reach)
+                        for other in range(found):  # groups from which one comes to the same vertex are one
+                            is_known = is_known or (by >= 0 and near[other, 1] == by)
+                        if not is_known:
+                            near[n, 0], near[found, 0], near[found, 1] = near[found, 0], group, by
+                            found += 1
                 if found == 0:
                     continue
                 for point in range(patches[patch, 1], patches[patch + 1, 1]):
-                    a, b, c = _posed(x, q, skin.joints[point], skin.bound[point])
+                    at[0], at[1], at[2] = _posed(x, q, skin.joints[point], skin.bound[point])
                     is_inside = False
                     for n in range(found):
-                        group = near[n]
-                        deep, segment, i, j, k = _depth(x, q, moved, body, group, a, b, c, blended)
-                        if segment < 0 or deepest_of[segment] == np.inf:
+                        group, by = near[n, 0], near[n, 1]
+                        if _is_beyond(looked[group], at, farthest):
+                            continue
+                        deep, segment, i, j, k, _v, _left = _depth(
+                            x, q, moved, body, group, by, at[0], at[1], at[2], blended
+                        )
+                        if segment < 0 or least[segment] == np.inf:
                             continue
                         if deep > grazing:
                             is_inside = True
-                        if deep > deepest_of[segment]:
+                        if deep > deepest_of[segment] and deep > least[segment]:
                             deepest_of[segment] = deep
+                            _raise(least, of_place, alone[frame, part], segment, deep)
                             last[part, segment, 0], last[part, segment, 1] = point, group
                             places[frame, part, segment, 0] = i
                             places[frame, part, segment, 1] = j
                             places[frame, part, segment, 2] = k
-                    if is_inside and is_limb:
+                    if is_inside and counted:
                         inside[frame] += skin.counts[point]
             for segment in range(len(deepest_of)):
                 point, place = last[part, segment, 0], places[frame, part, segment]
-                if point >= 0 and place[0] < np.inf and deepest_of[segment] > -np.inf:
-                    deep, group = deepest_of[segment], last[part, segment, 1]
+                deep, group, on = deepest_of[segment], last[part, segment, 1], alone[frame, part]
+                if point >= 0 and place[0] < np.inf and deep > -np.inf and deep >= least[segment]:
                     last[part, segment, 0], deepest_of[segment] = _exact(
-                        x, q, moved, skin, body, group, segment, point, deep, place, blended, corners
+                        x,
+                        q,
+                        moved,
+                        skin,
+                        body,
+                        placed,
+                        of_place,
+                        on,
+                        group,
+                        segment,
+                        point,
+                        deep,
+                        place,
+                        blended,
+                        corners,
                     )

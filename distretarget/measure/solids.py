@@ -46,6 +46,7 @@ def solids_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Solids:
             [np.vstack([groups, [[-1, -1]]]), np.append(first, len(capsules)), [-1] * (len(groups) + 1)]
         ),
         balls=np.reshape([_ball_around(ends[on].reshape(-1, 3), radii[on].ravel()) for on in within], (-1, 4)),
+        boxes=np.reshape([_box_around(ends[on].reshape(-1, 3), radii[on].ravel()) for on in within], (-1, 6)),
         capsules=np.column_stack([ends[:, 0], axes / known[:, None], along, radii[:, 0], taper, slope]),
         lattices=np.zeros((0, 4)),
         sizes=np.zeros((0, 4), np.intp),
@@ -68,7 +69,7 @@ def solids_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> 
     triangles = triangles[of_triangle >= 0]
     solids = SOLID_OF[of_triangle[of_triangle >= 0]]
     spacing = SPACING * float(np.ptp(mesh.vertices[of_vertex >= 0], axis=0).max(initial=0.0))
-    groups, balls, lattices, sizes, distances, nearest, nodes = [], [], [], [], [], [], 0
+    groups, balls, boxes, lattices, sizes, distances, nearest, nodes = [], [], [], [], [], [], [], 0
     for solid in np.unique(solids).tolist():
         chosen = np.flatnonzero(solids == solid)
         on = np.unique(triangles[chosen])
@@ -89,9 +90,11 @@ def solids_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> 
                 groups.append((joint, segments[joint], 0, len(lattices) - 1))
                 offsets = mesh.vertices[carried] - skeleton.rest_positions[joint]
                 balls.append(_ball_around(offsets, np.zeros(len(carried))))
+                boxes.append(_box_around(offsets, np.zeros(len(carried))))
     return Solids(
         groups=np.array([*groups, (-1, -1, 0, -1)], np.intp),
         balls=np.reshape(balls, (-1, 4)),
+        boxes=np.reshape(boxes, (-1, 6)),
         capsules=np.zeros((0, 10)),
         lattices=np.reshape(lattices, (-1, 4)),
         sizes=np.reshape(sizes, (-1, 4)).astype(np.intp),
@@ -140,3 +143,8 @@ def _ball_around(places: Array, radii: Array) -> Array:
     """A ball around balls: centre and radius, (4,)."""
     centre = places.mean(axis=0)
     return np.append(centre, (lengths(places - centre) + radii).max())
+
+
+def _box_around(places: Array, radii: Array) -> Array:
+    """A box around balls: its lowest and its highest corner, (6,)."""
+    return np.append((places - radii[:, None]).min(axis=0), (places + radii[:, None]).max(axis=0))
