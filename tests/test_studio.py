@@ -8,12 +8,13 @@ import shlex
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import tomllib
 import zipfile
 from contextlib import contextmanager
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from fbx_text import Node, fbx
 
 from distretarget.cli import cli
 from distretarget.errors import DistretargetError, FileError, SettingsError
+from distretarget.io.motion_file import read_motion
 from distretarget.io.target_file import load_target
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
@@ -60,9 +62,9 @@ def serving(bench):
     thread.join(10)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def studio():
-    """The address of a studio for all tests of this file."""
+    """The address of an empty studio."""
     with serving(Bench()) as address:
         yield address
 
@@ -321,6 +323,34 @@ def test_faults_are_one_line(studio):
     assert "no JSON" in said("solve", b"[" * 100_000)
 
 
+def odd_files():
+    """A hundred files that are not whole: cut, with bytes exchanged, with another's name, nested, empty, and noise."""
+    random = np.random.default_rng(5)
+    whole = [path.read_bytes() for path in (WAVE, HERO, SAMPLES / "child.json")]
+    names = ["a.bvh", "b.glb", "c.json", "d.fbx", "e.npz", "f.vrma", "../g.bvh", "h", "i\n.vrm", "j.gltf"]
+    for name in names:
+        for content in whole:
+            at = int(random.integers(len(content)))
+            yield name, content[:at]
+            yield name, content[:at] + random.bytes(40) + content[at + 40 :]
+            yield name, content
+        yield name, random.choice([b"", b"[" * 100_000, b"PK\3\4", b"glTF" + bytes(100), random.bytes(1000)])
+
+
+def test_a_hundred_odd_files_are_taken_or_refused_in_a_line_and_leave_nothing(studio, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    files = [*odd_files()]
+    assert len(files) == 100
+    for name, content in files:
+        status, _, text = answer(studio, f"/{TOKEN}/files", content, X_Name=quote(name))
+        said = json.loads(text)
+        assert status in (200, 422)
+        assert said["id"] if status == 200 else "\n" not in said["error"].replace("i\n.vrm", "")  # its own name
+        assert "Traceback" not in text
+    assert answer(studio, f"/{TOKEN}/files")[0] == 200
+    assert not [*tmp_path.iterdir()]
+
+
 def test_a_file_that_is_too_large_is_refused(studio, monkeypatch):
     from distretarget.studio import server
 
@@ -452,11 +482,11 @@ def test_a_sample_is_one_press_away_from_an_empty_page(browser):
         tab.close()
 
 
-WHERE = """(joint) => {
-  const { stage } = app, side = stage.sides.at(-1), views = stage.views.length;
+WHERE = """([view, joint]) => {
+  const { stage } = app, side = stage.sides[view], views = stage.views.length;
   const { positions } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
   const place = new THREE.Vector3().fromArray(positions, 3 * joint).add(side.group.position).project(stage.camera);
-  return [box.left + ((place.x + 1) / 2 + views - 1) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
+  return [box.left + ((place.x + 1) / 2 + view) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
 }"""
 
 
@@ -583,15 +613,43 @@ def test_a_gap_a_firmness_a_plant_and_a_direction_are_set_and_go_through_a_file(
     assert {**whole[0], "gap": 1} in entries_of(tab)
 
 
+def click_joint(tab, stage, view, joint):
+    """Click a joint of the body in a view."""
+    box = tab.locator("#player").bounding_box()
+    x, y = stage.evaluate(WHERE, [view, joint])
+    tab.mouse.click(box["x"] + x, box["y"] + y)
+
+
+def test_two_clicks_on_bodies_pair_their_joints(solved):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    stage, pairing = drawn(tab), tab.get_by_test_id("pairing")
+    tab.get_by_text("Who drives whom").click()
+    row = tab.locator("[data-driven=RightForeArm]")
+    expect(row.locator("select")).to_have_value("RightElbow")
+    click_joint(tab, stage, 2, load_target(HERO).skeleton.keys.index("Head"))  # nothing is to drive it yet
+    click_joint(tab, stage, 0, read_motion(SAMPLES / "clap.bvh").skeleton.keys.index("LeftElbow"))
+    expect(pairing).to_contain_text("LeftElbow drives ...")
+    click_joint(tab, stage, 2, load_target(HERO).skeleton.keys.index("RightForeArm"))
+    wait(" --map clap.map.json")
+    expect(pairing).to_have_text("LeftElbow drives RightForeArm.")
+    expect(row.locator("select")).to_have_value("LeftElbow")
+    assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": "LeftElbow"}
+    tab.get_by_test_id("undo").click()
+    wait()
+    row.locator("select").select_option("")
+    wait(" --map clap.map.json")
+    assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": None}
+
+
 def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
     tab, wait = solved
     keys = load_target(HERO).skeleton.keys
     stage = drawn(tab)
     tab.get_by_test_id("pick").click()
-    box = tab.locator("#player").bounding_box()
     for joint in (keys.index("LeftHand"), keys.index("Head")):
-        x, y = stage.evaluate(WHERE, joint)
-        tab.mouse.click(box["x"] + x, box["y"] + y)
+        click_joint(tab, stage, 2, joint)
     wait(" --contacts clap.contacts.json")
     (entry,) = entries_of(tab)
     assert entry["between"] == ["LeftHand", "Head"]
@@ -616,6 +674,60 @@ def test_a_project_is_saved_and_opened_again(solved, tmp_path):
     path.write_text(path.read_text().replace("sha256:", "sha256:0"))
     tab.set_input_files("[data-testid=open-project]", path)
     expect(tab.get_by_role("alert")).to_contain_text("the clap.bvh that was dropped is not the one of the project")
+
+
+SHOWN = """async ([count]) => {
+  while (globalThis.app?.clock.count !== count) await new Promise(requestAnimationFrame);
+  const [{ motion }] = app.stage.sides.at(-1).actors;
+  const pose = (frame) => { motion.place(frame); return Array.from(motion.positions); };
+  return [pose(0), pose(count - 1)];
+}"""
+
+
+def ends(tab, count):
+    """The joints of the result in the first and the last frame of the picture, once that has so many frames."""
+    return (np.reshape(pose, (-1, 3)) for pose in tab.frames[1].evaluate(SHOWN, [count]))
+
+
+def test_a_clip_is_cut_and_sampled_as_the_fields_say(solved):
+    tab, wait = solved
+    drawn(tab)
+    whole, _ = ends(tab, 277)
+
+    def fill(**fields):
+        for name, value in fields.items():
+            tab.get_by_test_id(name).fill(value)
+            tab.get_by_test_id(name).blur()
+
+    fill(fps="30")
+    wait(" --fps 30")
+    first, _ = ends(tab, 139)  # 276 / 60 s
+    assert first == pytest.approx(whole, abs=0.002)
+    fill(fps="", start="1", end="90f")
+    wait(" --start 1 --end 90f")
+    ends(tab, 31)  # frames 60 to 90
+    fill(start="90f", end="1")
+    tab.get_by_role("alert").wait_for()
+    assert tab.get_by_test_id("solve-state").inner_text() == "idle"
+    fill(start="", end="")
+    wait()
+    assert tab.get_by_role("alert").is_hidden()
+
+
+def test_a_loop_ends_where_it_begins(solved):
+    tab, wait = solved
+    drawn(tab)
+    for name, value in (("start", "0"), ("end", "90f")):
+        tab.get_by_test_id(name).fill(value)
+        tab.get_by_test_id(name).blur()
+    wait(" --start 0 --end 90f")
+    first, last = ends(tab, 91)
+    apart = np.linalg.norm(last - first, axis=1).max()
+    tab.get_by_test_id("loop").check()
+    wait(" --start 0 --end 90f --loop")
+    tab.wait_for_function("() => !document.querySelector('[data-testid=solve-state]').textContent.includes('solving')")
+    first, last = ends(tab, 91)
+    assert np.linalg.norm(last - first, axis=1).max() < 0.1 * apart
 
 
 def test_ten_changes_are_undone_and_done_again(solved):

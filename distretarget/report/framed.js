@@ -1,7 +1,7 @@
 // The player in the page of the studio, which sends what is to be shown, and hears of the frame and of clicks.
 
 import {$, followTheme} from './dom.js';
-import {clock, goTo, onFrame} from './playback.js';
+import {clock, goTo, onFrame, repaint} from './playback.js';
 import {buildPlayer} from './player.js';
 
 const STILL = 4; // a pointer that moves less clicks [pixels]
@@ -18,6 +18,10 @@ async function take(data, turn) {
 addEventListener('message', ({source, data}) => {
   if (source !== window.parent) return;
   if (Number.isInteger(data.frame)) goTo(data.frame);
+  if (data.pair && globalThis.app) {
+    app.marks.pair = data.pair;
+    repaint();
+  }
   if (!data.stage) return;
   const turn = ++asked;
   building = building.then(() => take(data.stage, turn));
@@ -25,7 +29,7 @@ addEventListener('message', ({source, data}) => {
 addEventListener('pointerdown', ({clientX, clientY}) => { from = [clientX, clientY]; }, true);
 addEventListener('click', ({target, offsetX, offsetY, clientX, clientY}) => {
   if (target !== $('player') || Math.hypot(clientX - from[0], clientY - from[1]) > STILL) return;
-  tell({joint: app.stage.jointAt(offsetX, offsetY)});
+  tell(app.stage.jointAt(offsetX, offsetY));
 });
 followTheme();
 tell({ready: true});

@@ -7,6 +7,7 @@ import {levelAt, offAt} from './timeline.js';
 
 const PATH = 32, PAST = 0.8; // points of a path, and the time that it goes back [s]
 const ON_FLOOR = 0.12; // supports that are lower rest on the floor [body units]
+const NAMED = 0.1; // size of the mark of a joint that is named [body units]
 const MOST = 12; // marks of a side at a time
 const RING = [[0.72, 0], [0.78, 1], [0.9, 1], [0.96, 0]], GLOW = [[0, 1], [0.35, 0.75], [1, 0]]; // alpha by radius
 
@@ -30,7 +31,7 @@ function trailOf(actor, joint) {
 /** Shows marks for the rows of a timeline, and paths, on a stage. */
 export class Marks {
   constructor(stage) {
-    Object.assign(this, {stage, rows: [], shown: true, trails: false});
+    Object.assign(this, {stage, rows: [], shown: true, trails: false, pair: []});
     Object.assign(this, {ring: spotTexture(RING), glow: spotTexture(GLOW)});
     const flat = new THREE.PlaneGeometry(1, 1).rotateX(-Math.PI / 2);
     const many = made => Array.from({length: MOST}, () => Object.assign(made(), {visible: false, renderOrder: 2}));
@@ -39,7 +40,8 @@ export class Marks {
       side.rings = many(() => new THREE.Mesh(flat, new THREE.MeshBasicMaterial(
         {transparent: true, depthWrite: false, fog: false})));
       side.paths = side.actors.flatMap(actor => actor.ends.map(joint => trailOf(actor, joint)));
-      side.group.add(...side.spots, ...side.rings, ...side.paths);
+      side.named = new THREE.Sprite(new THREE.SpriteMaterial({depthTest: false, fog: false, map: this.ring}));
+      side.group.add(side.named, ...side.spots, ...side.rings, ...side.paths);
     }
   }
 
@@ -58,9 +60,19 @@ export class Marks {
           if (mark.visible) this.put(mark, own[k], own[k].points[number], judged, frame);
         });
       }
+      this.name(side, this.pair[side.actors[0].role === 'source' ? 0 : 1] ?? -1);
       side.paths.forEach(line => { line.visible = trails; });
       if (trails && side.shown) this.drawPaths(side.paths, frame, Math.max(PAST / frameTime / (PATH - 1), 1));
     });
+  }
+
+  /** Marks a joint of the first actor of a side; none if it is -1. */
+  name({named, actors: [{motion}]}, joint) {
+    named.visible = joint >= 0;
+    if (!named.visible) return;
+    named.position.fromArray(motion.positions, 3 * joint);
+    named.scale.setScalar(NAMED);
+    named.material.color.set(colourOf('focus'));
   }
 
   /** Puts a mark for a row in the middle of joints, given with the numbers of their actors. */

@@ -36,8 +36,11 @@ function gridOf(cell, tone) {
 const castOf = ({sides, bodies, actors}) => JSON.stringify(
   [sides, bodies, ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
 
-/** Gives actors their motions in some data. */
+/** Gives actors their motions in some data, those that have others. */
 const setInMotion = (actors, data) => Promise.all(actors.map(async (actor, k) => {
+  const packed = JSON.stringify([data.actors[k], data.frame_time]);
+  if (packed === actor.packed) return;
+  actor.packed = packed;
   actor.motion = await Motion.of(data.actors[k], data.frame_time);
   actor.mesh.bent = -1;
 }));
@@ -212,20 +215,20 @@ export class Stage {
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
   }
 
-  /** The number of the joint of the copy or the result that is nearest to a place on the canvas; -1 if none is near. */
+  /** The number of the joint that is nearest to a place on the canvas, -1 if none is near, and the role of its body; of
+   * bodies over each other it is the last.
+   */
   jointAt(left, top) {
     const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
     const view = Math.min(Math.floor(left / share), this.views.length - 1);
-    const side = this.views[view].findLast(({actors}) => ['copy', 'result'].includes(actors[0].role));
-    if (!side) return -1;
-    const [{motion: {positions}}] = side.actors, place = new THREE.Vector3();
+    const side = this.views[view].at(-1), [{role, motion: {positions}}] = side.actors, place = new THREE.Vector3();
     const away = Array.from({length: positions.length / 3}, (_, joint) => {
       place.fromArray(positions, 3 * joint).add(side.group.position).project(this.camera);
       const x = (place.x + 1) / 2 * share + view * share, y = (1 - place.y) / 2 * clientHeight;
       return Math.hypot(x - left, y - top) + place.z; // of those at one place the nearer
     });
     const nearest = Math.min(...away);
-    return nearest < NEAR ? away.indexOf(nearest) : -1;
+    return {role, joint: nearest < NEAR ? away.indexOf(nearest) : -1};
   }
 
   /** Draws sides into a box of the canvas, through a camera that looks at a place. */

@@ -28,6 +28,7 @@ from distretarget.pipeline.conversion import Conversion, Converted, Recipe
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.report.clip_page import run_page, run_stage
 from distretarget.report.diff_document import About
+from distretarget.skeleton import Skeleton
 from distretarget.studio.order import Names, Order, project_to_json
 
 MOST = 2_000_000_000  # of all files that were dropped [bytes]
@@ -90,13 +91,8 @@ class Done:
                 for joint, driver in enumerate(result.drivers.tolist())
                 if not result.motion.skeleton.end_sites[joint]
             ],
-            "joints": list(result.source.skeleton.keys),
-            "anchors": [
-                result.motion.skeleton.keys[max(parent, 0) if end else joint]
-                for joint, (parent, end) in enumerate(
-                    zip(result.motion.skeleton.parents, result.motion.skeleton.end_sites, strict=True)
-                )
-            ],
+            "drivers": _turning(result.source.skeleton),
+            "anchors": _turning(result.motion.skeleton),
             "frame_time": result.motion.frame_time,
             "formats": formats_of(self.target),
             "format": self.format,
@@ -153,6 +149,12 @@ class Done:
     def command(self) -> str:
         """The command line that makes the same bytes, in a folder with the files."""
         return self.names.command(self.order)
+
+
+def _turning(skeleton: Skeleton) -> list[str]:
+    """The key of each joint; of an end, that of the joint which turns it."""
+    ends = zip(skeleton.parents.tolist(), skeleton.end_sites, strict=True)
+    return [skeleton.keys[max(parent, 0) if end else joint] for joint, (parent, end) in enumerate(ends)]
 
 
 def formats_of(target: TargetFile) -> list[str]:

@@ -20,6 +20,8 @@ let ready = false; // the player is there
 let frame = 0; // of the player
 let chosen = null; // the contact whose values are in the fields
 let clicked = ""; // the first of two parts
+let named = []; // the pair of joints that is shown
+let driver = null; // the joint of the source that was clicked, to drive another
 
 // ---- the server
 
@@ -187,6 +189,7 @@ function showDone() {
   chosen = null;
   $("change").disabled = true;
   $("pairs").replaceChildren(...done.pairs.map(pair));
+  showPair(...named);
 }
 
 function element(tag, text, more = {}) {
@@ -249,7 +252,6 @@ function warning(text) {
 
 /** Takes a part of the body that was clicked in the picture; the second makes the contact, about the frame that is seen. */
 function picked(joint) {
-  if ($("pick").getAttribute("aria-pressed") !== "true" || joint < 0) return;
   const both = $("kind").value === "between";
   const name = done.anchors[joint];
   if (both && clicked && clicked !== name) $("other").value = name;
@@ -269,11 +271,31 @@ function pick(on) {
   $("pick").textContent = !on ? "Click parts on the body" : clicked ? `${clicked} and ...` : "Click a part ...";
 }
 
-function pair([joint, driver]) {
+/** Takes a joint that was clicked in the picture: one of the source is to drive that of the character which is next. */
+function paired(joint, ofSource) {
+  if (!ofSource && !driver) return;
+  const [drives, driven] = ofSource ? [done.drivers[joint], null] : [driver, done.anchors[joint]];
+  driver = ofSource ? drives : null;
+  showPair(drives, driven);
+  if (driven) set({ map: { ...order.map, [driven]: drives } });
+}
+
+/** Shows two joints, either of which may be null, in the picture, in the list and in words. */
+function showPair(drives, driven) {
+  named = done.anchors.includes(driven) || done.drivers.includes(drives) ? [drives, driven] : [];
+  tell({ pair: [done.drivers.indexOf(drives), done.anchors.indexOf(driven)] });
+  for (const row of $("pairs").children) row.classList.toggle("chosen", row.dataset.driven === driven);
+  $("pairing").textContent = driven ? `${drives ?? "nothing"} drives ${driven}.` : drives ? `${drives} drives ... Click a joint of the copy or the result.`
+    : "Click a joint of the source, then one of the copy or the result; or choose here.";
+}
+
+function pair([joint, drives]) {
   const row = document.createElement("tr");
+  row.dataset.driven = joint;
   const choice = document.createElement("select");
-  choice.append(new Option("nothing", ""), ...done.joints.map((name) => new Option(name, name)));
-  choice.value = driver ?? "";
+  row.onclick = choice.onfocus = () => driver || showPair(drives, joint);
+  choice.append(new Option("nothing", ""), ...Array.from(new Set(done.drivers), (name) => new Option(name, name)));
+  choice.value = drives ?? "";
   choice.setAttribute("aria-label", `what drives ${joint}`);
   choice.onchange = () => set({ map: { ...order.map, [joint]: choice.value || null } });
   const cell = document.createElement("td");
@@ -298,6 +320,10 @@ for (const button of document.querySelectorAll("[data-sample]")) button.onclick 
 $("try").onclick = () => ["clap.bvh", "hero.glb"].forEach(sample);
 $("undo").onclick = () => step(past, future);
 $("redo").onclick = () => step(future, past);
+$("who").ontoggle = () => {
+  if (done) showPair();
+  $("who").scrollIntoView({ block: "nearest" });
+};
 $("format").onchange = (event) => set({ format: event.target.value });
 $("download").onclick = () => download($("format").value);
 for (const button of document.querySelectorAll("[data-take]")) button.onclick = () => download(button.dataset.take);
@@ -359,7 +385,11 @@ addEventListener("message", (event) => {
     if (done) tell({ stage: done.stage });
   }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
-  if (Number.isInteger(event.data?.joint)) picked(event.data.joint);
+  const { joint = -1, role } = event.data ?? {};
+  if (joint < 0) return;
+  if ($("pick").getAttribute("aria-pressed") !== "true") {
+    if ($("who").open) paired(joint, role === "source");
+  } else if (role !== "source") picked(joint);
 });
 $("order").onsubmit = (event) => event.preventDefault();
 for (const about of await (await ask("files")).json()) take(about);
