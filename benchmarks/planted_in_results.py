@@ -213,7 +213,8 @@ def seen_of_solver(character: Path, fault: Fault) -> set[str]:
     stage, right = stage_of(character, fault.clip), clip.rotation_copy
 
     def wrong(matching: Matching, scale: RootScale) -> Motion:
-        return fault.plant(Stage(replace(stage.result, matching=matching, motion=right(matching, scale))))
+        baseline = replace(stage.result.baseline, matching=matching)
+        return fault.plant(Stage(replace(stage.result, baseline=baseline, motion=right(matching, scale))))
 
     clip.rotation_copy = wrong
     try:

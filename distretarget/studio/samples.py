@@ -19,4 +19,4 @@ def sample(name: str) -> bytes:
         file = folder / SAMPLES.get(name, "") / name
         if name in SAMPLES and file.is_file():
             return file.read_bytes()
-    raise FileError(name, "is no sample that is installed here")
+    raise FileError(name, f"is no sample; there are {', '.join(SAMPLES)}")
