@@ -9,8 +9,7 @@ from .character import Arrays, rest_arrays
 
 def title_of(armature: bpy.types.Object) -> str:
     """The name of its action, or its own where it has none, as with NLA tracks."""
-    action = armature.animation_data.action if armature.animation_data else None
-    return action.name if action else armature.name
+    return (_action_of(armature) or armature).name
 
 
 def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
@@ -18,7 +17,7 @@ def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
     scene where it has none: `places`, (frames, joints, 3), `turns` from the rest pose in the world, (frames, joints,
     4), x y z w, and `frame_time`. Constraints, drivers and NLA tracks count; the scene is at its frame again.
     """
-    action = armature.animation_data.action if armature.animation_data else None
+    action = _action_of(armature)
     first, last = action.frame_range if action else (scene.frame_start, scene.frame_end)
     arrays, bones, now = rest_arrays(armature), armature.pose.bones, scene.frame_current_final
     names = arrays["names"].tolist()
@@ -36,3 +35,7 @@ def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
     scene.frame_set(int(now), subframe=now - int(now))
     frame_time = scene.render.fps_base / scene.render.fps
     return arrays | {"places": np.array(places), "turns": np.array(turns), "frame_time": np.array(frame_time)}
+
+
+def _action_of(armature: bpy.types.Object) -> bpy.types.Action | None:
+    return armature.animation_data.action if armature.animation_data else None

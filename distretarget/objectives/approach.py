@@ -35,20 +35,19 @@ def approached(clip: Clip, skins: Skins, posed: Motion, free: Array) -> Motion:
     (frames, limbs), is how far the end of each limb can move, 0 to 1.
     """
     one, other = skins.source, skins.target
-    heads = _Head.of(one, clip.source), _Head.of(other, posed)
-    if heads[0] is None or heads[1] is None:
-        return posed
     ends = one.posed(clip.source), other.posed(posed)
+    before, now = _Head.of(one, clip.source, ends[0]), _Head.of(other, posed, ends[1])
+    if before is None or now is None:
+        return posed
     moved = np.zeros((len(posed), len(other.limbs), 2, 3))
     for limb, (segment, *_) in shared_hands(one, other).items():
-        before, now = (
-            body.unit * body.centres(posed, segment).mean(axis=1) for body, posed in ((one, ends[0]), (other, ends[1]))
-        )
-        depth = 1.0 - lengths(now - heads[1].middle) / heads[1].radius
+        hand = now.unit * other.centres(ends[1], segment).mean(axis=1)
+        depth = 1.0 - lengths(hand - now.middle) / now.radius
         share = smoothstep((depth - SHALLOW) / (DEEP - SHALLOW))[:, None]
         if share.any():
             share = clip.averaged(clip.widened(share, LEAD), LEAD) * free[:, limb, None]
-            way = heads[1].place_of(*heads[0].seen(before), other.unit / one.unit) - now
+            seen = before.seen(before.unit * one.centres(ends[0], segment).mean(axis=1))
+            way = now.place_of(*seen, now.unit / before.unit) - hand
             moved[:, limb] = reaching(posed, other.limbs[limb], share * way, np.zeros_like(way))
     return bent(posed, other.limbs, clip.averaged(moved, STEADY)) if moved.any() else posed
 
@@ -60,15 +59,19 @@ class _Head:
     middle: Array  # (frames, 3)
     axes: Array  # (frames, 3, 3), its own directions, as rows
     radius: float
+    unit: float  # of its body
 
     @classmethod
-    def of(cls, body: BodySkin, motion: Motion) -> _Head | None:
-        """Return the head of a body; None where its capsules or landmarks are not known."""
-        capsules = body.capsules[body.capsules.segments == HEAD]
-        if not len(capsules) or body.landmarks is None:
+    def of(cls, body: BodySkin, motion: Motion, ends: Array) -> _Head | None:
+        """Return the head of a body in a motion, with the ends of its capsules, as `BodySkin.posed`; None where its
+        capsules or landmarks are not known.
+        """
+        on = body.capsules.segments == HEAD
+        if not on.any() or body.landmarks is None:
             return None
         axes = body.landmarks.axes(motion).directions[:, [*PARTS].index("head")]
-        return cls(capsules.posed(motion).mean(axis=(1, 2)), axes, float(capsules.radii.mean()))
+        middle = body.unit * ends[:, on].mean(axis=(1, 2))
+        return cls(middle, axes, float(body.capsules.radii[on].mean()), body.unit)
 
     def seen(self, places: Array) -> tuple[Array, Array]:
         """Return the directions of places, (frames, 3), from the middle, in the head's axes, and their distances from

@@ -184,8 +184,7 @@ def _with_bent_knees(clip: Clip, supports: Supports) -> Array:
     is to come nearer to the hips: it would stay straight up to a larger force, and then snap.
     """
     bones = clip.copy.bones
-    legs = clip.target_legs if supports.feet else ()
-    for support, leg in zip(range(0, supports.feet, 2), legs or (), strict=True):
+    for support, leg in zip(range(0, supports.feet, 2), clip.target_legs or (), strict=False):
         if leg.toe == leg.ankle:
             continue
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))

@@ -87,8 +87,9 @@ def with_skin(
     """Return the motion of a target with its limbs bent as its skin asks, and as a user does; `posed` is the motion
     before. Only frames that are `wanted`, (frames,), need to be right; by default all.
     """
-    free = how_free(clip, skins.target, supports, settings)[..., 1]
-    posed = approached(clip, skins, posed, free if reach is None else free * (1.0 - reach.ties))
+    free = how_free(clip, skins.target, supports, settings)
+    ends = free[..., 1] if reach is None else free[..., 1] * (1.0 - reach.ties)
+    posed = approached(clip, skins, posed, ends)
     margin = round(FADES * TAU / clip.frame_time)
     chunks = chunks_of(len(clip), margin)
     if wanted is not None:
@@ -98,7 +99,7 @@ def with_skin(
     def displaced(chunk: Chunk) -> Array:
         around = chunk.context
         reaching = reach and reach[around]
-        d = _displaced(clip[around], skins, posed[around], supports[around], settings, around.start, reaching)
+        d = _displaced(clip[around], skins, posed[around], free[around], around.start, reaching)
         return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
 
     d = np.zeros((len(clip), len(skins.target.limbs), 2, 3))
@@ -117,17 +118,9 @@ def _of_wanted(chunks: Sequence[Chunk], wanted: Flags, margin: int) -> Iterator[
             yield replace(chunk, frames=slice(first, end), context=context)
 
 
-def _displaced(
-    clip: Clip,
-    skins: Skins,
-    posed: Motion,
-    supports: Supports,
-    settings: ContactSettings,
-    first: int,
-    reach: Reach | None,
-) -> Array:
+def _displaced(clip: Clip, skins: Skins, posed: Motion, free: Array, first: int, reach: Reach | None) -> Array:
     """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units], in a part of a clip that
-    begins with the frame `first`.
+    begins with the frame `first`; `free` as `how_free`.
     """
     body, source, balls = skins.target, skins.source, skins.target.balls
     in_source = segment_gaps(source.balls, source.posed(clip.source), APART)
@@ -141,7 +134,7 @@ def _displaced(
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
-        free=how_free(clip, body, supports, settings),
+        free=free,
         soft=softness(balls, balls.pairs, in_source),
         aims=np.maximum(gaps, 0.0),
         firmness=firmness,
