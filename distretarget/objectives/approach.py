@@ -22,10 +22,10 @@ from distretarget.objectives.part_axes import PARTS
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.limbs import bent, reaching
 
-# A hand up to so deep in a head leaves it by the shortest way, which is that to the source's side; from the second
-# depth on, half-way to the middle, it goes to the source's side first [radii of the head].
+# A hand that is less deep in a head leaves it by the shortest way, which is on the source's side. From the second depth
+# on, half-way to the middle, no side is the nearest, and it goes to the source's side first [radii of the head].
 SHALLOW, DEEP = 0.1, 0.5
-LEAD = 0.15  # it begins to go there twice this time before it is so deep, and is back as long after it [s]
+LEAD = 0.15  # it begins to go there twice this time before it gets so deep, and is back twice this time after [s]
 STEADY = 0.1  # what the arm does is averaged over this time before and after each frame [s]
 HEAD = SEGMENTS.index("head")
 
