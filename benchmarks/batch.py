@@ -24,10 +24,10 @@ import click
 from clips import SAMPLES, back_and_forth
 
 from distretarget import read_bvh, write_bvh
-from distretarget.batch.database import Database
 from distretarget.batch.plan import DATABASE, METRICS
-from distretarget.batch.processes import Processes
 from distretarget.batch.record import BatchRecord
+from distretarget.batch.results import Database
+from distretarget.batch.workers import Processes
 
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
 TARGET = SAMPLES / "rigs" / "mixamo_t.json"

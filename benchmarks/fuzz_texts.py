@@ -16,7 +16,7 @@ from fuzz_outcomes import NotReadBackError, check_close, read_back
 from hypothesis import strategies as st
 
 from distretarget import Motion, Options, Skeleton, Tally, Target
-from distretarget.batch.packed import packed_part, unpacked
+from distretarget.batch.record import packed_part, unpacked
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import bvh_parts, python_refusals
 from distretarget.io.input_file import InputFile

@@ -59,10 +59,10 @@ from distretarget.pipeline.conversion import Recipe as Recipe
 from distretarget.pipeline.edits import Edits as Edits
 from distretarget.pipeline.edits import at_speed as at_speed
 from distretarget.pipeline.edits import looped as looped
+from distretarget.pipeline.edits import mirrored as mirrored
 from distretarget.pipeline.edits import trimmed as trimmed
 from distretarget.pipeline.edits import turned as turned
 from distretarget.pipeline.found_contacts import find_contacts as find_contacts
-from distretarget.pipeline.mirror import mirrored as mirrored
 from distretarget.pipeline.options import Options as Options
 from distretarget.pipeline.result import RetargetResult as RetargetResult
 from distretarget.pipeline.retargeting import retarget as retarget

@@ -8,7 +8,7 @@ from unittest.mock import patch
 import pytest
 from click.testing import CliRunner
 
-from distretarget.batch.database import Database
+from distretarget.batch.results import Database
 from distretarget.cli import main
 
 LOOK = 0.02  # time between two checks of a running process [s]

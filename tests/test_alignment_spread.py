@@ -10,7 +10,7 @@ from program import last_records
 from scipy.spatial.transform import Rotation
 
 from distretarget import convert_folder, write_bvh
-from distretarget.batch.database import Database
+from distretarget.batch.results import Database
 from distretarget.batch.summary import ROLES, SCALE, alignment_text, largest_spread, spread_warnings
 
 PERSON = person()

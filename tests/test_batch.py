@@ -9,11 +9,10 @@ from program import last_records
 
 from distretarget.batch import batch as batch_module
 from distretarget.batch.batch import Batch
-from distretarget.batch.database import Database
 from distretarget.batch.job import Result, unpacked
 from distretarget.batch.pages import MARK, OF, Pages
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.results import Results
+from distretarget.batch.results import Database, Results
 from distretarget.batch.summary import Tally
 from distretarget.errors import BatchError, FileError
 from distretarget.io.files import encoded_parts

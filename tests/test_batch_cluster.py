@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from distretarget.batch import cluster as cluster_module
+from distretarget.batch import workers as cluster_module
 from distretarget.errors import BatchError
 
 ADDRESS = "tcp://machine:8786"

@@ -14,12 +14,10 @@ import pytest
 from input_files import named_target, text_hash
 from program import last_records
 
-from distretarget.batch import database as database_module
-from distretarget.batch.database import Database
-from distretarget.batch.packed import packed, unpacked
+from distretarget.batch import results as database_module
 from distretarget.batch.plan import DATABASE, PlannedClip
-from distretarget.batch.record import new_record
-from distretarget.batch.results import Results
+from distretarget.batch.record import new_record, packed, unpacked
+from distretarget.batch.results import Database, Results
 from distretarget.errors import FileError
 from distretarget.io.map_json import MapFile
 from distretarget.measure.metrics import COLUMNS
@@ -292,7 +290,7 @@ def test_two_runs_may_write_to_one_database(folder, database):
 HOLDS = """
 import sys
 from pathlib import Path
-from distretarget.batch.database import Database
+from distretarget.batch.results import Database
 
 with Database(Path(sys.argv[1])).transaction():
     print("held", flush=True)

@@ -15,11 +15,11 @@ from input_files import file_of, target_of
 
 from distretarget import retarget
 from distretarget.batch import job as batch_job
-from distretarget.batch import processes as processes_module
+from distretarget.batch import workers as processes_module
 from distretarget.batch.job import Job, run
 from distretarget.batch.plan import PlannedClip
-from distretarget.batch.processes import Processes
 from distretarget.batch.record import new_record
+from distretarget.batch.workers import Processes
 from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.skeleton_json import skeleton_to_json

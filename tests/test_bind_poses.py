@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.joints import bind_poses
+from distretarget.character.from_scene import bind_poses
 from distretarget.character.nodes import Nodes, SkinBinding
 
 JOINTS = 10

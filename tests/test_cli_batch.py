@@ -427,7 +427,7 @@ def test_dask_gives_the_same_results_and_survives_a_dying_worker(work, tmp_path)
 
 def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
-    monkeypatch.setattr("distretarget.batch.cluster.CONNECT_TIMEOUT", 0.1)
+    monkeypatch.setattr("distretarget.batch.workers.CONNECT_TIMEOUT", 0.1)
     with socket.create_server(("127.0.0.1", 0)) as silent:  # accepts connections, and says nothing
         silent_address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
         for address in ("tcp://127.0.0.1:9", silent_address, "", "nonsense", "foo://1:2", "tcp://127.0.0.1:port"):
@@ -440,7 +440,7 @@ def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
 
 def test_workers_run_the_same_program(folder):
     (folder / "distretarget" / "batch").mkdir(parents=True)
-    for module in ("__init__.py", "batch/__init__.py", "batch/processes.py"):
+    for module in ("__init__.py", "batch/__init__.py", "batch/workers.py"):
         (folder / "distretarget" / module).write_text("open('imported', 'a').close()")
     program = shutil.which("distretarget", path=Path(sys.executable).parent)
     if not program:

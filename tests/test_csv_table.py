@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from distretarget.report.csv_table import csv_lines, csv_text
+from distretarget.report.diff_document import csv_lines, csv_text
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1"])

@@ -3,7 +3,7 @@
 import pytest
 from named_bodies import roles, skeleton, tree
 
-from distretarget.character.deform import deform_tree
+from distretarget.character.character import deform_tree
 
 # As Rigify builds it: the spine hangs from the root, everything else from the originals.
 GENERATED = (

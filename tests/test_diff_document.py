@@ -16,10 +16,10 @@ from distretarget import read_bvh, retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.report.clip_page import run_diff
-from distretarget.report.csv_table import csv_text
 from distretarget.report.diff_document import (
     About,
     DiffDocument,
+    csv_text,
     document,
     json_text,
 )

@@ -7,8 +7,8 @@ import stat
 
 import pytest
 
-from distretarget.batch.database import Database
 from distretarget.batch.plan import DATABASE
+from distretarget.batch.results import Database
 from distretarget.errors import FileError
 from distretarget.io.files import (
     check_inside,

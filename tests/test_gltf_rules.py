@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import SkeletonFileError
 from distretarget.io import gltf as reading
 from distretarget.io.gltf import parse_gltf
-from distretarget.io.gltf_mesh import _influences, _triangles
-from distretarget.io.gltf_scene import _vrm_0, decomposed
+from distretarget.io.gltf_scene import _influences, _triangles, _vrm_0, decomposed
 
 
 def parsed(making):

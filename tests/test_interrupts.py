@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from distretarget.batch.processes import interrupts_held
+from distretarget.batch.workers import interrupts_held
 
 ON_UNIX = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signals as Unix has them")
 

@@ -9,7 +9,7 @@ from bodies import other_lengths, person, swaying
 from program import last_records, run
 
 from distretarget import write_bvh
-from distretarget.batch import table
+from distretarget.batch import pages
 from distretarget.errors import MissingPackageError
 from distretarget.io.skeleton_json import skeleton_to_json
 
@@ -76,6 +76,6 @@ def test_parquet_has_the_same_rows_as_csv():
 
 
 def test_without_pyarrow_a_line_says_what_to_install(monkeypatch):
-    monkeypatch.setattr(table, "find_spec", lambda _: None)
+    monkeypatch.setattr(pages, "find_spec", lambda _: None)
     with pytest.raises(MissingPackageError, match="pip install pyarrow"):
-        table.check_table(Path("metrics.parquet"))
+        pages.check_table(Path("metrics.parquet"))

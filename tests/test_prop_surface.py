@@ -9,9 +9,9 @@ from scipy.spatial import ConvexHull
 
 from distretarget import BvhError, Prop, retarget_scene
 from distretarget.io.obj import parse_obj, parse_obj_mesh
-from distretarget.scene.bodies import Bodies, PropShape
-from distretarget.scene.prop_surface import PropSurface, nearest_on_bones
+from distretarget.scene.props import PropSurface, nearest_on_bones
 from distretarget.scene.scene_file import load_scene
+from distretarget.scene.skin import Bodies, PropShape
 from distretarget.skin.capsules import SEGMENTS
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 3.0)])

@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES, person
 
 from distretarget import load_target, read_bvh, retarget, write_bvh
-from distretarget.baseline.root_path import path_carriers
+from distretarget.baseline.engine_root import path_carriers
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 PATH = POSITION_CHANNELS

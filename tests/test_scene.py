@@ -25,7 +25,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS as DEFAULT
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import match_performer
-from distretarget.scene.scene_contacts import TRUNK_GIVE, find_scene_contacts, how_far_joints_give
+from distretarget.scene.contacts import TRUNK_GIVE, find_scene_contacts, how_far_joints_give
 from distretarget.scene.sweeps import MOST_SWEEPS, smoothed
 
 H = {"Chest": 0.9, "Elbow": 0.75, "Wrist": 0.8, "Knee": 1.2, "Ankle": 1.2}

@@ -16,9 +16,9 @@ from distretarget.measure.gaps import measure_skin_gap
 from distretarget.measure.skin import find_skin
 from distretarget.scene import apart
 from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
-from distretarget.scene.bodies import COUNT, Bodies, PropShape
-from distretarget.scene.prop_surface import PropSurface
+from distretarget.scene.props import PropSurface
 from distretarget.scene.scene_file import load_scene
+from distretarget.scene.skin import COUNT, Bodies, PropShape
 from distretarget.skin.capsules import IS_ARM
 
 FAT = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.7]) for part, ends in average_build("adult").parts.items()})

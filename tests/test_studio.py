@@ -28,7 +28,7 @@ from distretarget.io.motion_file import read_motion
 from distretarget.io.target_file import load_target
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
-from distretarget.studio.samples import SAMPLES as OFFERED
+from distretarget.studio.server import SAMPLES as OFFERED
 
 WAVE = SAMPLES / "wave.bvh"
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"

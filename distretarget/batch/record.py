@@ -1,13 +1,19 @@
-"""What is recorded of a clip."""
+"""What is recorded of a clip; and records in few bytes, as the database has them: some 450 a clip, with all metrics."""
 
 from __future__ import annotations
 
+import json
+import zlib
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib.metadata import version
 from operator import itemgetter
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
 
 from distretarget.batch.plan import PlannedClip
+from distretarget.measure.metrics import COLUMNS
 from distretarget.report.page import ClipRecord
 
 VERSION = version("distretarget")
@@ -67,3 +73,87 @@ def new_record(clip: PlannedClip, options: Mapping[str, Any], input_hash: str = 
 def results_of(record: BatchRecord) -> dict[str, str]:
     """Return the hashes of all results of a clip, by their paths in the folder of results."""
     return {record["output"]: record["output_hash"], **record["others"]}
+
+
+MOST_BYTES = 1 << 24  # of what is unpacked; a longer record is damaged
+MOST = 1e15  # of frames, or seconds
+# The keys of the parts of a record, with what they have if nothing is said.
+SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "version": ""}
+RIG: dict[str, Any] = {"notes": [], "alignment": ""}
+CLIP: dict[str, Any] = dict.fromkeys(("input", "output", "status", "error", "input_hash", "output_hash", "verdict"), "")
+CLIP |= {"frames": 0, "seconds": 0.0, "others": {}, "warnings": []}
+
+WORDS = (  # what most parts contain, which then takes few bytes
+    b'"error":"others":{"warnings":["feet skate no more than in the source; "seconds":0.0,"frames":"verdict":"'
+    b"The source has no self-contacts; feet do not skate; hips height kept within 0.1 % of a leg; largest direction "
+    b'error: Left, 0. degrees at frame "input":"output":".bvh","status":"done","input_hash":"sha256:","output_hash":"'
+    b"sha256:"
+)
+
+Packed = tuple[str, str, bytes, bytes]
+
+
+def packed(record: BatchRecord) -> Packed:
+    """Return the parts of a record: its settings and what it says of the rig, which many clips share, as JSON; what it
+    says of the clip, without what is empty; and the metrics in float32, nan where nothing was measured.
+    """
+    values = cast(dict[str, Any], record)
+    settings = json.dumps({**{key: values[key] for key in SETTINGS}, "columns": [*COLUMNS]})
+    rig = json.dumps({key: values[key] for key in RIG})
+    clip = json.dumps({key: values[key] for key in CLIP if values[key]}, separators=(",", ":"))
+    measured = record["metrics"]
+    numbers = [np.nan if measured.get(name) is None else measured[name] for name in COLUMNS if measured]
+    return settings, rig, packed_part(clip.encode()), packed_part(np.array(numbers, "<f4").tobytes())
+
+
+def unpacked(settings: str, rig: str, clip: bytes, metrics: bytes) -> BatchRecord:
+    """Return the record of some parts; a ValueError if they are damaged, whoever wrote them."""
+    try:
+        return _unpacked(settings, rig, clip, metrics)
+    except (TypeError, RecursionError, zlib.error) as error:
+        raise ValueError from error
+
+
+def _unpacked(settings: str, rig: str, clip: bytes, metrics: bytes) -> BatchRecord:
+    shared = _shared(settings, rig)
+    numbers = [each if abs(each) < MOST else None for each in np.frombuffer(_inflated(metrics), "<f4").tolist()]
+    found = dict(zip(shared["columns"] if numbers else (), numbers, strict=True))
+    own = _checked(json.loads(_inflated(clip)), CLIP)
+    record = {**shared, **own, "metrics": found}
+    del record["columns"]
+    return cast(BatchRecord, record)
+
+
+@lru_cache(maxsize=256)
+def _shared(settings: str, rig: str) -> Mapping[str, Any]:
+    return _checked(json.loads(settings), SETTINGS | {"columns": []}) | _checked(json.loads(rig), RIG)
+
+
+def _checked(found: object, empty: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a part, with those that are not said; a ValueError if they cannot be."""
+    values = {**empty, **found} if isinstance(found, dict) else {}
+    for key, usual in empty.items():
+        value: Any = values.get(key)
+        if isinstance(usual, int | float):
+            is_sound = isinstance(value, int | float) and 0 <= value <= MOST
+        else:
+            texts = [*value.values()] if key == "others" and isinstance(value, dict) else value
+            is_text = not isinstance(texts, list) or all(isinstance(each, str) for each in texts)
+            is_sound = type(value) is type(usual) and is_text
+        if not is_sound:
+            raise ValueError(f"{key} cannot be {value!r}")
+    return values
+
+
+def packed_part(content: bytes) -> bytes:
+    """Return the content of a part in few bytes."""
+    pack = zlib.compressobj(9, wbits=-zlib.MAX_WBITS, zdict=WORDS)  # without a header of six bytes
+    return pack.compress(content) + pack.flush()
+
+
+def _inflated(content: bytes) -> bytes:
+    unpack = zlib.decompressobj(-zlib.MAX_WBITS, zdict=WORDS)
+    found = unpack.decompress(content, MOST_BYTES)
+    if not unpack.eof:
+        raise ValueError("is not whole")
+    return found

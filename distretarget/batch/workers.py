@@ -1,12 +1,298 @@
-"""Retarget clips by workers, a few at a time."""
+"""Workers that retarget clips, a few at a time: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import logging
+import math
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from contextlib import contextmanager, suppress
+from multiprocessing import connection, resource_tracker
+from multiprocessing.context import ForkServerContext, SpawnContext
+from multiprocessing.util import get_temp_dir
+from pathlib import Path
+from queue import SimpleQueue
 
-from distretarget.batch.cluster import Cluster
-from distretarget.batch.job import Job, Result
-from distretarget.batch.processes import Processes
+from distretarget.batch.job import Job, Result, run
+from distretarget.errors import BatchError
+from distretarget.numerics.compiled import loaded
+
+# These set the threads of a process: workers have one each, as there is a worker for each core.
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Delay Ctrl-C and requests to end, in this process and in those that it starts in the block."""
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    received: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers = {number: signal.signal(number, lambda caught, _frame: received.append(caught)) for number in numbers}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)  # for started processes; other threads are not masked
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if received:
+            signal.raise_signal(received[0])
+
+
+class Processes:
+    """Processes on this machine: their number, and the time that their start took [s]."""
+
+    def __init__(self, count: int) -> None:
+        """Prepare to start this many processes."""
+        self.count, self.start_seconds = count, 0.0
+        self._processes: list[_Process] = []
+        # Not "fork": a process with threads, which numerical libraries start, must not be forked.
+        methods = multiprocessing.get_all_start_methods()
+        self._context: ForkServerContext | SpawnContext = multiprocessing.get_context("spawn")
+        if "forkserver" in methods:
+            self._context = multiprocessing.get_context("forkserver")
+            self._context.set_forkserver_preload(["distretarget.batch.workers"])
+            with _worker_environment():
+                resource_tracker.ensure_running()  # before another library starts it in another environment
+
+    def submit(self, job: Job) -> None:
+        """Give a clip to the process that has the fewest; a BatchError if none can be started."""
+        if not self._processes:
+            self.start()
+        min(self._processes, key=lambda process: len(process.jobs)).begin(job)
+
+    def start(self) -> None:
+        """Start the processes; a BatchError if they cannot be started."""
+        started = time.perf_counter()
+        loaded()  # if it cannot be, every clip would say so
+        self._processes += [_Process(self._context) for _ in range(self.count)]
+        try:
+            for process in self._processes:
+                process.receive()
+        except (EOFError, OSError) as error:
+            advice = 'a script that converts needs a file of its own, with `if __name__ == "__main__":`'
+            raise BatchError(f"the workers die as they start; {advice}") from error
+        self.start_seconds += time.perf_counter() - started
+
+    def finished(self) -> Iterator[tuple[Job, Result | None]]:
+        """Wait until a clip is finished, and yield those that are, with their results; None if the process died."""
+        processes = {process.pipe: process for process in self._processes}
+        time_left = min(process.time_left for process in self._processes)
+        ready = connection.wait(processes, None if time_left == math.inf else max(time_left, 0.0))
+        for process in (one for pipe, one in processes.items() if pipe in ready):
+            try:
+                result = process.receive()
+            except (EOFError, OSError):
+                yield from ((job, None) for job in self._replace(process))
+            else:
+                if result:
+                    yield process.jobs.popleft(), result
+        for process in [each for each in self._processes if each.time_left < 0.0]:
+            for job in self._replace(process):
+                limit = f"took longer than the limit of {job.time_limit:g} s; the next run tries it again"
+                yield job, job.failed(f"{job.source.path}: {limit}")
+
+    def _replace(self, process: _Process) -> Iterator[Job]:
+        """End a process, let another one do what it has not begun, and yield the job that it was at work on, if any."""
+        process.kill()
+        other = _Process(self._context)
+        self._processes[self._processes.index(process)] = other
+        for job in [*process.jobs][1:]:
+            other.begin(job)
+        if process.jobs:
+            yield process.jobs[0]
+
+    def close(self) -> None:
+        """End the processes; the next clip starts others."""
+        for process in self._processes:
+            process.kill()
+        self._processes.clear()
+
+
+class _Process:
+    """A process that retargets clips in turn.
+
+    Attributes:
+        pipe: to it.
+        jobs: that it has; it is at work on the first one.
+    """
+
+    def __init__(self, context: ForkServerContext | SpawnContext) -> None:
+        """Start the process."""
+        self.jobs, self._began = deque[Job](), 0.0
+        self.pipe, its_end = context.Pipe()
+        self._process = context.Process(target=_work, args=(its_end, get_temp_dir()))
+        with _worker_environment():
+            self._process.start()
+        its_end.close()
+
+    def begin(self, job: Job) -> None:
+        """Give it one more job."""
+        self.jobs.append(job)
+        if len(self.jobs) == 1:
+            self._began = time.monotonic()
+        with suppress(OSError):  # it has died, which `receive` finds
+            self.pipe.send(job)
+
+    def receive(self) -> Result | None:
+        """Return the result of its first job, or None if it says that it has started; an EOFError or OSError if it has
+        died.
+        """
+        result: Result | None = self.pipe.recv()
+        self._began = time.monotonic()
+        return result
+
+    @property
+    def time_left(self) -> float:
+        """The time until its first job is over the limit [s]."""
+        limit = self.jobs[0].time_limit if self.jobs else None
+        return math.inf if limit is None else self._began + limit - time.monotonic()
+
+    def kill(self) -> None:
+        """End it at once and silently, even while it starts."""
+        self._process.kill()
+        self._process.join()
+        self.pipe.close()
+
+
+def _work(pipe: connection.Connection[Result | None, Job], temporary: str) -> None:
+    """Retarget the clips that come through a pipe, until it ends, as its other end does with the parent; then remove
+    temporary files. Ctrl-C is ignored: the parent handles it.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    jobs = SimpleQueue[Job]()
+
+    def receive() -> None:
+        try:
+            while True:
+                jobs.put(pipe.recv())
+        except (EOFError, OSError):
+            shutil.rmtree(temporary, ignore_errors=True)
+            os._exit(1)
+
+    receiving = threading.Thread(target=receive, daemon=True)
+    receiving.start()
+    try:
+        pipe.send(None)
+        while True:
+            pipe.send(run(jobs.get()))
+    except OSError:
+        receiving.join()
+
+
+@contextmanager
+def _worker_environment() -> Iterator[None]:
+    """Set the environment variables of workers while they start; Ctrl-C waits meanwhile.
+
+    Workers import from the same folders as this process, but not from the working directory, which may hold another
+    copy of this program. They do not warn of semaphores that are left when this process is killed.
+    """
+    before = dict(os.environ)
+    path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
+    quiet = {"PYTHONWARNINGS": "ignore:resource_tracker", "PYTHONSAFEPATH": "1", "PYTHONPATH": path}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | quiet)
+    try:
+        with interrupts_held():
+            yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+CHECK_INTERVAL = 5.0  # after this time without a result, check whether there are workers [s]
+CONNECT_TIMEOUT = 10.0  # time for a scheduler to answer [s]
+REMINDER = 60.0  # time from one line that there are no workers to the next [s]
+
+
+class Cluster:
+    """A Dask cluster; its scheduler gives the jobs of workers that die to others."""
+
+    def __init__(self, address: str, waiting: Callable[[str], object]) -> None:
+        """Connect to the scheduler at an address; raise a BatchError if none answers or the cluster has no workers.
+
+        If the workers leave later, `waiting` is called with that reason.
+        """
+        import asyncio  # here, as it is slow to import
+
+        try:
+            from distributed import Client
+        except ImportError as missing:
+            raise BatchError("--dask needs the package distributed: pip install 'distretarget[dask]'") from missing
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it prints tracebacks of what is said in a line
+        try:
+            kind = asyncio.run(_kind(address))  # a client would wait for much longer, and not without noise
+            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) if kind == "Scheduler" else None
+        except TimeoutError as error:
+            raise BatchError(f"no Dask scheduler answers at {address!r} within {CONNECT_TIMEOUT:g} s") from error
+        except Exception as error:  # of all layers below: the address, the network, what another program answers
+            raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from error
+        if client is None:
+            raise BatchError(f"{address!r} is the address of a Dask {kind.lower()}; expected that of the scheduler")
+        self._client = client
+        self._executor: Executor = client.get_executor(pure=False)
+        self._running: dict[Future[Result], Job] = {}
+        self._waiting, self._next_reminder = waiting, 0.0
+        self.count, self.start_seconds = sum(client.ncores().values()), 0.0
+        if not self.count:
+            self.close()
+            raise BatchError(f"the Dask scheduler at {address} has no workers; start some and run this again")
+
+    def submit(self, job: Job) -> None:
+        """Give a clip to the cluster."""
+        self._running[self._executor.submit(run, job)] = job
+
+    def finished(self) -> Iterator[tuple[Job, Result]]:
+        """Wait until a clip is finished, and yield those that are, with their results.
+
+        Raises:
+            BatchError: the cluster is gone.
+        """
+        done, _ = wait(self._running, CHECK_INTERVAL, FIRST_COMPLETED)
+        if not done:
+            self._remind()
+        for future in done:
+            job = self._running.pop(future)
+            try:
+                result = future.result()
+            except CancelledError as error:
+                raise BatchError("the workers are gone; run this again to go on") from error
+            except Exception as error:  # of the cluster; it concerns this clip only
+                result = job.failed(f"{job.source.path}: {type(error).__name__}: {error}")
+            yield job, result
+
+    def _remind(self) -> None:
+        """Say now and then that the cluster has no workers; it may get new ones."""
+        if not self._client.scheduler_info()["workers"] and time.monotonic() >= self._next_reminder:
+            self._next_reminder = time.monotonic() + REMINDER
+            self._waiting("the Dask cluster has no workers")
+
+    def close(self) -> None:
+        """Leave the cluster; jobs not yet done are dropped."""
+        with suppress(Exception):
+            self._client.close(timeout=5)
+
+
+async def _kind(address: str) -> str:
+    """What the Dask process at an address is, such as "Scheduler" or "Worker"."""
+    import asyncio
+
+    from distributed import rpc
+
+    async with rpc(address, timeout=CONNECT_TIMEOUT) as process:
+        return str((await asyncio.wait_for(process.identity(), CONNECT_TIMEOUT))["type"])
+
 
 QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
 

@@ -1,23 +1,201 @@
-"""The character of a file: the skeleton that its nodes are in the bind pose."""
+"""The character of a file: which nodes are its joints, where the mesh was bound to them, and the skeleton.
+
+A skin states the bind pose as inverse bind matrices, from the mesh's space to each joint's. Where that
+space is in the world, no file states: the transform of the mesh's node does not count (glTF 2.0 specification, section
+3.7.3.3). It is found from the joints that show their bind pose.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from distretarget.body.conventions import NamedTree
+from distretarget.body.named_anatomy import by_tree
 from distretarget.body.recognition import by_names
-from distretarget.character.character import Character
-from distretarget.character.deform import with_deform_bones, with_limbs_on_body
-from distretarget.character.joints import are_regular, bind_poses, joint_nodes
-from distretarget.character.nodes import CharacterScene, Nodes
-from distretarget.errors import FileError, SkeletonError, cut, quoted
+from distretarget.character.character import Character, with_deform_bones, with_limbs_on_body
+from distretarget.character.nodes import CharacterScene, Nodes, SkinBinding
+from distretarget.errors import FileError, SkeletonError, counted, cut, quoted
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
+
+MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matrices of joints x joints
+AGREE = 1e-3  # two transforms agree if they differ by less than this [of their scale, and of the body]
+SHARE = 0.5  # a transform on which this share of the joints agrees is that of the mesh's space
+REGULAR = 1e-9  # a matrix with a smaller determinant has no inverse [of its largest entry, cubed]
+
+
+def joint_nodes(scene: CharacterScene) -> tuple[list[int], list[int], tuple[str, ...]]:
+    """Return the nodes above the root, from the top, and those that are joints, parents before children; and a warning
+    if the file has other skeletons as well.
+
+    Joints are the nodes that skins use, and the bones of a humanoid, and those between them. Without skins and humanoid
+    they are those with names of the parts of a body, or else those that an animation turns.
+    A FileError if there are none, or too many, or if they hang from no common node.
+    """
+    nodes = scene.nodes
+    wanted, left_out = _wanted(scene)
+    above, carried = [_meeting(wanted, nodes)], _carried(wanted, nodes)
+    while (parent := nodes.parents.item(above[-1])) >= 0:
+        above.append(parent)
+    are_above = set(above[1:])
+    joints = [node for node in nodes.top_down if carried[node] and node not in are_above]
+    if len(joints) + len(are_above) > MOST_JOINTS:
+        counts = f"{counted(len(joints), 'joint')} and {counted(len(are_above), 'node')} above"
+        raise FileError(scene.path, f"its skeleton has {counts}; expected at most {MOST_JOINTS}")
+    return above[:0:-1], joints, left_out
+
+
+def _carried(some: Iterable[int], nodes: Nodes) -> list[int]:
+    """How many of some nodes each node of the forest carries, itself included."""
+    parents, counts = nodes.parents.tolist(), [0] * len(nodes)
+    for node in some:
+        counts[node] = 1
+    for node in reversed(nodes.top_down):
+        if parents[node] >= 0:
+            counts[parents[node]] += counts[node]
+    return counts
+
+
+def _meeting(some: Collection[int], nodes: Nodes) -> int:
+    """The lowest node from which all of some different nodes hang; -1 if there is none."""
+    counts = _carried(some, nodes)
+    return next((node for node in reversed(nodes.top_down) if counts[node] == len(some)), -1)
+
+
+def _branches(above: int, nodes: Nodes) -> list[int]:
+    """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
+    parents, branches = nodes.parents.tolist(), list(range(len(nodes)))
+    for node in nodes.top_down:
+        if parents[node] not in (-1, above) and node != above:
+            branches[node] = branches[parents[node]]
+    return branches
+
+
+def _wanted(scene: CharacterScene) -> tuple[list[int], tuple[str, ...]]:
+    """The nodes that are joints for certain, and a warning of those that are left out: other skeletons in the file,
+    whose skins share no branch with the humanoid's or, without one, with the largest.
+    """
+    groups = [list(scene.humanoid.values()), *(skin.joints.tolist() for skin in scene.skins)]
+    if not any(groups):
+        groups = [_named(scene.nodes) or [*(scene.animation.rotations if scene.animation else ())]]
+    every = list(dict.fromkeys(node for group in groups for node in group))
+    if not every:
+        found = "has no skin, no VRM humanoid, and no nodes with the names of a body"
+        raise FileError(scene.path, f"{found}; expected a character")
+    skeletons = _skeletons(groups, _branches(_meeting(every, scene.nodes), scene.nodes))
+    chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
+    others = [scene.nodes.names[next(iter(each))] for each in skeletons if each is not chosen]
+    if _meeting(chosen, scene.nodes) < 0:
+        raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
+    notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
+    return [node for node in every if node in chosen], tuple(notes)
+
+
+def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list[dict[int, None]]:
+    """Groups of nodes, joined where they have nodes on the same branch; their nodes as the keys of dictionaries, in
+    order.
+    """
+    groups = [group for group in groups if group]
+    pairs = [(number, branches[node]) for number, group in enumerate(groups) for node in group]
+    numbers, shared = np.array(pairs).T
+    size = len(groups) + len(branches)
+    graph = coo_array((np.ones(len(pairs), bool), (numbers, len(groups) + shared)), shape=(size, size))
+    joined: dict[int, dict[int, None]] = {}
+    for group, label in zip(groups, connected_components(graph, directed=False)[1].tolist(), strict=False):
+        joined.setdefault(label, {}).update(dict.fromkeys(group))
+    return list(joined.values())
+
+
+def _named(nodes: Nodes) -> list[int]:
+    """The nodes that have the names of the parts of a body."""
+    if not 0 < len(nodes) <= MOST_JOINTS:
+        return []
+    tree = nodes.among(nodes.top_down)
+    anatomy = by_tree(NamedTree(tree.names, tuple(tree.parents.tolist()), (False,) * len(tree)))
+    return [nodes.top_down[place] for place in anatomy.roles.values()] if anatomy else []
+
+
+def bind_poses(nodes: Nodes, skins: Sequence[SkinBinding]) -> dict[int, Array]:
+    """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose. Where several skins have
+    a joint, the one that reaches highest decides, and the largest of these; the others are bound where it is.
+    """
+    found: dict[int, Array] = {}
+    depth = np.argsort(nodes.top_down)
+    for skin in sorted(skins, key=lambda skin: (depth[skin.joints].min(initial=len(nodes)), -len(skin.joints))):
+        if found.keys() >= set(skin.joints.tolist()):  # as with the many skins of one body
+            continue
+        if skin.inverse_binds is None:
+            found = {joint: nodes.world[joint] for joint in skin.joints.tolist()} | found
+            continue
+        regular = np.flatnonzero(are_regular(skin.inverse_binds))
+        chosen = regular[np.argsort(depth[skin.joints[regular]])]
+        joints, inverse_binds = skin.joints[chosen], skin.inverse_binds[chosen]
+        shared = next((place for place, joint in enumerate(joints.tolist()) if joint in found), None)
+        if shared is not None:
+            space = found[joints[shared].item()] @ inverse_binds[shared]
+        elif len(joints):
+            space = _mesh_space(nodes.world[list(skin.meshes)], nodes.world[joints], inverse_binds)
+        else:
+            continue
+        found = dict(zip(joints.tolist(), space @ np.linalg.inv(inverse_binds), strict=True)) | found
+    return found
+
+
+def are_regular(matrices: Array) -> NDArray[np.bool_]:
+    """(n,), whether the axes of transforms (n, 4, 4) span a space, so that they have an inverse."""
+    axes = matrices[:, :3, :3]
+    return np.asarray(np.abs(np.linalg.det(axes)) > REGULAR * np.abs(axes).max(axis=(1, 2)) ** 3)
+
+
+def _mesh_space(meshes: Array, shown: Array, inverse_binds: Array) -> Array:
+    """The transform of the mesh's space to the world, (4, 4); from what the nodes with the mesh and the joints show,
+    the topmost joint first, (nodes, 4, 4) and (joints, 4, 4), and the inverse bind matrices of these joints.
+
+    A joint that shows its bind pose brings the space there: its transform times its inverse bind matrix. If this is
+    the world's space or that of a mesh's node for the topmost joint, it decides: a bent spine takes all joints above it
+    along. Else the joints that agree decide. Where most joints show another pose, the space is the world's or that of a
+    mesh's node, whichever is nearer to what the topmost joint says, if its scale is right.
+    """
+    said = shown @ inverse_binds
+    extent = float(np.ptp(shown[:, :3, 3], axis=0).max())
+    scale = float(np.median(_scales(said)))
+    spaces: tuple[Array, ...] = (np.eye(4), *_spread(meshes))
+    known = [space for space in spaces if abs(_scales(space[None])[0] / scale - 1) < AGREE]
+    for space in known:
+        if _agree(said[:1], space, scale, extent)[0]:
+            return space
+    likely: list[Array] = [*known, *_spread(said)]
+    counts = [int(_agree(said, space, scale, extent).sum()) for space in likely]
+    most = max(counts)
+    if most >= SHARE * len(shown):
+        return likely[counts.index(most)]
+    first: Array = said[0]
+    return min(known or [first], key=lambda each: float(np.linalg.norm(each[:3, :3] - first[:3, :3])))
+
+
+def _scales(spaces: Array) -> Array:
+    return np.asarray(np.cbrt(np.abs(np.linalg.det(spaces[:, :3, :3]))))
+
+
+def _agree(said: Array, space: Array, scale: float, extent: float) -> NDArray[np.bool_]:
+    """(joints,), whether each joint says the same space."""
+    turned = np.abs(said[:, :3, :3] - space[:3, :3]).max(axis=(1, 2)) < AGREE * scale
+    moved = np.abs(said[:, :3, 3] - space[:3, 3]).max(axis=1) < AGREE * max(extent, 1e-300)
+    return np.asarray(turned & moved)
+
+
+def _spread(spaces: Array, most: int = 16) -> Array:
+    """Some of the spaces, spread over all."""
+    return spaces[np.unique(np.linspace(0, len(spaces) - 1, most).astype(int))] if len(spaces) > most else spaces
+
 
 LONGEST_NAME = 200  # of a joint [characters]
 NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]

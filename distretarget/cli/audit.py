@@ -15,7 +15,7 @@ from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_o
 from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
 from distretarget.errors import BatchError, closest
 from distretarget.measure.clip_faults import KINDS
-from distretarget.report.csv_table import csv_lines
+from distretarget.report.diff_document import csv_lines
 
 
 def of_kind(text: str) -> tuple[str, float]:

@@ -15,15 +15,13 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
-from distretarget.batch.cluster import Cluster
 from distretarget.batch.job import TIME_LIMITS
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.processes import Processes
 from distretarget.batch.record import BatchRecord
 from distretarget.batch.results import Results, clips_folder, write_merged
 from distretarget.batch.summary import Tally
-from distretarget.batch.workers import Workers
+from distretarget.batch.workers import Cluster, Processes, Workers
 from distretarget.cli.options import (
     PATH,
     RecipeFiles,

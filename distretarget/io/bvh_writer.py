@@ -15,8 +15,7 @@ import numpy as np
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, SkeletonError, counted
-from distretarget.io.bvh import MAX_DEPTH
-from distretarget.io.bvh_text import is_name
+from distretarget.io.bvh import MAX_DEPTH, is_name
 from distretarget.io.files import write_whole
 from distretarget.io.number_text import rows_text
 from distretarget.motion import Motion

@@ -10,8 +10,7 @@ from typing import Any
 from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Look, Plant
 from distretarget.errors import SettingsError, SkeletonFileError, closest
 from distretarget.io.files import read_text
-from distretarget.io.json_node import Node, parse_json
-from distretarget.io.json_text import on_lines, on_one_line
+from distretarget.io.json_node import Node, on_lines, on_one_line, parse_json
 
 HEADER: dict[str, object] = {"format": "distretarget-contacts", "version": 1}
 SUFFIX = ".contacts.json"  # of a file beside a clip, instead of the clip's ending

@@ -12,8 +12,7 @@ from distretarget.body.body import Body
 from distretarget.errors import FileError, MapError, MotionError, SkeletonFileError, difference, entry_place
 from distretarget.io.files import read_text
 from distretarget.io.input_file import load_file
-from distretarget.io.json_node import Node, parse_json
-from distretarget.io.json_text import on_lines
+from distretarget.io.json_node import Node, on_lines, parse_json
 from distretarget.io.motion_file import parse_motion
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import pairs_of_map

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
-from distretarget.io.bvh_text import NUMBER
+from distretarget.io.bvh import NUMBER
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, spread_out
 from distretarget.skeleton import ALL_CHANNELS, LARGEST, Skeleton

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from distretarget.errors import SkeletonError, closest, entry_place, quoted
-from distretarget.io.json_node import Fields, Node, described
-from distretarget.io.json_text import on_lines
+from distretarget.io.json_node import Fields, Node, described, on_lines
 from distretarget.skeleton import ALL_CHANNELS, AXES, UNITS, USUAL_ROOT, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import LoadedTarget, SkeletonEdit, Target, with_bones
 

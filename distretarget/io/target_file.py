@@ -19,9 +19,8 @@ from distretarget.errors import BvhError, DistretargetError, FileError, MotionEr
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.fbx import fbx_mesh, parse_fbx
 from distretarget.io.gltf import Gltf
-from distretarget.io.gltf_character import gltf_character
-from distretarget.io.gltf_mesh import gltf_materials, gltf_parts
-from distretarget.io.gltf_scene import animation_names, gltf_scene
+from distretarget.io.gltf_scene import animation_names, gltf_materials, gltf_parts, gltf_scene
+from distretarget.io.gltf_writer import gltf_character
 from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.json_node import parse_json
 from distretarget.io.skeleton_json import skeleton_target

@@ -17,7 +17,7 @@ from distretarget.character.nodes import Animation
 from distretarget.errors import MotionError, quoted
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_writer import Parts, animated
-from distretarget.io.json_text import compact
+from distretarget.io.json_node import compact
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least

@@ -25,10 +25,9 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.constraints import centimetres, frames_of
 from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.supports import RESTS, Supports
-from distretarget.pipeline.baseline import Baseline
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Match, match_performer
-from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.balls import segment_gaps
 from distretarget.target import AnyTarget, SkeletonEdit, Target

@@ -8,8 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.baseline.engine_root import EngineRoot, find_engine_root
-from distretarget.baseline.root_path import along_channels
+from distretarget.baseline.engine_root import EngineRoot, along_channels, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.bare import bare_mesh
@@ -33,9 +32,8 @@ from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.skin import Reach, with_skin
 from distretarget.objectives.supports import Supports, no_supports
-from distretarget.pipeline.baseline import Baseline
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import RetargetResult, undersides_of
+from distretarget.pipeline.result import Baseline, RetargetResult, undersides_of
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh

@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import chain
 from typing import Any, Literal, SupportsFloat, TypedDict
 
 import numpy as np
@@ -20,6 +23,34 @@ from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY, Tracks, Variant, clip_limits, clip_metrics, frame_metrics, metrics_at
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import Skeleton
+
+FORMULAS = ("=", "+", "-", "@", "\t")  # a text that begins with one is run by spreadsheets
+
+
+def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
+    """Return rows with the same keys as CSV: a row of keys, then each row; None is an empty cell."""
+    return "".join(csv_lines([*rows[0]], rows))
+
+
+def csv_lines(columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> Iterator[str]:
+    """Yield the lines of a table: the names of its columns, then each row; a missing value or None is an empty cell.
+
+    A text that a spreadsheet would run as a formula has an apostrophe before it.
+    """
+    line = io.StringIO()
+    table = csv.writer(line, lineterminator="\n")
+    for cells in chain([columns], (map(row.get, columns) for row in rows)):
+        table.writerow([_plain(cell) if isinstance(cell, str) else cell for cell in cells])
+        yield line.getvalue()
+        line.seek(0)
+        line.truncate()
+
+
+def _plain(text: str) -> str:
+    """The text of a cell; a carriage return, which ends the row for some readers, is a space."""
+    text = text.replace("\r", " ")
+    return f"'{text}" if text.startswith(FORMULAS) else text
+
 
 MetricValues = Mapping[str, float | None]
 """Metrics by key; None where nothing was to be measured."""

@@ -27,11 +27,9 @@ from distretarget.numerics.vectors import Array, lengths
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, upright
 from distretarget.report.clip_page import run_diff, shown_performer
-from distretarget.report.csv_table import csv_text
-from distretarget.report.diff_document import About, DiffDocument, Table, Values, document, judged, rounded
+from distretarget.report.diff_document import About, DiffDocument, Table, Values, csv_text, document, judged, rounded
 from distretarget.report.page import html_page
-from distretarget.report.stage import ShownBody, stage_of_bodies
-from distretarget.report.timeline_rows import Row, limit_of
+from distretarget.report.stage import Row, ShownBody, limit_of, stage_of_bodies
 from distretarget.scene.retargeting import SceneResult
 from distretarget.skin.capsules import SEGMENTS
 

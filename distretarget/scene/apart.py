@@ -22,7 +22,7 @@ from distretarget.numerics.time_series import by_shot, over_runs, smoothstep, wi
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.supports import Supports
-from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, moved_by
+from distretarget.scene.contacts import SceneContacts, common_shots, copy_on_path, moved_by
 from distretarget.skin.balls import write_ways
 from distretarget.skin.capsules import SEGMENTS
 

@@ -1,26 +1,38 @@
-"""Contacts of performers with each other and with props: joints that come near, and the springs that keep them near.
+"""A scene: its performers and props, the contacts between them, and what lies or sits on a prop, as it does on skin.
 
-Between two performers, contacts are pairs of joints. A joint that touches a prop belongs where the prop's placement
-takes the joint's driver.
+Between two performers, contacts are pairs of joints that come near. A joint that touches a prop belongs where the
+placement of the prop takes the driver of the joint. Springs keep both near.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations, takewhile
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.ik.springs import Springs
+from distretarget.body.anatomy import TRUNK_REGIONS
+from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds
+from distretarget.ik.springs import Springs, joined, no_springs
+from distretarget.measure.gaps import TOUCH_DISTANCE
+from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import come_near, least_distances
+from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.time_series import Shots, by_shot, median_of_three
-from distretarget.numerics.vectors import Array, Numbers, lengths
+from distretarget.numerics.time_series import Shots, by_shot, median_of_three, over_runs
+from distretarget.numerics.vectors import Array, Numbers, lengths, level, spread_out
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import pair_stiffness
 from distretarget.objectives.contact_terms import share_across
-from distretarget.scene.props import Placement
+from distretarget.objectives.supports import RESTS, ROOT_BLEND
+from distretarget.pipeline.performer import Performer
+from distretarget.scene.props import Hold, PlacedProp, Placement, held_placement, nearest_places
+from distretarget.skin.capsules import IS_ARM, SEGMENTS
 
 Both = tuple[Array, Array]
 
@@ -211,3 +223,235 @@ def _nearest_distances(joints: Array, prop: Array) -> Array:
     for block in blocks_of(len(joints)):
         distances[block] = lengths(joints[block][:, :, None] - prop[block][:, None]).min(axis=-1)
     return distances
+
+
+REGION_POINTS = 9  # most joints of a region that may touch others
+LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
+TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
+# Parts that rest on their skin; hands are brought to it in the end (`scene.skin`). The last is none.
+IS_SEAT = np.array([not IS_ARM[number] and "foot" not in name for number, name in enumerate(SEGMENTS)] + [False])
+OVER = 0.3  # a joint is over a prop if the way from there to it has at least this cosine to the vertical ...
+FARTHEST = 0.5  # and the prop is nearer than this [leg lengths]
+MOVING = 1e-3  # weight of frames in which a joint is still on its way, such as one who sits down
+
+
+@dataclass(frozen=True, eq=False)
+class SceneContacts:
+    """Performers and props, and the contacts between them."""
+
+    performers: tuple[Performer, ...]  # as they are solved, one by one
+    props: tuple[PlacedProp, ...]
+    between: Mapping[tuple[int, int], PerformerContacts]  # of each two performers, by their numbers
+    on_props: Mapping[tuple[int, int], PropContacts]  # of each performer and prop, by their numbers
+    gives: tuple[Array, ...]  # of each performer, (frames, joints), see `how_far_joints_give`
+
+    def placements(self, now: Sequence[Motion]) -> list[Placement]:
+        """The placement of each prop while the performers move as they do now."""
+        return [self._placement(number, prop, now) for number, prop in enumerate(self.props)]
+
+    def _placement(self, number: int, prop: PlacedProp, now: Sequence[Motion]) -> Placement:
+        holds = []
+        for i, grips in prop.grips.items():
+            clip, near = self.performers[i].clip, self.on_props[i, number]
+            for column in np.flatnonzero(np.isin(near.joints, grips)):
+                joint = near.joints[column]
+                copied, turned = (Rotation.from_quat(each.world_rotations[:, joint]) for each in (clip.copy, now[i]))
+                turn, place = (turned * copied.inv()).as_matrix(), now[i].positions[:, joint]
+                holds.append(Hold(near.f[:, column], near.source[:, column], place, turn, LEVER * clip.unit))
+        return held_placement(prop.free, holds) if holds else prop.free
+
+    def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
+        """Return the springs from each performer to the others and to props; `alone` has the motions solved without
+        them. Without `alone`, in the first sweep, springs between performers have no stiffness.
+        """
+        start = alone or now
+        springs = [no_springs(len(one.clip)) for one in self.performers]
+        for (i, j), near in self.between.items():
+            one, other = self.performers[i], self.performers[j]
+            positions = (start[i].positions, start[j].positions), (now[i].positions, now[j].positions)
+            drawn = near.springs(*positions, (self.gives[i], self.gives[j]), (one.clip.unit, other.clip.unit))
+            for number, each in zip((i, j), drawn, strict=True):
+                springs[number] = joined(springs[number], each if alone else each._replace(A=0.0 * each.A))
+        return [joined(*both) for both in zip(springs, self.springs_to_props(now), strict=True)]
+
+    def springs_to_props(self, now: Sequence[Motion], props: Container[int] | None = None) -> list[Springs]:
+        """Return the springs from each performer to all props, or to some, for performers that move like this."""
+        springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
+        for (i, k), touching in self.on_props.items():
+            if props is None or k in props:
+                springs[i] = joined(springs[i], touching.springs(places[k], self.performers[i].clip))
+        return springs
+
+    def gap_error(self, now: Sequence[Motion]) -> float:
+        """The mean error of the gaps in contacts [leg lengths]; 0 if nothing touches."""
+        placements, measured = self.placements(now), []
+        for (i, j), near in self.between.items():
+            leg = (self.performers[i].clip.unit + self.performers[j].clip.unit) / 4.0
+            measured.append((*near.gaps(now[i].positions, now[j].positions), leg))
+        for (i, k), touching in self.on_props.items():
+            place, leg = placements[k], self.performers[i].clip.unit / 2.0
+            points = place(self.props[k].motion.positions)
+            measured.append((*touching.gaps(now[i].positions, points, place.scale), leg))
+        errors = [np.abs(gaps - due)[due < TOUCH_DISTANCE * leg] / leg for gaps, due, leg in measured]
+        return float(np.concatenate(errors).mean()) if any(map(len, errors)) else 0.0
+
+
+def common_shots(performers: Sequence[Performer]) -> Shots:
+    """(frames,), the shots of several performers: a new one begins at the cuts of any."""
+    return np.asarray(np.sum([one.clip.shots for one in performers], axis=0))
+
+
+def copy_on_path(one: Performer) -> Motion:
+    """Return the rotation copy with its root on the performer's path."""
+    return replace(one.clip.copy, root_positions=one.clip.root)
+
+
+def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> SceneContacts:
+    """Find all contacts, and move supports that rest on another performer or on a prop to there."""
+    points = [_contact_points(one) for one in performers]
+    between, on_props, supported = {}, {}, []
+    for i, j in combinations(range(len(performers)), 2):
+        one, height = performers[i], (performers[i].clip.scale.height + performers[j].clip.scale.height) / 2.0
+        scale = RootScale(one.clip.scale.level, height)
+        between[i, j] = find_performer_contacts(
+            points[i], points[j], scale, one.clip.up, one.clip.frame_time, one.settings
+        )
+    for i, one in enumerate(performers):
+        moving = [(near.frames, near.joints[both.index(i)], near.f) for both, near in between.items() if i in both]
+        for k, prop in enumerate(props):
+            near = on_props[i, k] = _prop_contacts(one, points[i], prop, prop.grips.get(i, ()))
+            if prop.grips:
+                frames, columns = np.nonzero(near.f)
+                moving.append((frames, near.joints[columns], near.f[frames, columns]))
+            else:
+                near = on_props[i, k] = replace(near, rises=rises_over(one, near, prop))
+                one = _resting_on(seated(one, near, prop), near, prop.free)
+        supported.append(_yielding(one, moving))
+    return SceneContacts(tuple(supported), tuple(props), between, on_props, tuple(map(how_far_joints_give, supported)))
+
+
+def how_far_joints_give(one: Performer) -> Array:
+    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units].
+
+    A joint of a limb goes as far as the limb is long up to it, one of the trunk as far as the trunk leans. A limb that
+    rests on the world gives no more than the trunk.
+    """
+    clip, skeleton = one.clip, one.clip.skeleton
+    trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
+    limbs = [[*takewhile(lambda each: not trunk[each], skeleton.line(joint))] for joint in range(len(skeleton))]
+    length = np.array([skeleton.paths_from(limb[0])[limb[-1]] if limb else 0.0 for limb in limbs])
+    held = np.zeros((len(clip), len(skeleton)))
+    for support, joint in enumerate(one.supports.joints):
+        held[:, limbs[joint]] = np.maximum(held[:, limbs[joint]], one.supports.weights[:, support, None])
+    return np.asarray(length * (1.0 - held) + TRUNK_GIVE * clip.unit)
+
+
+def _contact_points(one: Performer) -> ContactPoints:
+    """The joints of a performer that may touch, a few of each region: fingers follow the hand."""
+    matching, distances = one.match.matching, one.clip.distances
+    skeleton = matching.source.skeleton
+    regions = matching.regions.of_joint[distances.targets]
+    kept: list[int] = []
+    for region in range(len(matching.regions.names)):
+        points = np.flatnonzero(regions == region)
+        tau = skeleton.paths_among(distances.sources[points])
+        kept += points[spread_out(tau, REGION_POINTS)].tolist() if len(points) else []
+    sources, joints = distances.sources[kept], distances.targets[kept]
+    return ContactPoints(
+        joints=joints,
+        regions=regions[kept],
+        source=matching.source_motion.positions[:, sources],
+        reach=skeleton.paths_from(matching.drivers.item(matching.pelvis))[sources],
+        target_reach=matching.target.skeleton.paths_from(matching.pelvis)[joints],
+        shots=one.clip.shots,
+    )
+
+
+def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, holders: Sequence[int]) -> PropContacts:
+    """The contacts of a performer with a prop, which draws no standing feet. Where a single joint holds the prop, it
+    does not draw the joint's region; several joints are drawn themselves.
+    """
+    supports = one.supports
+    free = np.ones((len(one.clip), len(points.joints)))
+    for support, region in enumerate(supports.regions[: supports.feet]):
+        free[:, points.regions == region] *= 1.0 - supports.weights[:, support, None]
+    leg = one.clip.leg_lengths[0] or one.match.matching.source.unit
+    near = find_prop_contacts(points, prop.motion.positions, leg, free, one.clip.frame_time, one.settings)
+    regions = one.clip.regions.of_joint
+    left = np.isin(regions[near.joints], regions[[*holders]])
+    if sum(map(len, prop.grips.values())) > 1:
+        left &= ~np.isin(near.joints, holders)
+    return replace(near, A=np.where(left[:, None, None], 0.0, near.A))
+
+
+def _resting_on(one: Performer, near: PropContacts, free: Placement) -> Performer:
+    """Move supports, except feet, that touch a prop nobody holds to their places on the prop."""
+    supports, places, on_prop = one.supports, np.array(one.supports.places), near.places(free)
+    for support in range(supports.feet, len(supports.joints)):
+        for column in np.flatnonzero(near.joints == supports.joints[support]):
+            places[:, support] += near.f[:, column, None] * (on_prop[:, column] - places[:, support])
+    return replace(one, supports=replace(supports, places=places))
+
+
+def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Performer:
+    """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet. `moving`
+    has frames, joints and activations of these contacts.
+    """
+    clip, supports, reach = one.clip, one.supports, REST_HEIGHT * one.clip.leg_lengths[1]
+    floor = clip.scale.height * clip.source_floor[:, None]
+    touched = np.zeros((len(clip), len(clip.regions.names)))
+    for frames, joints, f in moving:
+        np.maximum.at(touched, (frames, clip.regions.of_joint[joints]), f)
+    yields = np.where(supports.places @ clip.up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
+    yields[:, : supports.feet] = 0.0
+    return replace(one, supports=replace(supports, weights=supports.weights * (1.0 - yields)))
+
+
+def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
+    """(frames, joints, 3), how much higher than where the prop takes the source's the joints of `near` belong [target
+    file units]: as much as brings their skin as far over the prop as the source's, or onto it where that is in it; the
+    mean over each rest. 0 for arms and feet, for joints that are beside the prop, and for bodies without thickness.
+    """
+    clip, undersides, rises = one.clip, one.match.undersides, np.zeros(near.source.shape)
+    if undersides is None:
+        return rises
+    on = np.flatnonzero(IS_SEAT[undersides.target.segments[near.joints]])
+    joints, x, far = near.joints[on], near.source[:, on], FARTHEST * clip.leg_lengths[0]
+    below = undersides.source.below(clip.source, clip.drivers[joints], clip.up)
+    own_below = undersides.target.below(clip.copy, joints, clip.up)
+    feet, out = nearest_places(prop.surface, prop.motion, x, far)
+    above = np.minimum((x - feet) @ clip.up, below)
+    higher = np.where(out @ clip.up > OVER, own_below - prop.free.scale * above, 0.0)
+    moves = joint_speeds(clip.source, clip.drivers[joints], clip.shots) > REST_SPEED * clip.leg_lengths[0]
+    weights = near.f[:, on] * np.where(moves, MOVING, 1.0)
+    for column, each, weight in zip(on, higher.T, weights.T, strict=True):
+        rises[:, column] = by_shot(over_runs, clip.shots, each[:, None], weight) * clip.up
+    return rises
+
+
+def seated(one: Performer, near: PropContacts, prop: PlacedProp) -> Performer:
+    """Return the performer on a path on which its joints are as high over a prop as they belong."""
+    up, copied = one.clip.up, one.clip.copy_on_path(near.joints)
+    weights = np.where(near.rises.any(axis=2), near.f, 0.0)
+    if not weights.any():
+        return one
+    off = weights * ((near.places(prop.free) - copied) @ up)
+    mean = off.sum(axis=1) / np.maximum(weights.sum(axis=1), 1.0)
+    smooth = partial(averaged, reach=round(ROOT_BLEND / one.clip.frame_time))
+    return moved_by(one, by_shot(smooth, one.clip.shots, mean)[:, None] * up)
+
+
+def moved_by(one: Performer, by: Array) -> Performer:
+    """Return the performer with its path moved by vectors, (frames, 3), and what rests by their mean over the rest,
+    feet along the floor [target file units].
+    """
+    clip, supports = one.clip, one.supports
+    if not by.any():
+        return one
+    rests, places = supports.weights >= RESTS, np.array(supports.places)
+    for support in range(len(supports.joints)):
+        is_foot = support < supports.feet
+        resting = rests[:, [support, support ^ 1]].any(axis=1) if is_foot else rests[:, support]
+        moved = level(by, clip.up) if is_foot else by
+        places[:, support] += by_shot(over_runs, clip.shots, moved, resting.astype(float))
+    return replace(one, clip=clip.raised(by), supports=replace(supports, places=places))

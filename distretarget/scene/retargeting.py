@@ -38,8 +38,8 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer, target_for
 from distretarget.pipeline.result import RetargetResult
+from distretarget.scene.contacts import SceneContacts
 from distretarget.scene.props import PlacedProp, Placement, Prop, PropResult
-from distretarget.scene.scene_contacts import SceneContacts
 from distretarget.scene.skin import skins_in_company
 from distretarget.scene.sweeps import solve_scene
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton

@@ -23,8 +23,7 @@ from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
-from distretarget.scene.prop_surface import PropSurface
-from distretarget.scene.props import Grip, Prop, PropScale, prop_of
+from distretarget.scene.props import Grip, Prop, PropScale, PropSurface, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 
 SCENE_NAME = "scene.json"  # in a folder of scenes

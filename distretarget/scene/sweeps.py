@@ -32,9 +32,8 @@ from distretarget.objectives.supports import STIFFNESS
 from distretarget.pipeline.constrained_motion import constrained, constrained_supports, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.apart import kept_apart
-from distretarget.scene.prop_surface import nearest_on_bones
-from distretarget.scene.props import PlacedProp, Placement
-from distretarget.scene.scene_contacts import SceneContacts, common_shots, copy_on_path, find_scene_contacts
+from distretarget.scene.contacts import SceneContacts, common_shots, copy_on_path, find_scene_contacts
+from distretarget.scene.props import PlacedProp, Placement, nearest_on_bones
 from distretarget.scene.skin import with_skins
 
 MOST_SWEEPS = 4

@@ -14,8 +14,7 @@ from distretarget.errors import FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, parse_contacts
 from distretarget.io.files import hash_of_file, read_text
 from distretarget.io.input_file import InputFile
-from distretarget.io.json_node import parse_json
-from distretarget.io.json_text import on_lines
+from distretarget.io.json_node import on_lines, parse_json
 from distretarget.io.map_json import MapFile
 from distretarget.io.motion_writer import OutputSettings
 from distretarget.pipeline.conversion import Recipe

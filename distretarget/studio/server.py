@@ -16,11 +16,28 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
-from distretarget.errors import DistretargetError, SettingsError
+from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.report.page import html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
-from distretarget.studio.samples import sample
+
+SAMPLES = {
+    "clap.bvh": "sample_bvh",
+    "walk.bvh": "sample_bvh",
+    "hands_on_hips.bvh": "sample_bvh",
+    "hero.glb": "sample_characters",
+}  # and their folders; pyproject.toml says what a wheel has
+
+
+def sample(name: str) -> bytes:
+    """Return the content of a sample; a FileError if there is none of that name."""
+    package = files("distretarget")
+    for folder in (package, package / ".."):
+        file = folder / SAMPLES.get(name, "") / name
+        if name in SAMPLES and file.is_file():
+            return file.read_bytes()
+    raise FileError(name, f"is no sample; there are {', '.join(SAMPLES)}")
+
 
 LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
 LONGEST_TAB = 40  # of what a tab calls itself
