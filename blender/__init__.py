@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import contact_operators, operators, panel, settings
+from . import operators, panel, settings
 
-CLASSES = (*settings.GROUPS, *operators.CLASSES, *contact_operators.CLASSES, *panel.CLASSES)
+CLASSES = (*settings.GROUPS, *operators.CLASSES, *panel.CLASSES)
 
 
 def register():

@@ -13,11 +13,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .character import arrays_of
 from .contacts import acts, entries_of
 from .keys import Controls, Result, keyed_controls, keyed_joints
-from .performer import motion_of, title_of
-from .rig import constraints_on, drivers_on, moved_bones
+from .rig import arrays_of, constraints_on, drivers_on, motion_of, moved_bones, title_of
 from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The armature of a character: the joints that its meshes need, and what else moves its bones."""
+"""An armature: the joints that its meshes need, its meshes at rest, its motion, and what else moves its bones."""
 
 import itertools
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 SAME = 1e-4  # largest difference between the rest matrices of bones that coincide, with a body of size 1
 MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones whose drivers move them
 Joints = dict[str, str | None]
+Arrays = dict[str, np.ndarray]
 
 
 def skinned_meshes(armature: bpy.types.Object) -> list[bpy.types.Object]:
@@ -114,3 +116,107 @@ def drivers_on(
         for path, bone in paths.items()
         if not curve.mute and curve.data_path.startswith(path) and curve.data_path[len(path) :].startswith(MOVES)
     ]
+
+
+def arrays_of(armature: bpy.types.Object) -> Arrays:
+    """Return the joints that meshes need, and the vertices that move with them, as arrays.
+
+    `names` and `parents` (joints,), `heads` (joints, 3), `vertices` (vertices, 3), `triangles` (triangles, 3), and of
+    each influence `moved` (its vertex), `movers` (its joint) and `weights`, (influences,).
+    """
+    arrays = rest_arrays(armature)
+    number = {name: index for index, name in enumerate(arrays["names"].tolist())}
+    with _at_rest(armature):
+        parts = [_part(mesh, number) for mesh in skinned_meshes(armature)]
+    starts = np.cumsum([0, *(len(part["vertices"]) for part in parts)])
+    empties = {"vertices": (0, 3), "triangles": (0, 3), "moved": (0,), "movers": (0,), "weights": (0,)}
+    for key, empty in empties.items():
+        shift = starts if key in ("triangles", "moved") else np.zeros_like(starts)
+        values = [part[key] + start for part, start in zip(parts, shift, strict=False)]
+        arrays[key] = np.concatenate(values) if values else np.zeros(empty)
+    return arrays
+
+
+def rest_arrays(armature: bpy.types.Object) -> Arrays:
+    """Return the joints that its meshes need: `names`, `parents` and `heads`, as `arrays_of`."""
+    joints = skeleton(armature)
+    names, world, bones = [*joints], armature.matrix_world, armature.data.bones
+    number = {name: index for index, name in enumerate(names)}
+    heads = [world @ bones[name].head_local if name in bones else world.translation for name in names]
+    parents = [-1 if parent is None else number[parent] for parent in joints.values()]
+    return {"names": np.array(names), "parents": np.array(parents), "heads": np.array([[*head] for head in heads])}
+
+
+@contextmanager
+def _at_rest(armature: bpy.types.Object) -> Iterator[None]:
+    """The armature in its rest pose for a while."""
+    before = armature.data.pose_position
+    armature.data.pose_position = "REST"
+    try:
+        yield
+    finally:
+        armature.data.pose_position = before
+
+
+def _part(mesh: bpy.types.Object, number: dict[str, int]) -> Arrays:
+    """A mesh with its modifiers, in the world."""
+    shown = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    data = shown.to_mesh()
+    try:
+        data.calc_loop_triangles()
+        places = np.empty(3 * len(data.vertices))
+        data.vertices.foreach_get("co", places)
+        triangles = np.empty(3 * len(data.loop_triangles), np.int32)
+        data.loop_triangles.foreach_get("vertices", triangles)
+        groups = {group.index: number[group.name] for group in mesh.vertex_groups if group.name in number}
+        influences = [
+            (vertex.index, groups[each.group], each.weight)
+            for vertex in data.vertices
+            for each in vertex.groups
+            if each.group in groups and each.weight > 0.0
+        ]
+    finally:
+        shown.to_mesh_clear()
+    matrix = np.array(mesh.matrix_world)
+    moved, movers, weights = np.array(influences).reshape(-1, 3).T
+    return {
+        "vertices": places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3],
+        "triangles": triangles.reshape(-1, 3).astype(np.int64),
+        "moved": moved.astype(np.int64),
+        "movers": movers.astype(np.int64),
+        "weights": weights,
+    }
+
+
+def title_of(armature: bpy.types.Object) -> str:
+    """The name of its action, or its own where it has none, as with NLA tracks."""
+    return (_action_of(armature) or armature).name
+
+
+def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
+    """Return the joints of an armature, as `rest_arrays`, and where they are in each frame of its action, or of the
+    scene where it has none: `places`, (frames, joints, 3), `turns` from the rest pose in the world, (frames, joints,
+    4), x y z w, and `frame_time`. Constraints, drivers and NLA tracks count; the scene is at its frame again.
+    """
+    action = _action_of(armature)
+    first, last = action.frame_range if action else (scene.frame_start, scene.frame_end)
+    arrays, bones, now = rest_arrays(armature), armature.pose.bones, scene.frame_current_final
+    names = arrays["names"].tolist()
+    rests = {bone.name: armature.matrix_world @ bone.bone.matrix_local for bone in bones}
+    back = [rests.get(name, armature.matrix_world).to_quaternion().inverted() for name in names]
+    places, turns = [], []
+    for frame in range(round(first), round(last) + 1):
+        scene.frame_set(frame)
+        shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        world, bones = shown.matrix_world, shown.pose.bones
+        posed = [world @ bones[name].matrix if name in bones else world for name in names]
+        places.append([[*matrix.translation] for matrix in posed])
+        turned = [matrix.to_quaternion() @ start for matrix, start in zip(posed, back, strict=True)]
+        turns.append([[q.x, q.y, q.z, q.w] for q in turned])
+    scene.frame_set(int(now), subframe=now - int(now))
+    frame_time = scene.render.fps_base / scene.render.fps
+    return arrays | {"places": np.array(places), "turns": np.array(turns), "frame_time": np.array(frame_time)}
+
+
+def _action_of(armature: bpy.types.Object) -> bpy.types.Action | None:
+    return armature.animation_data.action if armature.animation_data else None

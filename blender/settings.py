@@ -6,7 +6,7 @@ from pathlib import PurePath
 import bpy
 
 from . import contacts
-from .performer import title_of
+from .rig import title_of
 
 
 def _is_another(settings, _context):

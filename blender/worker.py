@@ -3,8 +3,8 @@
 
 python worker.py FOLDER
 
-FOLDER has `character.npz`, as `character.arrays_of` returns it, and `job.json`: "clip", the path of the clip, or none
-where `performer.npz` has its motion, as `performer.motion_of` returns it; its "animation", "edits" and "options" for
+FOLDER has `character.npz`, as `rig.arrays_of` returns it, and `job.json`: "clip", the path of the clip, or none
+where `performer.npz` has its motion, as `rig.motion_of` returns it; its "animation", "edits" and "options" for
 `distretarget.Edits` and `Options`, "in_place", the "contacts" of a contact file, and a "map" of joints. It gets
 `result.npz`: `places`, (frames, joints, 3), `turns`, (frames, joints, 4), rotations from the rest pose in the world,
 x y z w, and `frame_time`; and `result.json`: an error, or the verdict and the warnings, the contacts that were found,
