@@ -23,8 +23,7 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import TargetFile, parse_target
-from distretarget.pipeline.conversion import Recipe
-from distretarget.pipeline.conversion import convert as convert_clip
+from distretarget.pipeline.conversion import Conversion, Recipe
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
@@ -80,7 +79,7 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
     chosen = Options(**{key: value for key, value in options.items() if key not in ("jobs", "q")})
     clip, recipe = _file(source, "clip.bvh"), Recipe(chosen, parse_map(joint_map, "map.json"))
     body = TargetFile.of(_file(target, "target"))
-    result = convert_clip(recipe.read(clip)[0], clip, body, recipe, name="clip", kinds=("BVH",)).result
+    result = Conversion.of(recipe.read(clip)[0], clip, body, recipe).converted("clip", ("BVH",)).result
     text = "".join(bvh_parts(result.motion))
     again = read_back(lambda: parse_bvh(text, "again.bvh"))
     _same_motion(result.motion, again)

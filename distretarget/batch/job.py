@@ -23,7 +23,7 @@ from distretarget.io.target_file import TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.parallel import thread_limit
-from distretarget.pipeline.conversion import Recipe, convert
+from distretarget.pipeline.conversion import Conversion, Recipe
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 
@@ -94,7 +94,7 @@ def _converted(job: Job) -> Result:
     motion, lost = recipe.read(job.source)
     kinds = {name: OUTPUTS[PurePath(name).suffix] for name in job.outputs}
     name = PurePath(next(iter(kinds))).stem
-    done = convert(motion, job.source, target, recipe, name=name, kinds=(*kinds.values(),), contacts=job.contacts)
+    done = Conversion.of(motion, job.source, target, recipe).converted(name, (*kinds.values(),), job.contacts)
     result = done.result
     body = result.motion.skeleton
     refused = (*refusals(body), *python_refusals(body)) if "BVH" in kinds.values() else ()

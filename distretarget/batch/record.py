@@ -18,6 +18,11 @@ from distretarget.report.page import ClipRecord
 
 VERSION = version("distretarget")
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines a result
+# The keys of the parts of a record, with what they have if nothing is said.
+SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "version": ""}
+RIG: dict[str, Any] = {"notes": [], "alignment": ""}
+CLIP: dict[str, Any] = dict.fromkeys(("input", "output", "status", "error", "input_hash", "output_hash", "verdict"), "")
+CLIP |= {"frames": 0, "seconds": 0.0, "others": {}, "warnings": []}
 
 
 class BatchRecord(ClipRecord):
@@ -48,26 +53,11 @@ class BatchRecord(ClipRecord):
 
 def new_record(clip: PlannedClip, options: Mapping[str, Any], input_hash: str = "") -> BatchRecord:
     """Return the record of a clip that is not done: failed, without a reason; `options` decide its results."""
-    return BatchRecord(
-        input=str(clip.path),
-        output=clip.output,
-        target=str(clip.target.path),
-        frames=0,
-        seconds=0.0,
-        metrics={},
-        warnings=[],
-        status="failed",
-        error="",
-        input_hash=input_hash,
-        output_hash="",
-        others={},
-        target_hash=clip.target.file.hash if clip.target.file else "",
-        options=dict(options),
-        version=VERSION,
-        verdict="",
-        notes=[],
-        alignment="",
-    )
+    paths = {"input": str(clip.path), "output": clip.output, "target": str(clip.target.path), "input_hash": input_hash}
+    target_hash = clip.target.file.hash if clip.target.file else ""
+    made_by = {"target_hash": target_hash, "options": dict(options), "version": VERSION}
+    record = {**SETTINGS, **RIG, **CLIP, "metrics": {}, "status": "failed"}
+    return cast(BatchRecord, record | paths | made_by)
 
 
 def results_of(record: BatchRecord) -> dict[str, str]:
@@ -77,11 +67,6 @@ def results_of(record: BatchRecord) -> dict[str, str]:
 
 MOST_BYTES = 1 << 24  # of what is unpacked; a longer record is damaged
 MOST = 1e15  # of frames, or seconds
-# The keys of the parts of a record, with what they have if nothing is said.
-SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "version": ""}
-RIG: dict[str, Any] = {"notes": [], "alignment": ""}
-CLIP: dict[str, Any] = dict.fromkeys(("input", "output", "status", "error", "input_hash", "output_hash", "verdict"), "")
-CLIP |= {"frames": 0, "seconds": 0.0, "others": {}, "warnings": []}
 
 WORDS = (  # what most parts contain, which then takes few bytes
     b'"error":"others":{"warnings":["feet skate no more than in the source; "seconds":0.0,"frames":"verdict":"'

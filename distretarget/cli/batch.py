@@ -212,7 +212,11 @@ def batch_command(
         return
     batch.check()
     tally = Tally(clips=len(clips))
-    stopped, status = _convert(batch, _workers(dask, jobs), tally)
+    if dask is None:
+        workers: Workers = Processes(jobs or cores())
+    else:
+        workers = Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
+    stopped, status = _convert(batch, workers, tally)
     say(*tally.lines)
     complain(*(tally.failures if is_quiet() else ()))
     complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
@@ -241,12 +245,6 @@ def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_r
         raise FileError(file, "--merge puts all results into the target's file; expected .glb, .gltf or .vrm")
     check_outputs([file], [Path(targets[0].path)], overwrite or dry_run)
     return clips_folder(file)
-
-
-def _workers(dask: str | None, jobs: int | None) -> Workers:
-    if dask is None:
-        return Processes(jobs or cores())
-    return Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
 
 
 def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:

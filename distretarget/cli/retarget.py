@@ -46,7 +46,7 @@ from distretarget.io.motion_writer import content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import Recipe, convert
+from distretarget.pipeline.conversion import Conversion, Recipe
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument
 from distretarget.report.clip_page import run_page
@@ -147,16 +147,8 @@ def retarget_command(
         source_file = replace(source_file, content=b"")  # all of it is in the motion
     body = TargetFile.of(target_file)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
-        done = convert(
-            motion,
-            source_file,
-            body,
-            recipe,
-            name=recipe.name_of(source_file),
-            kinds=(kind,),
-            contacts=contacts,
-            progress=bar.update,
-        )
+        ready = Conversion.of(motion, source_file, body, recipe)
+        done = ready.converted(recipe.name_of(source_file), (kind,), contacts, progress=bar.update)
     result, named = done.result, done.clip
     if strip_namespace and kind == "BVH":
         plain = replace(named.motion, skeleton=named.motion.skeleton.without_namespaces)

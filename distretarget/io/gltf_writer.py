@@ -24,7 +24,7 @@ from distretarget.errors import FileError
 from distretarget.io.fbx import fbx_looks
 from distretarget.io.files import check_inside, read_bytes
 from distretarget.io.formats import GLB_MARK
-from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, HEADER, JSON_CHUNK, Gltf, parse_gltf
+from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, HEADER, JSON_CHUNK, Gltf
 from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.input_file import InputFile
 from distretarget.io.json_node import (
@@ -283,7 +283,7 @@ def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[s
     document = _Document()
     document.add_nodes(character, nodes)
     document.add_mesh(character, mesh, mesh.looks, Path(file.path).stem)
-    return parse_gltf(document.content, file.path), (LEFT_OUT, *missing)
+    return document.as_gltf(file.path), (LEFT_OUT, *missing)
 
 
 def _with_images(
@@ -325,9 +325,8 @@ class _Document:
         self._binary = bytearray()
         self._images: dict[bytes, int] = {}
 
-    @property
-    def content(self) -> bytes:
-        """The whole file."""
+    def as_gltf(self, path: str | Path) -> Gltf:
+        """Return it as that of a file."""
         document = {
             "asset": {"version": "2.0", "generator": "distretarget"},
             "scene": 0,
@@ -335,10 +334,8 @@ class _Document:
             **self._lists,
         }
         text = json.dumps(document, allow_nan=False, separators=(",", ":")).encode()
-        chunks = [(JSON_CHUNK, text + b" " * (-len(text) % 4)), (BINARY_CHUNK, bytes(self._binary))]
-        size = HEADER.size + sum(CHUNK_HEADER.size + len(chunk) for _, chunk in chunks)
-        parts = [CHUNK_HEADER.pack(len(chunk), kind) + chunk for kind, chunk in chunks]
-        return HEADER.pack(GLB_MARK, 2, size) + b"".join(parts)
+        whole = b"".join([text, *_padding(text, b" ")])
+        return Gltf(path, ((JSON_CHUNK, memoryview(whole)), (BINARY_CHUNK, memoryview(self._binary))))
 
     def add_nodes(self, character: Character, nodes: Nodes) -> None:
         """Add the nodes of a file, below one that brings them to metres and Y up."""

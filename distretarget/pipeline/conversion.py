@@ -11,7 +11,7 @@ from typing import TypedDict
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
-from distretarget.errors import ContactsError, DistretargetError, MatchingError
+from distretarget.errors import ContactsError, DistretargetError, MatchingError, MotionError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.io.formats import OutputKind
 from distretarget.io.input_file import InputFile
@@ -87,10 +87,13 @@ class Recipe:
 
     def read(self, source: InputFile) -> tuple[Motion, tuple[str, ...]]:
         """Return the edited motion of a clip, and what of its file is left out, a line each; errors as in
-        `parse_motion` and `Edits.of_file`.
+        `parse_motion` and `Edits.of`.
         """
         motion, lost = parse_motion(source, self.clip, self.fps)
-        return self.edits.of_file(motion, source.path), lost
+        try:
+            return self.edits.of(motion), lost
+        except MotionError as error:
+            raise error.in_file(source.path) from None
 
     def name_of(self, source: InputFile) -> str:
         """Return the name of the animation that is written of a clip."""
@@ -161,7 +164,18 @@ class Conversion:
         mapper: Mapper = in_threads,
         progress: Progress = ignore_progress,
     ) -> Converted:
-        """Return the clip with what is said of contacts; parameters and errors as in `convert`."""
+        """Return the clip with what is said of contacts, under a name.
+
+        Args:
+            name: of the animation.
+            kinds: of what is to be written; the first is that whose motion is measured.
+            contacts: what is said of them.
+            mapper: as in `retarget`.
+            progress: the same.
+
+        Raises:
+            DistretargetError: as in `retarget`; it names the file at fault.
+        """
         try:
             result = self.prepared.solved(contacts, mapper, progress)
         except ContactsError as error:
@@ -172,34 +186,3 @@ class Conversion:
         clip = writing.clip(result.motion, name, result.world.up_vector)
         result = replace(result, motion=as_written(result.motion, kinds[0], writing.precision, self.target))
         return Converted(result, replace(clip, labels=result.labels) if "arrays" in kinds else clip)
-
-
-def convert(
-    motion: Motion,
-    source: InputFile,
-    target: TargetFile,
-    recipe: Recipe,
-    *,
-    name: str,
-    kinds: tuple[OutputKind, ...],
-    contacts: ContactList = NO_CONTACTS,
-    mapper: Mapper = in_threads,
-    progress: Progress = ignore_progress,
-) -> Converted:
-    """Retarget the motion of a clip as a recipe says.
-
-    Args:
-        motion: what `Recipe.read` returned.
-        source: the clip's file; its mesh says how thick the performer is, unless the recipe does.
-        target: the body.
-        recipe: how.
-        name: of the animation.
-        kinds: of what is to be written; the first is that whose motion is measured.
-        contacts: what is said of them.
-        mapper: as in `retarget`.
-        progress: the same.
-
-    Raises:
-        DistretargetError: as in `retarget`; it names the file at fault.
-    """
-    return Conversion.of(motion, source, target, recipe).converted(name, kinds, contacts, mapper, progress)

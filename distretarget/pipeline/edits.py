@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -188,13 +187,6 @@ class Edits:
         check_number("turn", self.turn, -FARTHEST, FARTHEST)
         for name in ("mirror", "loop"):
             check_kind(name, getattr(self, name), bool)
-
-    def of_file(self, motion: Motion, path: str | Path) -> Motion:
-        """Return the edited motion of a file, which errors name."""
-        try:
-            return self.of(motion)
-        except MotionError as error:
-            raise error.in_file(path) from None
 
     def of(self, motion: Motion) -> Motion:
         """Return the edited motion; errors as in the functions."""

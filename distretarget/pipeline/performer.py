@@ -33,7 +33,7 @@ from distretarget.objectives.resting_joints import find_resting_joints, root_shi
 from distretarget.objectives.skin import Reach, with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import Baseline, RetargetResult, undersides_of
+from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -66,7 +66,8 @@ class Match:
     @cached_property
     def undersides(self) -> Undersides | None:
         """What source and target rest on; None for stick figures."""
-        return undersides_of(self.matching, self.skins, self.mesh)
+        both = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
+        return Undersides.of(self.matching, both, self.mesh) if both else None
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.

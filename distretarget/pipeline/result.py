@@ -22,7 +22,6 @@ from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
-from distretarget.matching.undersides import Undersides
 from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
 from distretarget.measure.needless import find_needless, find_shaking, find_turned
@@ -102,8 +101,6 @@ def _skin_of(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Skin:
     """The skin by which a body is measured."""
     return find_skin(body, capsules, mesh)
 
-
-Labels = dict[str, NDArray[Any]]
 
 COMPARED = 10  # to compare a joint takes as long as to place this many
 TURNS = 15.0  # a body that should turn by more than this, and cannot, is worth a warning [degrees]
@@ -269,7 +266,7 @@ class RetargetResult:
         return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
-    def labels(self) -> Labels:
+    def labels(self) -> dict[str, NDArray[Any]]:
         """The labels of the frames, as `write_npz` writes them. All results on one target have the same names.
 
         - `support_names`, (joints,), and `support_weights`, (frames, joints): the target's joints, and how firmly each
@@ -282,7 +279,20 @@ class RetargetResult:
         - `flag_names`, (flags,), and `flags`, (frames, flags): the metrics with a limit, and whether a frame is
           above it, of the metrics that are over their limits in the clip as a whole.
         """
-        return _labels(self)
+        weights = np.zeros((len(self.motion), len(self.motion.skeleton)))
+        for joint, weight in zip(self.supports.joints, self.supports.weights.T, strict=True):  # an ankle may be its toe
+            weights[:, joint] = np.maximum(weights[:, joint], weight)
+        contact_names, contact_gaps = _contact_gaps(self)
+        return {
+            "support_names": np.array(self.motion.skeleton.keys, np.str_),
+            "support_weights": weights,
+            "contact_names": np.array(contact_names, np.str_),
+            "contact_gaps": contact_gaps,
+            "shots": self.matching.source.shots_of(self.source),
+            "not_converged": self.run_tracks["not_converged"].values > 0.0,
+            "flag_names": np.array([metric.key for metric in JUDGED], np.str_),
+            "flags": _flags(self),
+        }
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -339,29 +349,6 @@ class RetargetResult:
                 f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
                 f"{', by reach: the leg is straight' if stretched else ''}"
             )
-
-
-def undersides_of(matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
-    """Return what source and target rest on; None for stick figures."""
-    return Undersides.of(matching, (skins.source.capsules, skins.target.capsules), mesh) if skins else None
-
-
-def _labels(result: RetargetResult) -> Labels:
-    supports = result.supports
-    weights = np.zeros((len(result.motion), len(result.motion.skeleton)))
-    for joint, weight in zip(supports.joints, supports.weights.T, strict=True):  # an ankle may be its toe
-        weights[:, joint] = np.maximum(weights[:, joint], weight)
-    contact_names, contact_gaps = _contact_gaps(result)
-    return {
-        "support_names": np.array(result.motion.skeleton.keys, np.str_),
-        "support_weights": weights,
-        "contact_names": np.array(contact_names, np.str_),
-        "contact_gaps": contact_gaps,
-        "shots": result.matching.source.shots_of(result.source),
-        "not_converged": result.run_tracks["not_converged"].values > 0.0,
-        "flag_names": np.array([metric.key for metric in JUDGED], np.str_),
-        "flags": _flags(result),
-    }
 
 
 def _contact_gaps(result: RetargetResult) -> tuple[list[str], NDArray[np.float64]]:

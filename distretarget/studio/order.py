@@ -93,15 +93,10 @@ class Order:
         return json.dumps({**json.loads(self.key), "contacts": None, "format": None}, sort_keys=True)
 
     @property
-    def map_file(self) -> MapFile:
-        """The pairs as a map file."""
-        return MapFile(dict(self.pairs), "map.json")
-
-    @property
     def recipe(self) -> Recipe:
         """The same for a conversion."""
-        writing = OutputSettings(in_place=self.in_place)
-        return Recipe(self.options, self.map_file, self.animation, self.fps, writing=writing, edits=self.edits)
+        writing, pairs = OutputSettings(in_place=self.in_place), MapFile(dict(self.pairs), "map.json")
+        return Recipe(self.options, pairs, self.animation, self.fps, writing=writing, edits=self.edits)
 
     @property
     def settings(self) -> dict[str, Any]:
