@@ -35,7 +35,6 @@ NUMERALS = frozenset("0123456789.+-eE")
 
 
 def _check_frame_time(text: object) -> None:
-    """Raise a MotionError if an argument is no frame time."""
     if not isinstance(text, str) or not is_frame_time(text):
         wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
         raise MotionError(f"frame_time_text is {text!r}; expected {wanted}")

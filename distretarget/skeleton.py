@@ -140,7 +140,6 @@ class Skeleton:
                 raise SkeletonError(f"{name!r} is an End Site, but it is the root, or has channels or children")
 
     def _check_humanoid(self) -> None:
-        """Check the pairs of bone and joint, and store them as tuples."""
         joints = self.joints
         try:
             pairs = tuple((str(bone), joints[joints.index(joint)]) for bone, joint in self.humanoid)

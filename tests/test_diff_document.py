@@ -23,9 +23,10 @@ from distretarget.report.diff_document import (
     document,
     json_text,
 )
+from distretarget.report.page import VERSION
 
 PERSON = person()
-ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh", version="1.2.3")
+ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh")
 OF_RUN = ["turned", "needless", "shaking", "pop", "not_converged"]
 OF_SKIN = ["skin_depth", "part_depth", "skin_frames"]  # of bodies whose thickness is known
 ERRORS = [metric.key for metric in METRICS if metric.judged == "value" and metric.key not in OF_RUN + OF_SKIN]
@@ -256,7 +257,7 @@ def test_names_notes_and_leftover_joints():
     assert (found["unmatched_a"], found["unmatched_b"]) == ([], ["Tail"])
     assert (found["a"]["joints"], found["b"]["joints"]) == (22, 23)
     assert (found["a"]["file"], found["b"]["file"]) == ("a.bvh", "b.bvh")
-    assert found["program"] == {"version": "1.2.3", "command": "distretarget diff a.bvh b.bvh"}
+    assert found["program"] == {"version": VERSION, "command": "distretarget diff a.bvh b.bvh"}
     assert found["notes"] == []
     assert made("frame rates")["notes"]
 

@@ -45,23 +45,22 @@ def embedded(text):
 
 
 def rows_of(*records, links=None):
-    batch = embedded(index_page(records, links or {}, "title", "1"))
+    batch = embedded(index_page(records, links or {}, "title"))
     assert tuple(batch["fields"]) == FIELDS
     return [dict(zip(FIELDS, row, strict=True)) for row in batch["rows"]]
 
 
 def test_names_of_all_kinds_stay_text():
     one = failed(NASTY, NASTY, target=NASTY, warnings=[NASTY])
-    text = index_page([one], {NASTY: NASTY}, NASTY, NASTY)
+    text = index_page([one], {NASTY: NASTY}, NASTY)
     assert text.encode("utf-8")
-    plain = index_page([failed()], {}, "title", "1")
+    plain = index_page([failed()], {}, "title")
     for mark in ("<script", "</script", "<!--", "<b>"):
         assert text.count(mark) == plain.count(mark)
     batch = embedded(text)
     (row,) = batch["rows"]
     assert one["input"].endswith(batch["folder"] + row[FIELDS.index("clip")])
     assert batch["warnings"] == [NASTY]
-    assert batch["version"] == NASTY
     assert row[FIELDS.index("error")] == NASTY
     assert html.escape(NASTY.replace("\ud800", "\ufffd")) in text
 
@@ -84,7 +83,7 @@ def test_links_are_quoted(path, url):
 
 
 def test_the_page_is_one_file_that_asks_for_nothing():
-    text = index_page([record(), failed()], {"a.bvh": "a.html"}, "title", "1")
+    text = index_page([record(), failed()], {"a.bvh": "a.html"}, "title")
     assert not re.search(r'(src|href)="(?!#|data:)', text)
     assert not re.search(r"https?:|@import|url\(", text)
     assert "default-src 'none'" in text
@@ -123,16 +122,16 @@ def test_metrics_that_are_missing_or_no_numbers_are_none():
 
 
 def test_names_leave_out_the_folder_they_share():
-    batch = embedded(index_page([record("x/a.bvh"), record("x/ab.bvh", target="/rigs/t.json")], {}, "title", "1"))
+    batch = embedded(index_page([record("x/a.bvh"), record("x/ab.bvh", target="/rigs/t.json")], {}, "title"))
     assert batch["folder"] == "x/"
     assert [row[0] for row in batch["rows"]] == ["a.bvh", "ab.bvh"]
     assert batch["targets"] == ["tall.json", "t.json"]
-    windows = embedded(index_page([record(input=rf"C:\clips\{name}") for name in "ab"], {}, "title", "1"))
+    windows = embedded(index_page([record(input=rf"C:\clips\{name}") for name in "ab"], {}, "title"))
     assert windows["folder"] == "clips\\"
 
 
 def test_no_records_at_all():
-    batch = embedded(index_page([], {}, "title", "1"))
+    batch = embedded(index_page([], {}, "title"))
     assert batch["rows"] == batch["targets"] == batch["warnings"] == []
 
 
@@ -140,7 +139,7 @@ def test_a_clip_takes_few_bytes():
     def size(count):
         names = [f"folder/clip_{k:05}.bvh" for k in range(count)]
         records = [record(name, warnings=["w" * 300], input=f"/{'long/' * 30}{name}", version="1") for name in names]
-        return len(index_page(records, {name: f"{name}.html" for name in names}, "title", "1").encode())
+        return len(index_page(records, {name: f"{name}.html" for name in names}, "title").encode())
 
     assert (size(1100) - size(100)) / 1000 < 300
 

@@ -10,7 +10,7 @@ from conftest import PLAYER_BUILT
 from pages import CONTRASTS, settle
 from test_index import failed, metrics, record
 
-from distretarget.report.page import index_page
+from distretarget.report.page import VERSION, index_page
 from distretarget.report.stage import shown_actor, stage_of
 from distretarget.target import Target
 
@@ -85,7 +85,7 @@ def pages(tmp_path_factory):
             records = MADE[name]()
             links = {one["output"]: f"reports/{one['output']}.html" for one in records if one["status"] == "done"}
             played = stages() if name == "played" else {}
-            path.write_text(index_page(records, links, f"Title {name}", "1.2", played), "utf-8")
+            path.write_text(index_page(records, links, f"Title {name}", played), "utf-8")
         return path
 
     return page
@@ -122,7 +122,7 @@ def test_the_head_counts(opened):
         "Frames": "413",
         "Retargeting": "2.00 s, all clips added up",
         "Folder": "clips/",
-        "Made by": "distretarget version 1.2",
+        "Made by": f"distretarget version {VERSION}",
     }
     assert tab.title() == tab.inner_text("h1") == "Title few"
     assert "tall.json" in opened("one target").inner_text("#facts")

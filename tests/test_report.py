@@ -25,7 +25,7 @@ NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{stage}} __proto__ \
 
 
 def about(**others):
-    return About(**({"a": "a.bvh", "b": "b.bvh", "command": "", "version": "0"} | others))
+    return About(**({"a": "a.bvh", "b": "b.bvh", "command": ""} | others))
 
 
 def page_of(motion_a, motion_b, **others):

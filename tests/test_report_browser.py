@@ -50,7 +50,7 @@ def still(frames, body=PERSON):
 
 def compared(a, b, name="a.bvh"):
     result = diff(a, b)
-    return diff_page(result, document(result, About(a=name, b=name, command=name, version="1")))
+    return diff_page(result, document(result, About(a=name, b=name, command=name)))
 
 
 def nasty(name=NASTY):

@@ -75,7 +75,6 @@ class Batch:
         return replace(self.recipe, clip=clip.animation) if clip.animation else self.recipe
 
     def _contacts_path(self, clip: PlannedClip) -> Path | None:
-        """The path of a clip's contact file; None if it has none."""
         if self.contacts != BESIDE:
             return self.contacts
         beside = clip.path.with_suffix(CONTACTS_SUFFIX)

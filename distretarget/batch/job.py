@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import PurePath
 
-from distretarget.batch.record import VERSION, BatchRecord
+from distretarget.batch.record import BatchRecord
 from distretarget.batch.summary import alignment_text
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
@@ -26,6 +26,7 @@ from distretarget.numerics.parallel import thread_limit
 from distretarget.pipeline.conversion import Conversion, Recipe
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
+from distretarget.report.page import VERSION
 
 TIME_LIMITS = (0.001, 1e6)  # the shortest and the longest [s]
 

@@ -12,7 +12,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from distretarget.batch.plan import METRICS, PlannedClip, check_page
-from distretarget.batch.record import VERSION, BatchRecord
+from distretarget.batch.record import BatchRecord
 from distretarget.batch.results import Results
 from distretarget.batch.summary import worst
 from distretarget.errors import DistretargetError, FileError, MissingPackageError
@@ -21,7 +21,7 @@ from distretarget.io.input_file import load_file
 from distretarget.measure.metrics import COLUMNS
 from distretarget.measure.metrics import METRICS as OF_CLIPS
 from distretarget.report.diff_document import About, csv_lines
-from distretarget.report.page import index_page
+from distretarget.report.page import VERSION, index_page
 from distretarget.report.stage import small_stage
 
 TABLES = (".csv", ".parquet")
@@ -146,7 +146,7 @@ class Pages:
             paths = {one["output"]: self._report_path(one["output"]) for one in records if self._has_report(one)}
             links = {name: Path(os.path.relpath(path, self.index.parent)).as_posix() for name, path in paths.items()}
             title = f"{len(records)} clips in {results.folder.resolve().name}"
-            page = index_page(records, links, title, VERSION, dict(_stages(records, results.folder)))
+            page = index_page(records, links, title, dict(_stages(records, results.folder)))
             self._write(self.index, page, results)
 
     def _write(self, path: Path, content: Content, results: Results) -> None:

@@ -210,7 +210,6 @@ def _stem(target: Path) -> str:
 
 
 def _inputs(clips: Sequence[PlannedClip]) -> set[tuple[int, ...]]:
-    """The files of clips and targets."""
     return {
         file for path in {path for clip in clips for path in (clip.path, clip.target.path)} if (file := _file(path))
     }

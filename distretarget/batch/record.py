@@ -6,7 +6,6 @@ import json
 import zlib
 from collections.abc import Mapping
 from functools import lru_cache
-from importlib.metadata import version
 from operator import itemgetter
 from typing import Any, cast
 
@@ -14,9 +13,8 @@ import numpy as np
 
 from distretarget.batch.plan import PlannedClip
 from distretarget.measure.metrics import COLUMNS
-from distretarget.report.page import ClipRecord
+from distretarget.report.page import VERSION, ClipRecord
 
-VERSION = version("distretarget")
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines a result
 # The keys of the parts of a record, with what they have if nothing is said.
 SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "version": ""}

@@ -53,7 +53,6 @@ class Processes:
     """Processes on this machine: their number, and the time that their start took [s]."""
 
     def __init__(self, count: int) -> None:
-        """Prepare to start this many processes."""
         self.count, self.start_seconds = count, 0.0
         self._processes: list[_Process] = []
         # Not "fork": a process with threads, which numerical libraries start, must not be forked.
@@ -128,7 +127,6 @@ class _Process:
     """
 
     def __init__(self, context: ForkServerContext | SpawnContext) -> None:
-        """Start the process."""
         self.jobs, self._began = deque[Job](), 0.0
         self.pipe, its_end = context.Pipe()
         self._process = context.Process(target=_work, args=(its_end, get_temp_dir()))

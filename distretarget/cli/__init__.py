@@ -154,7 +154,6 @@ def _interruptible() -> Iterator[None]:
 
 
 def _run() -> int:
-    """Run the command and return its exit status."""
     try:
         status: int | None = cli.main(prog_name="distretarget", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -191,7 +190,6 @@ def _leave(status: int) -> NoReturn:
 
 
 def _complain(message: str, status: int) -> int:
-    """Print an error on one line and return the exit status."""
     from distretarget.cli.outputs import complain
 
     complain("distretarget: " + message.replace("\n", " "))

@@ -98,7 +98,6 @@ def _csv(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> str:
 
 
 def _cells(clip: AuditedClip, limits: Mapping[str, float]) -> dict[str, object]:
-    """The row of a clip in the table."""
     size = {"frames": clip.frames, "frame_time": clip.frame_time, "leg": clip.leg, "up": clip.up} if clip.rig else {}
     found = {kind: Decimal(f"{each.value:.6g}") for kind, each in clip.findings.items()}
     return {"clip": clip.name, "faults": " ".join(clip.faults(limits)), **size, **found}

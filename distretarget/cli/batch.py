@@ -272,7 +272,6 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
 
 
 def _print_plan(batch: Batch) -> None:
-    """Print what would be done with each clip."""
     results = batch.results
     for clip in batch.clips:
         try:

@@ -318,7 +318,6 @@ def diff_command(
 def _measure_clips(
     a: Path, b: Path, clip: str | None, map_path: Path | None, limits: tuple[tuple[str, float], ...], verbose: bool
 ) -> Account:
-    """Measure clip B against clip A."""
     a_text, b_text = read_input(a), read_input(b)
     first, second = (_motion(file, clip) for file in (a_text, b_text))
     result = measure(first, second, a_text.path, b_text.path, map_path)

@@ -267,7 +267,6 @@ WRITING = (
 
 
 def _with(options: Sequence[Decorator], command: Command) -> Command:
-    """Add options to a command, in their order."""
     for option in reversed(options):
         command = option(command)
     return command

@@ -365,7 +365,6 @@ def _take_motion_keyword(words: Words) -> bool:
 
 
 def _take_frame_count(words: Words) -> int:
-    """The declared number of frames, after MOTION."""
     words.label("Frames")
     return words.count("the number of frames")
 

@@ -75,7 +75,6 @@ def _with_channels(motion: Motion) -> Motion:
 
 @lru_cache(maxsize=4)  # clips on one skeleton share it
 def _hierarchy(skeleton: Skeleton) -> str:
-    """The text of a HIERARCHY, joints depth first."""
     order, depths = skeleton.depth_first, skeleton.depths
     if (deepest := int(depths.max())) > MAX_DEPTH:
         raise SkeletonError(f"a joint is inside {deepest} others; BVH files have {MAX_DEPTH} at most")
@@ -164,7 +163,6 @@ def python_refusals(skeleton: Skeleton) -> Iterator[str]:
 
 
 def _joint_names(skeleton: Skeleton) -> list[str]:
-    """The names of all joints but End Sites."""
     return [skeleton.names[joint] for joint in skeleton.joints if not skeleton.end_sites[joint]]
 
 

@@ -275,7 +275,6 @@ def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDA
 
 
 def _animation(path: str | Path, nodes: Nodes, read: Read) -> Animation:
-    """The animation that was sampled, with what moves."""
     parts = _parts(path, read, read["frames"], read["moving"])
     translations, rotations, scales = (
         {

@@ -127,7 +127,6 @@ def _held(element: Element) -> Element:
 
 
 def _each(elements: Any) -> Iterator[Any]:
-    """Yield the elements of a list of ufbx."""
     return (_held(elements[index]) for index in range(len(elements)))
 
 
@@ -310,7 +309,6 @@ def _idle_rotations(node: ufbx.Node) -> Array:
 
 
 def _vector(node: ufbx.Node, name: str, default: float = 0.0) -> Array:
-    """(3,), a property of a node."""
     prop = node.props.find_prop(name)
     return np.full(3, default) if prop is None else np.array(prop.value_vec4)[:3]
 

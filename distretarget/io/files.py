@@ -10,7 +10,7 @@ import os
 import re
 import secrets
 import stat
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 from distretarget.checks import check_path
@@ -179,17 +179,11 @@ def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
         raise FileError(path, "permission denied: the file is write-protected")
 
 
-def write_whole(
-    path: str | Path,
-    content: Content,
-    overwrite: bool = False,
-    complete: Callable[[], None] = lambda: None,
-) -> None:
+def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> None:
     """Write a file under a temporary name in its folder, and rename it when it is complete.
 
     A content may be in parts. Text is written as UTF-8, with line ends as given. A file that replaces another keeps its
-    permissions and, where that is allowed, its owner. `complete` is called when everything is on the disk, before the
-    file is renamed; if it raises an error, nothing changes.
+    permissions and, where that is allowed, its owner.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing has changed.
@@ -204,7 +198,6 @@ def write_whole(
             file.writelines(encoded_parts(content))
             file.flush()
             os.fsync(file.fileno())
-        complete()
         if overwrite:
             temporary.replace(place)
         else:

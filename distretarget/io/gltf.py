@@ -180,7 +180,6 @@ class Gltf:
         return np.ndarray((count, width), dtype, buffer[start : start + length], offset if count else 0, steps)
 
     def _buffer(self, fields: Fields) -> memoryview:
-        """The content of a buffer."""
         place = fields.node
         if place.place not in self._buffers:
             length = fields.need("byteLength").whole()
@@ -241,7 +240,6 @@ def parse_gltf(
 
 
 def _chunks(content: bytes, path: str | Path) -> tuple[tuple[int, memoryview], ...]:
-    """The chunks of a GLB."""
     if len(content) < HEADER.size:
         raise FileError(path, "is cut: a GLB file has at least 20 bytes")
     _, version, length = HEADER.unpack_from(content)
@@ -292,7 +290,6 @@ def inside(place: Node, folder: Path, uri: str) -> Path:
 
 
 def _decoded(place: Node, uri: str) -> bytes:
-    """The content of a data URI."""
     head, comma, data = uri.partition(",")
     if not comma or not head.endswith(";base64"):
         place.fail("expected a data URI in base64")

@@ -100,7 +100,6 @@ def _pairs(entries: Mapping[str, Node]) -> JointMap:
 
 
 def _rest(node: Node) -> RestPose:
-    """The rest pose of a map."""
     rotations: dict[str, Sequence[float]] = {}
     for key, each in node.entries(entry_place).items():
         rotations[key] = [number.number() for number in each.items()]

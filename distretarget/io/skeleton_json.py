@@ -185,7 +185,6 @@ def _references(skeleton: Skeleton) -> list[str | None]:
 
 
 def _joint(skeleton: Skeleton, joint: int, parent: str | None, radius: float | None) -> dict[str, object]:
-    """The entry of a joint in the full form."""
     entry = {"name": skeleton.names[joint], "parent": parent, "offset": skeleton.offsets[joint].tolist()}
     entry |= {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
     return entry if radius is None else entry | {"radius": float(f"{radius:.6g}")}

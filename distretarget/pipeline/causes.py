@@ -101,14 +101,12 @@ class Causes:
         return next((f"{self._key(support)} is held where it rests" for support in held), "")
 
     def _supports_of(self, limb: LimbJoints) -> Iterator[int]:
-        """The supports in a limb."""
         return (k for k, joint in enumerate(self.supports.joints.tolist()) if self._is_below(joint, limb.top))
 
     def _key(self, support: int) -> str:
         return self.motion.skeleton.keys[int(self.supports.joints[support])]
 
     def _is_below(self, joint: int, above: int) -> bool:
-        """Whether a joint is another or is attached to it."""
         return above in self.motion.skeleton.line(joint)
 
     def _joint(self, part: str) -> int | None:

@@ -12,7 +12,7 @@ from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import ContactsError, DistretargetError, MatchingError, MotionError
-from distretarget.ik.poses import Mapper, Progress, ignore_progress
+from distretarget.ik.poses import Progress, ignore_progress
 from distretarget.io.formats import OutputKind
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile, joint_map
@@ -20,7 +20,6 @@ from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, NamedClip, OutputSettings, as_written
 from distretarget.io.target_file import TargetFile, with_source
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import in_threads
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
@@ -161,7 +160,6 @@ class Conversion:
         name: str,
         kinds: tuple[OutputKind, ...],
         contacts: ContactList = NO_CONTACTS,
-        mapper: Mapper = in_threads,
         progress: Progress = ignore_progress,
     ) -> Converted:
         """Return the clip with what is said of contacts, under a name.
@@ -170,14 +168,13 @@ class Conversion:
             name: of the animation.
             kinds: of what is to be written; the first is that whose motion is measured.
             contacts: what is said of them.
-            mapper: as in `retarget`.
-            progress: the same.
+            progress: as in `retarget`.
 
         Raises:
             DistretargetError: as in `retarget`; it names the file at fault.
         """
         try:
-            result = self.prepared.solved(contacts, mapper, progress)
+            result = self.prepared.solved(contacts, progress=progress)
         except ContactsError as error:
             raise error.in_file(error.path or self.source.path) from None
         except DistretargetError as error:

@@ -220,7 +220,6 @@ def trimmed(motion: Motion, start: Time | None = None, end: Time | None = None) 
 
 
 def _seconds(name: str, time: Time, frame_time: float) -> float:
-    """A time of a clip [s]."""
     text = str(time).strip()
     is_frame = text.endswith("f") and text[:-1].isdecimal()
     try:

@@ -98,7 +98,6 @@ class Baseline:
 
 @found_once
 def _skin_of(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Skin:
-    """The skin by which a body is measured."""
     return find_skin(body, capsules, mesh)
 
 

@@ -124,7 +124,6 @@ class Prepared:
 
 
 def _unasked(performer: Performer, mapper: Mapper, progress: Progress) -> Unasked:
-    """A performer without what a user asks for."""
     poses = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
     performer.clip.copy.forget()  # turning the copy by the poses takes no positions
     return Unasked(poses, performer.with_own_skin(performer.posed(poses)))

@@ -11,7 +11,6 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import chain
 from typing import Any, Literal, SupportsFloat, TypedDict
 
@@ -22,6 +21,7 @@ from distretarget.errors import counted
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BY_KEY, Tracks, Variant, clip_limits, clip_metrics, frame_metrics, metrics_at
 from distretarget.pipeline.result import RetargetResult
+from distretarget.report.page import VERSION
 from distretarget.skeleton import Skeleton
 
 FORMULAS = ("=", "+", "-", "@", "\t")  # a text that begins with one is run by spreadsheets
@@ -58,7 +58,6 @@ Values = Mapping[str, Any]
 """A part of a document, whose keys its schema describes."""
 
 DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
-VERSION = version("distretarget")
 
 
 class DiffDocument(TypedDict):
@@ -124,7 +123,6 @@ class About:
     a: str  # the name of the file
     b: str
     command: str = ""  # the command line that made the diff, if any
-    version: str = VERSION  # of this package
     rotation_copy: Tracks | None = None  # this and the next two are of the run, if B was made from A
     verdict: str = ""
     warnings: tuple[str, ...] = ()
@@ -143,7 +141,7 @@ def document(diff: Diff, about: About) -> DiffDocument:
         "version": 1,
         "a": _body(about.a, a),
         "b": _body(about.b, b),
-        "program": {"version": about.version, "command": about.command},
+        "program": {"version": VERSION, "command": about.command},
         "verdict": about.verdict,
         "warnings": list(about.warnings),
         "notes": list(diff.notes),

@@ -14,6 +14,7 @@ import re
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
+from importlib.metadata import version
 from importlib.resources import files
 from types import MappingProxyType
 from typing import Literal, TypedDict
@@ -21,6 +22,7 @@ from urllib.parse import quote
 
 from distretarget.measure.metrics import COLUMNS, as_data
 
+VERSION = version("distretarget")
 LIBRARY = "three.min.js"
 PLAYER = (
     "dom.js",
@@ -105,16 +107,15 @@ def index_page(
     records: Sequence[ClipRecord],
     links: Mapping[str, str],
     title: str,
-    version: str,
     stages: Mapping[str, object] = MappingProxyType({}),
 ) -> str:
     """The HTML of the page over clips, from a record of each.
 
     `links` are the paths of their reports by output, relative to the page and not quoted; `stages` are what the player
-    shows of some clips, the first at first; `version` is the program's.
+    shows of some clips, the first at first.
     """
     table = _table(records, links, [*stages])
-    data = {"batch": {**table, "version": version}, "registry": as_data("the source", "the result")}
+    data = {"batch": {**table, "version": VERSION}, "registry": as_data("the source", "the result")}
     return html_page("index", title, data | {f"stage-{k}": stage for k, stage in enumerate(stages.values())})
 
 

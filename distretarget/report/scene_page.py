@@ -28,7 +28,7 @@ from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, upright
 from distretarget.report.clip_page import run_diff, shown_performer
 from distretarget.report.diff_document import About, DiffDocument, Table, Values, csv_text, document, judged, rounded
-from distretarget.report.page import html_page
+from distretarget.report.page import VERSION, html_page
 from distretarget.report.stage import Row, ShownBody, limit_of, stage_of_bodies
 from distretarget.scene.retargeting import SceneResult
 from distretarget.skin.capsules import SEGMENTS
@@ -239,7 +239,7 @@ def scene_document(
         "version": 1,
         "a": about.a,
         "b": about.b,
-        "program": {"version": about.version, "command": about.command},
+        "program": {"version": VERSION, "command": about.command},
         "world_scale": diff.world_scale,
         **dict(zip(("gap_a", "gap_b", "gap_error"), means, strict=True)),
         "limits": [judged(key, limit, means[-1]) for key, limit in about.limits],

@@ -376,7 +376,6 @@ def actors_of(file: InputFile, side: int = 0, clip: str | None = None) -> list[A
 
 
 def _motions(file: InputFile, clip: str | None) -> Iterator[tuple[str, Motion]]:
-    """The motions in a file with their names."""
     if file.kind == "BVH":
         yield "", parse_motion(file)[0]
     names = animations_in(file)
