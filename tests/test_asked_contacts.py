@@ -223,7 +223,7 @@ def test_the_paper_keeps_a_distance_by_its_priority(walk, child):
         entry = Distance(distance=("LeftWrist", "Head"), value=20.0, priority=priority, frames=FRAMES)
         kept = asked(walk[:200], child, entry, options=paper)
         points = kept.postures.positions[FRAMES[0] : FRAMES[1] + 1]
-        keys = [kept.motion.skeleton.keys[joint] for joint in kept.distances.targets]
+        keys = [kept.motion.skeleton.keys[joint] for joint in kept.baseline.distances.targets]
         wrist, head = keys.index("LeftWrist"), keys.index("Head")
         off.append(np.abs(np.linalg.norm(points[:, wrist] - points[:, head], axis=1) - 20.0).max())
     assert off[0] > off[1] > off[2]

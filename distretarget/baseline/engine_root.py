@@ -18,7 +18,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import Array, Flags, Numbers, level
+from distretarget.numerics.vectors import Array, Numbers, level
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 
@@ -45,7 +45,8 @@ def along_channels(motion: Motion, body: Numbers) -> Motion:
     skeleton, carriers = motion.skeleton, path_carriers(motion.skeleton, body)
     if carriers == []:
         return motion
-    path = np.where(_held_axes(skeleton), motion.root_positions, skeleton.offsets[0])
+    held_axes = [channel in skeleton.channels[0] for channel in POSITION_CHANNELS]
+    path = np.where(held_axes, motion.root_positions, skeleton.offsets[0])
     if carriers is None:
         return replace(motion, root_positions=path)
     translations = motion.translations
@@ -57,11 +58,6 @@ def along_channels(motion: Motion, body: Numbers) -> Motion:
         places, above = motion.positions_of(np.array([joint])), fixed.positions_of(np.array([parent]))
         translations[:, joint] = back.apply(places[:, 0] - above[:, 0])
     return Motion.of_translations(skeleton, translations, motion.rotations, motion.frame_time_text)
-
-
-def _held_axes(skeleton: Skeleton) -> Flags:
-    """(3,), whether the root has a position channel along each axis."""
-    return np.array([channel in skeleton.channels[0] for channel in POSITION_CHANNELS])
 
 
 RootFollows = Literal["pelvis", "source", "nothing"]

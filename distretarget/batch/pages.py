@@ -14,7 +14,6 @@ from typing import Any
 from distretarget.batch.plan import METRICS, PlannedClip, check_page
 from distretarget.batch.record import BatchRecord
 from distretarget.batch.results import Results
-from distretarget.batch.summary import worst
 from distretarget.errors import DistretargetError, FileError, MissingPackageError
 from distretarget.io.files import Content, check_inside, check_writable, is_folder, make_folder, write_whole
 from distretarget.io.input_file import load_file
@@ -171,7 +170,8 @@ class Pages:
 
 def _worst_done(records: Iterable[BatchRecord]) -> list[BatchRecord]:
     """The records of clips that are done, the worst first."""
-    return worst((record for record in records if record["status"] == "done"), OF_CLIPS[0])
+    done = [record for record in records if record["status"] == "done"]
+    return sorted(done, key=lambda record: -(record["metrics"].get(OF_CLIPS[0].key) or 0.0))
 
 
 def _stages(records: Sequence[BatchRecord], folder: Path) -> Iterator[tuple[str, object]]:

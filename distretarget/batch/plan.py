@@ -99,7 +99,8 @@ def plan(
             raise BatchError(
                 f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
-    names = [""] if len(targets) == 1 else [_stem(Path(target.path)) for target in targets]
+    paths = [Path(target.path) for target in targets]  # of `...json` the stem is `..`, and its whole name is taken
+    names = [path.stem if path.stem.strip(".") else path.name for path in paths] if len(targets) > 1 else [""]
     parts = [
         (path, place / name, number)
         for path, place in found
@@ -202,11 +203,6 @@ def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:
             if fnmatchcase(path.name, plain) or fnmatchcase(path.as_posix(), plain):
                 return True
     return False
-
-
-def _stem(target: Path) -> str:
-    """The name of the folder for a target's results: its stem, or for `...json` its whole name instead of `..`."""
-    return target.stem if target.stem.strip(".") else target.name
 
 
 def _inputs(clips: Sequence[PlannedClip]) -> set[tuple[int, ...]]:

@@ -22,7 +22,7 @@ from distretarget.batch.record import BatchRecord
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
-from distretarget.measure.metrics import Metric, of_columns
+from distretarget.measure.metrics import of_columns
 from distretarget.measure.verdict import faults
 from distretarget.numerics.vectors import Array, angles_between, lengths, normalised
 from distretarget.skeleton import Skeleton
@@ -109,16 +109,6 @@ def _why(record: BatchRecord) -> tuple[float, str]:
     found = faults(of_columns(record["metrics"]))
     words = "; ".join(words for _, words in found[:REASONS]) or record["warnings"][0]
     return found[0][0] if found else 0.0, f"  {record['output']}: {words}"
-
-
-def worst(records: Iterable[BatchRecord], metric: Metric) -> list[BatchRecord]:
-    """Return the records of clips, those with the largest metric first."""
-    return sorted(records, key=lambda record: -value(record, metric))
-
-
-def value(record: BatchRecord, metric: Metric) -> float:
-    """Return a metric of a clip, 0 where nothing was to be measured."""
-    return record["metrics"].get(metric.key) or 0.0
 
 
 def alignment_text(matching: Matching) -> str:

@@ -49,23 +49,16 @@ def skinned_mesh(
     """
     count = sum(len(part.triangles) for part in parts)
     step = max(-(-count // MOST_TRIANGLES), 1)
-    mesh = _assembled(character, nodes, parts, materials, step)
+    mesh = assembled(character, nodes, parts, materials, step)
     if mesh is None or step == 1 or count > MOST_SHOWN:
         return mesh
-    return replace(mesh, whole=_assembled(character, nodes, parts, materials, 1))
+    return replace(mesh, whole=assembled(character, nodes, parts, materials))
 
 
-def whole_mesh(
-    character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...]
+def assembled(
+    character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...], step: int = 1
 ) -> SkinnedMesh | None:
-    """Return the same with all its triangles."""
-    return _assembled(character, nodes, parts, materials, 1)
-
-
-def _assembled(
-    character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...], step: int
-) -> SkinnedMesh | None:
-    """The mesh with one of every `step` triangles."""
+    """Return the same with one of every `step` triangles, however many they are."""
     binds = character.bind_transforms
     joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
     bound = [_bound(part, step, nodes, binds, joints) for part in parts]

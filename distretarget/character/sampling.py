@@ -47,7 +47,10 @@ class Curve:
             result = _slerp(values[before], values[after], share)
         else:
             result = values[before] + share[:, None] * (values[after] - values[before])
-        return _unit(result, values[before]) if rotates else result
+        if not rotates:
+            return result
+        usual = values[before]  # where a spline passes through 0
+        return normalised(np.where((lengths(result) > SMALLEST * lengths(usual))[:, None], result, usual))
 
     def _cubic(self, before: NDArray[np.intp], after: NDArray[np.intp], share: Array, span: Array) -> Array:
         """Hermite's spline, glTF 2.0 specification, appendix C.5."""
@@ -61,12 +64,6 @@ class Curve:
             + (-2 * t3 + 3 * t2) * end
             + d * (t3 - t2) * into
         )
-
-
-def _unit(rotations: Array, before: Array) -> Array:
-    """Unit quaternions, (n, 4); where a spline passes through 0, those of the keys before."""
-    sizes = lengths(rotations)[:, None]
-    return normalised(np.where(sizes > SMALLEST * lengths(before)[:, None], rotations, before))
 
 
 def _slerp(start: Array, end: Array, share: Array) -> Array:
@@ -95,13 +92,12 @@ def sampled(
         duration = f"{times[-1] - times[0]:.6g} s"
         raise FileError(path, f"its animation {cut(name)!r} is {duration} long; at {rate:g} frames/s that is too much")
     at = frame_times(times, rate)
+    blocks = [at[first : first + BLOCK] for first in range(0, len(at), BLOCK)]
     values = {
-        kind: {node: _at(curve, at, kind == "rotation") for node, curve in of_nodes.items()}
+        kind: {
+            node: np.concatenate([curve.at(block, kind == "rotation") for block in blocks])
+            for node, curve in of_nodes.items()
+        }
         for kind, of_nodes in curves.items()
     }
     return Animation(name, len(at), f"{1 / rate:.9g}", values["translation"], values["rotation"], values["scale"])
-
-
-def _at(curve: Curve, times: Array, rotates: bool) -> Array:
-    """`Curve.at`, block by block."""
-    return np.concatenate([curve.at(times[first : first + BLOCK], rotates) for first in range(0, len(times), BLOCK)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
 
@@ -74,7 +74,9 @@ def audit_command(
     clips = audit(bar, clip, pictures=report is not None)
     limits = LIMITS | dict(given)
     title = f"Audit of {', '.join(source.resolve().name for source in sources)}"
-    write_outputs({table: lambda: _csv(clips, limits), report: lambda: audit_page(clips, limits, title)}, overwrite)
+    columns = ("clip", "frames", "frame_time", "leg", "up", "faults", *KINDS)
+    rows = csv_lines(columns, (_cells(clip, limits) for clip in clips))
+    write_outputs({table: lambda: rows, report: lambda: audit_page(clips, limits, title)}, overwrite)
     faulty = [each for each in clips if each.faults(limits)]
     if faulty:
         head = ("clip", "frames", "frames/s", "leg", "up", "faults")
@@ -90,11 +92,6 @@ def _row(clip: AuditedClip, limits: Mapping[str, float]) -> tuple[str, ...]:
     if not clip.rig:
         return clip.name, "-", "-", "-", "-", faults
     return clip.name, str(clip.frames), f"{1 / clip.frame_time:.4g}", f"{clip.leg:.3g}", clip.up, faults
-
-
-def _csv(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> str:
-    columns = ("clip", "frames", "frame_time", "leg", "up", "faults", *KINDS)
-    return "".join(csv_lines(columns, (_cells(clip, limits) for clip in clips)))
 
 
 def _cells(clip: AuditedClip, limits: Mapping[str, float]) -> dict[str, object]:

@@ -23,6 +23,7 @@ Content = str | bytes | Iterable[str] | Iterable[bytes | memoryview]  # of a fil
 UNSAFE = frozenset('/\\:*?"<>|')  # in names of files on some system
 DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])( *\..*)?", re.IGNORECASE)  # on Windows
 CTRL_Z = "\x1a"
+WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0)  # for another program to write to it, as to a pipe
 STANDARD_INPUT = Path("standard input")  # its name in errors
 
 REASONS = {
@@ -52,17 +53,12 @@ def read_bytes(path: str | Path) -> bytes:
     """Return the content of a regular file, or raise a FileError; others, such as pipes, may have no end."""
     check_path("path", path)
     try:
-        with open(path, "rb", opener=_open_at_once) as file:
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | WITHOUT_WAITING)) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 raise FileError(path, "is not a regular file")
             return file.read()
     except (OSError, ValueError) as error:
         raise FileError(path, reason_of(error)) from error
-
-
-def _open_at_once(path: str, flags: int) -> int:
-    """Open a file without waiting for another program to write to it, as for a pipe."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def check_known(path: str | Path) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from distretarget.body.axes import axis_vector
 from distretarget.character.character import Character
-from distretarget.character.mesh import whole_mesh
+from distretarget.character.mesh import assembled
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.io.fbx import fbx_looks
@@ -277,7 +277,7 @@ def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[s
     """
     nodes, parts, materials, files = fbx_looks(file.content, file.path)
     materials, missing = _with_images(file, materials, files)
-    mesh = whole_mesh(character, nodes, parts, materials)
+    mesh = assembled(character, nodes, parts, materials)
     if mesh is None or mesh.looks is None:
         raise FileError(file.path, "has no mesh to write; write .bvh")
     document = _Document()

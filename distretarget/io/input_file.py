@@ -74,17 +74,11 @@ def load_file(source: Source) -> InputFile:
     """
     if isinstance(source, str | PathLike):
         return with_files_beside(InputFile(read_bytes(source), source))
-    content = source if isinstance(source, bytes) else _content_of(source)
-    name = getattr(source, "name", None)
-    return InputFile(content, name if isinstance(name, str) else BYTES, has_folder=False)
-
-
-def _content_of(source: IO[bytes]) -> bytes:
-    """The rest of a file object."""
-    content = source.read() if hasattr(source, "read") else None
+    content = source.read() if hasattr(source, "read") else source
     if not isinstance(content, bytes):
         raise SettingsError(f"the file is {reprlib.repr(source)}; expected a path, bytes, or a file opened as binary")
-    return content
+    name = getattr(source, "name", None)
+    return InputFile(content, name if isinstance(name, str) else BYTES, has_folder=False)
 
 
 def with_files_beside(file: InputFile) -> InputFile:

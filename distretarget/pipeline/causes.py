@@ -61,7 +61,8 @@ class Causes:
         if metric.key in OF_ALIGNMENT:
             return self._of_alignment()
         joint = self._joint(part)
-        limb = None if joint is None else next((one for one in self._limbs() if self._is_below(joint, one.top)), None)
+        limbs = (*self._legs(), *self._arms())
+        limb = next((one for one in limbs if joint is not None and self._is_below(joint, one.top)), None)
         if joint is None or limb is None:
             return ""
         if metric.key in OF_REACH and self._is_below(joint, limb.end) and self.is_straight(limb, frame):
@@ -116,9 +117,6 @@ class Causes:
             return keys.index(part)
         side = part.partition(" ")[0]
         return next((limb.end for limb in self._arms() if limb.name == f"{side} arm"), None)
-
-    def _limbs(self) -> list[LimbJoints]:
-        return [*self._legs(), *self._arms()]
 
     def _legs(self) -> list[LimbJoints]:
         legs = self.matching.legs[1] if self.matching.legs else ()

@@ -166,11 +166,6 @@ class RetargetResult:
         return self.baseline.world
 
     @property
-    def distances(self) -> DistanceProblem:
-        """The points that source and target share, with their path lengths."""
-        return self.baseline.distances
-
-    @property
     def skins(self) -> Skins | None:
         """The surfaces of source and target; None for stick figures."""
         return self.baseline.skins
@@ -179,11 +174,6 @@ class RetargetResult:
     def mesh(self) -> SkinnedMesh | None:
         """The mesh of the target, by which the metrics of skin are measured; None to measure them by its surface."""
         return self.baseline.mesh
-
-    @property
-    def source_mesh(self) -> SkinnedMesh | None:
-        """The mesh of the source, the same."""
-        return self.baseline.source_mesh
 
     @property
     def drivers(self) -> NDArray[np.intp]:

@@ -335,7 +335,7 @@ def _of_pairs(results: Sequence[RetargetResult], measure: Callable[..., Measured
     known, found = {}, {}
     for number, one in enumerate(results):
         if one.skins:
-            of_source = find_skin(one.matching.source, one.skins.source.capsules, one.source_mesh)
+            of_source = find_skin(one.matching.source, one.skins.source.capsules, one.baseline.source_mesh)
             known[number] = of_source, find_skin(one.matching.target, one.skins.target.capsules, one.mesh)
     for i, j in combinations(known, 2):
         sources, motions = ([getattr(results[n], side) for n in (i, j)] for side in ("source", "motion"))

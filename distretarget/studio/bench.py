@@ -96,7 +96,7 @@ class Done:
             "frame_time": result.motion.frame_time,
             "formats": formats_of(self.target),
             "format": self.format,
-            "command": self.command,
+            "command": self.names.command(self.order),
         }
 
     @property
@@ -116,13 +116,13 @@ class Done:
         names = self.names
         match kind:
             case "contacts":
-                return names.contacts, contacts_to_json(self.order.contacts).encode()
+                return names.of_kind("contacts.json"), contacts_to_json(self.order.contacts).encode()
             case "map":
                 pairs = json.dumps(dict(self.order.pairs), indent=2, ensure_ascii=False)
-                return names.map, f"{pairs}\n".encode()
+                return names.of_kind("map.json"), f"{pairs}\n".encode()
             case "project":
                 hashes = (self.source.hash, self._character.hash)
-                return names.project, project_to_json(self.order, names, hashes).encode()
+                return names.of_kind("project.json"), project_to_json(self.order, names, hashes).encode()
             case "report":
                 return f"{PurePath(names.result).stem}.html", self.report.encode()
             case "zip":
@@ -137,18 +137,13 @@ class Done:
         kinds = ["project", *["contacts"] * bool(self.order.contacts.entries), *["map"] * bool(self.order.pairs)]
         needed = dict(map(self.file, kinds))
         needed |= {names.clip: self.source.content, names.character: self._character.content}
-        needed["command.txt"] = f"{self.command}\n".encode()
+        needed["command.txt"] = f"{names.command(self.order)}\n".encode()
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr(*self.file(self.format))
             for name, data in needed.items():
                 archive.writestr(f"made_from/{name}", data)
         return content.getvalue()
-
-    @property
-    def command(self) -> str:
-        """The command line that makes the same bytes, in a folder with the files."""
-        return self.names.command(self.order)
 
 
 def _turning(skeleton: Skeleton) -> list[str]:
@@ -159,18 +154,15 @@ def _turning(skeleton: Skeleton) -> list[str]:
 
 def formats_of(target: TargetFile) -> list[str]:
     """Return the endings of the files that a result on a target can be written as, the usual one first."""
-    own = target.file is not None and target.file.format is FBX
+    own, body = target.file is not None and target.file.format is FBX, target.target
+    has_mesh = own and isinstance(body, CharacterTarget) and body.mesh() is not None
     usual = "glb" if own else suffix_of(target).removeprefix(".")
     can = []
     for kind in dict.fromkeys((usual, *OUTPUT_FORMATS[1:])):
         with suppress(DistretargetError):
-            if output_kind(f"out.{kind}", target.file) != "character" or not own or _has_mesh(target):
+            if output_kind(f"out.{kind}", target.file) != "character" or not own or has_mesh:
                 can.append(kind)
     return can
-
-
-def _has_mesh(target: TargetFile) -> bool:
-    return isinstance(target.target, CharacterTarget) and target.target.mesh() is not None
 
 
 class Bench:

@@ -134,25 +134,14 @@ class Names:
     @property
     def result(self) -> str:
         """The result."""
-        return self._apart(f"{_stem(self.clip)}_{_stem(self.character)}.{self.output}")
+        return self.of_kind(self.output)
 
-    @property
-    def contacts(self) -> str:
-        """The contact file."""
-        return self._apart(f"{_stem(self.clip)}.contacts.json")
-
-    @property
-    def map(self) -> str:
-        """The map file."""
-        return self._apart(f"{_stem(self.clip)}.map.json")
-
-    @property
-    def project(self) -> str:
-        """The project file."""
-        return self._apart(f"{_stem(self.clip)}_{_stem(self.character)}.project.json")
-
-    def _apart(self, name: str) -> str:
-        """A name that neither of the files has."""
+    def of_kind(self, kind: str) -> str:
+        """Return the name of a file with this ending, such as "contacts.json", which neither of the files has; those of
+        contacts and of a map, which other characters may share, are named after the clip alone.
+        """
+        clip, is_shared = _stem(self.clip), kind in ("contacts.json", "map.json")
+        name = f"{clip}.{kind}" if is_shared else f"{clip}_{_stem(self.character)}.{kind}"
         while name.casefold() in (self.clip.casefold(), self.character.casefold()):
             name = f"new_{name}"
         return name
@@ -164,8 +153,8 @@ class Names:
         for name, value in order.settings.items():
             flag = f"--{name.replace('_', '-')}"
             words += [flag] if value is True else [flag, str(value)]
-        words += ["--contacts", _as_argument(self.contacts)] if order.contacts.entries else []
-        words += ["--map", _as_argument(self.map)] if order.pairs else []
+        words += ["--contacts", _as_argument(self.of_kind("contacts.json"))] if order.contacts.entries else []
+        words += ["--map", _as_argument(self.of_kind("map.json"))] if order.pairs else []
         return shlex.join(words)
 
 
