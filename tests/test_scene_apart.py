@@ -14,11 +14,11 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
 from distretarget.measure.gaps import measure_skin_gap
 from distretarget.measure.skin import find_skin
-from distretarget.scene import apart
-from distretarget.scene.apart import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
+from distretarget.scene import sweeps
 from distretarget.scene.props import PropSurface
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, Bodies, PropShape
+from distretarget.scene.sweeps import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
 from distretarget.skin.capsules import IS_ARM
 
 FAT = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.7]) for part, ends in average_build("adult").parts.items()})
@@ -86,7 +86,7 @@ def test_on_both_feet_they_part_by_a_fiftieth_of_a_body_a_second_at_most(monkeyp
         allowed.append(speed)
         return _slowed(ways, speed, frames)
 
-    monkeypatch.setattr(apart, "_slowed", slowed)
+    monkeypatch.setattr(sweeps, "_slowed", slowed)
     motions, _ = scene(name)
     solved(motions, builds=[Builds(target=FAT)] * len(motions))
     assert np.max(np.concatenate(allowed)) / motions[0].frame_time == pytest.approx(0.02)

@@ -21,6 +21,12 @@ from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import Array, Numbers, level
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
+RootFollows = Literal["pelvis", "source", "nothing"]
+BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]
+IS_LEVEL = 0.02  # a source's root stays on the floor if its height changes by less [leg lengths]
+MOVES = 0.01  # a source's root moves if it travels farther [leg lengths] or turns more [rad] than this
+UPSIDE_DOWN = -0.5  # a body has no heading while the cosine between its up axis and the world's is smaller
+
 
 def path_carriers(skeleton: Skeleton, body: Numbers) -> list[int] | None:
     """Return the joints whose position channels hold the root's path where its own do not, the topmost of each branch;
@@ -58,14 +64,6 @@ def along_channels(motion: Motion, body: Numbers) -> Motion:
         places, above = motion.positions_of(np.array([joint])), fixed.positions_of(np.array([parent]))
         translations[:, joint] = back.apply(places[:, 0] - above[:, 0])
     return Motion.of_translations(skeleton, translations, motion.rotations, motion.frame_time_text)
-
-
-RootFollows = Literal["pelvis", "source", "nothing"]
-
-BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]
-IS_LEVEL = 0.02  # a source's root stays on the floor if its height changes by less [leg lengths]
-MOVES = 0.01  # a source's root moves if it travels farther [leg lengths] or turns more [rad] than this
-UPSIDE_DOWN = -0.5  # a body has no heading while the cosine between its up axis and the world's is smaller
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,15 +88,14 @@ class Batch:
     @cached_property
     def _packed(self) -> dict[str, bytes]:
         """The targets as workers get them: with the capsules of a character if they are needed, without its file."""
-        return {path: pickle.dumps(replace(self._prepared(file), file=None)) for path, file in self._targets.items()}
-
-    def _prepared(self, file: TargetFile) -> TargetFile:
-        """The target in a file, with its capsules if its mesh shows them and they are needed."""
-        target, options = file.target, self.recipe.options
+        options, packed = self.recipe.options, {}
         known = options.skin == "none" or options.objective == "paper" or self.recipe.builds.target is not None
-        if known or not isinstance(target, CharacterTarget):
-            return file
-        return replace(file, target=replace(target, capsules=target_capsules(target)))
+        for path, file in self._targets.items():
+            target = file.target
+            if isinstance(target, CharacterTarget) and not known:
+                target = replace(target, capsules=target_capsules(target))
+            packed[path] = pickle.dumps(replace(file, target=target, file=None))
+        return packed
 
     @property
     def _records(self) -> list[BatchRecord]:

@@ -31,6 +31,10 @@ TABLE_HEAD = ",".join(TEXTS)  # the beginning of a CSV file
 PARQUET_MARK = b"distretarget_version"  # in the metadata of a Parquet file
 PARQUET_TAIL = 1 << 18  # the end of a Parquet file that has its metadata [bytes]
 BETWEEN = " | "  # warnings of a clip, and notes
+MARK = '<meta name="generator" content="distretarget">'
+OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
+PLAYED = 24  # clips that the page over all clips plays
+HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
 
 
 def is_parquet(path: Path) -> bool:
@@ -79,12 +83,6 @@ def _parquet(rows: Iterable[dict[str, Any]]) -> bytes:
     content = io.BytesIO()
     parquet.write_table(pyarrow.Table.from_pylist(valid, schema), content)
     return content.getvalue()
-
-
-MARK = '<meta name="generator" content="distretarget">'
-OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
-PLAYED = 24  # clips that the page over all clips plays
-HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
 
 
 @dataclass(frozen=True)

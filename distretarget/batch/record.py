@@ -21,6 +21,15 @@ SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "ver
 RIG: dict[str, Any] = {"notes": [], "alignment": ""}
 CLIP: dict[str, Any] = dict.fromkeys(("input", "output", "status", "error", "input_hash", "output_hash", "verdict"), "")
 CLIP |= {"frames": 0, "seconds": 0.0, "others": {}, "warnings": []}
+MOST_BYTES = 1 << 24  # of what is unpacked; a longer record is damaged
+MOST = 1e15  # of frames, or seconds
+WORDS = (  # what most parts contain, which then takes few bytes
+    b'"error":"others":{"warnings":["feet skate no more than in the source; "seconds":0.0,"frames":"verdict":"'
+    b"The source has no self-contacts; feet do not skate; hips height kept within 0.1 % of a leg; largest direction "
+    b'error: Left, 0. degrees at frame "input":"output":".bvh","status":"done","input_hash":"sha256:","output_hash":"'
+    b"sha256:"
+)
+Packed = tuple[str, str, bytes, bytes]
 
 
 class BatchRecord(ClipRecord):
@@ -61,19 +70,6 @@ def new_record(clip: PlannedClip, options: Mapping[str, Any], input_hash: str = 
 def results_of(record: BatchRecord) -> dict[str, str]:
     """Return the hashes of all results of a clip, by their paths in the folder of results."""
     return {record["output"]: record["output_hash"], **record["others"]}
-
-
-MOST_BYTES = 1 << 24  # of what is unpacked; a longer record is damaged
-MOST = 1e15  # of frames, or seconds
-
-WORDS = (  # what most parts contain, which then takes few bytes
-    b'"error":"others":{"warnings":["feet skate no more than in the source; "seconds":0.0,"frames":"verdict":"'
-    b"The source has no self-contacts; feet do not skate; hips height kept within 0.1 % of a leg; largest direction "
-    b'error: Left, 0. degrees at frame "input":"output":".bvh","status":"done","input_hash":"sha256:","output_hash":"'
-    b"sha256:"
-)
-
-Packed = tuple[str, str, bytes, bytes]
 
 
 def packed(record: BatchRecord) -> Packed:

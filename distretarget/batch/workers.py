@@ -27,6 +27,10 @@ from distretarget.numerics.compiled import loaded
 
 # These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+CHECK_INTERVAL = 5.0  # after this time without a result, check whether there are workers [s]
+CONNECT_TIMEOUT = 10.0  # time for a scheduler to answer [s]
+REMINDER = 60.0  # time from one line that there are no workers to the next [s]
+QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
 
 
 @contextmanager
@@ -209,11 +213,6 @@ def _worker_environment() -> Iterator[None]:
         os.environ.update(before)
 
 
-CHECK_INTERVAL = 5.0  # after this time without a result, check whether there are workers [s]
-CONNECT_TIMEOUT = 10.0  # time for a scheduler to answer [s]
-REMINDER = 60.0  # time from one line that there are no workers to the next [s]
-
-
 class Cluster:
     """A Dask cluster; its scheduler gives the jobs of workers that die to others."""
 
@@ -291,8 +290,6 @@ async def _kind(address: str) -> str:
     async with rpc(address, timeout=CONNECT_TIMEOUT) as process:
         return str((await asyncio.wait_for(process.identity(), CONNECT_TIMEOUT))["type"])
 
-
-QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
 
 Workers = Processes | Cluster
 

@@ -36,6 +36,16 @@ BLOCK = 65536  # poses that are computed at once [frames x joints]
 FREE_POSES = 1_000_000  # so many poses of joints may a file have, however small it is [frames x joints]
 SAME_PLACE = 1e-6  # a node that is off by less than this needs no keys of its translation [body sizes]
 SAME_TURN = 1e-12  # a node needs no keys of its rotation if 1 - |dot product of quaternions| stays below this
+DEFORMS, ORIGINAL = "DEF-", "ORG-"
+NUMBER = re.compile(r"_\d+$")  # at the end of all names in Sketchfab's files
+# From what bones hang in Rigify's rigs of people, by word; those of the face hang from the last joint of the spine.
+HANGS_FROM = {
+    **dict.fromkeys(("pelvis", "thigh"), "spine"),
+    **dict.fromkeys(("shoulder", "breast"), "spine.003"),
+    "upper_arm": "shoulder",
+}
+FACE = {"forehead", "temple", "brow", "lid", "ear", "tongue", "chin", "jaw", "cheek", "nose", "lip", "teeth", "eye"}
+SIDES = ("L", "R")
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,19 +171,6 @@ class Character:
         parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
         path = parent.inv().apply(motion.root_positions - self.origin) / scale
         return replace(single_precision(motion), root_positions=parent.apply(rounded(path) * scale) + self.origin)
-
-
-DEFORMS, ORIGINAL = "DEF-", "ORG-"
-NUMBER = re.compile(r"_\d+$")  # at the end of all names in Sketchfab's files
-
-# From what bones hang in Rigify's rigs of people, by word; those of the face hang from the last joint of the spine.
-HANGS_FROM = {
-    **dict.fromkeys(("pelvis", "thigh"), "spine"),
-    **dict.fromkeys(("shoulder", "breast"), "spine.003"),
-    "upper_arm": "shoulder",
-}
-FACE = {"forehead", "temple", "brow", "lid", "ear", "tongue", "chin", "jaw", "cheek", "nose", "lip", "teeth", "eye"}
-SIDES = ("L", "R")
 
 
 @dataclass(frozen=True, eq=False)

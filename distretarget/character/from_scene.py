@@ -30,6 +30,10 @@ MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matri
 AGREE = 1e-3  # two transforms agree if they differ by less than this [of their scale, and of the body]
 SHARE = 0.5  # a transform on which this share of the joints agrees is that of the mesh's space
 REGULAR = 1e-9  # a matrix with a smaller determinant has no inverse [of its largest entry, cubed]
+LONGEST_NAME = 200  # of a joint [characters]
+NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
+FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of the node]
+UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 
 
 def joint_nodes(scene: CharacterScene) -> tuple[list[int], list[int], tuple[str, ...]]:
@@ -195,12 +199,6 @@ def _agree(said: Array, space: Array, scale: float, extent: float) -> NDArray[np
 def _spread(spaces: Array, most: int = 16) -> Array:
     """Some of the spaces, spread over all."""
     return spaces[np.unique(np.linspace(0, len(spaces) - 1, most).astype(int))] if len(spaces) > most else spaces
-
-
-LONGEST_NAME = 200  # of a joint [characters]
-NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
-FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of the node]
-UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 
 
 def character_of(scene: CharacterScene) -> Character:

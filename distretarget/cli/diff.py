@@ -46,6 +46,13 @@ from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 
 MOST_GAPS = 10  # gaps that are printed
+MOST = 5  # frames and contacts that are printed
+RATIOS = " and ".join(metric.key for metric in METRICS if metric.judged == "ratio")
+FAIL_OVER_HELP = (
+    f"Exit with status 1 if a metric is over a limit. METRIC is one of {', '.join(BY_KEY)}. The limit is for the value "
+    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; a whole scene has the "
+    f"metric {GAP_ERROR}: the error of the gaps between what touches in A, in % of a leg. May be given several times."
+)
 
 
 @dataclass(frozen=True)
@@ -227,15 +234,6 @@ def _table_lines(table: Table, most: int | None = None) -> Iterator[str]:
     """A line for the columns of a table and for each of its first rows."""
     rows = [table["columns"], *([str(cell) for cell in row] for row in table["rows"][:most])]
     return aligned(rows, "<" + ">" * (len(rows[0]) - 1))
-
-
-MOST = 5  # frames and contacts that are printed
-RATIOS = " and ".join(metric.key for metric in METRICS if metric.judged == "ratio")
-FAIL_OVER_HELP = (
-    f"Exit with status 1 if a metric is over a limit. METRIC is one of {', '.join(BY_KEY)}. The limit is for the value "
-    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; a whole scene has the "
-    f"metric {GAP_ERROR}: the error of the gaps between what touches in A, in % of a leg. May be given several times."
-)
 
 
 def of_metric(text: str) -> tuple[str, float]:

@@ -29,6 +29,11 @@ LINE_END = re.compile(r"\r\n|\r|\n")
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 COUNT = re.compile(r"\d{1,18}", re.ASCII)
 BLANKS = " \t\v\f"
+NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
+MILLISECONDS = 4.0, 100.0  # a frame time from 10 to 250 frames/s, if it is in milliseconds [s]
+MAX_DEPTH = 400  # joints above a joint; bodies have about 40
+CHANNELS = {name.upper(): name for name in ALL_CHANNELS}
+KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
 
 
 class Words:
@@ -105,13 +110,6 @@ def is_number(word: str) -> bool:
 def is_name(word: str) -> bool:
     """Return whether a name written after JOINT is read back the same."""
     return bool(word) and NAME.fullmatch(word) is not None and word == word.strip(BLANKS)
-
-
-NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
-MILLISECONDS = 4.0, 100.0  # a frame time from 10 to 250 frames/s, if it is in milliseconds [s]
-MAX_DEPTH = 400  # joints above a joint; bodies have about 40
-CHANNELS = {name.upper(): name for name in ALL_CHANNELS}
-KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
 
 
 def read_bvh(path: str | Path) -> Motion:

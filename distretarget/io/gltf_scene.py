@@ -32,6 +32,12 @@ COMPRESSIONS = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression"
 # The extensions with a humanoid: of VRM 1.0, VRM animations, and VRM 0.
 HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")
 VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names of them
+Triangles = NDArray[np.intp]
+TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
+WHOLE_NUMBERS = (5121, 5123)  # components of joints
+INDICES = (5121, 5123, 5125)
+INFLUENCES = 8  # the bones that move a vertex most; others do not count
+DRACO = "KHR_draco_mesh_compression"
 
 
 def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> CharacterScene:
@@ -211,15 +217,6 @@ def _curve(gltf: Gltf, fields: Fields, path: str) -> Curve:
     if path == "rotation" and not (np.linalg.norm(keys[each // 2 :: each], axis=1) >= SMALLEST).all():
         fields["output"].fail("has a rotation of length 0")
     return Curve(times, keys.reshape(len(times), each, -1), interpolation)
-
-
-Triangles = NDArray[np.intp]
-
-TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
-WHOLE_NUMBERS = (5121, 5123)  # components of joints
-INDICES = (5121, 5123, 5125)
-INFLUENCES = 8  # the bones that move a vertex most; others do not count
-DRACO = "KHR_draco_mesh_compression"
 
 
 def gltf_parts(gltf: Gltf, skins: tuple[SkinBinding, ...]) -> Iterator[MeshPart]:

@@ -56,6 +56,11 @@ LARGEST_GLB = 2**32 - 1  # the header has no room for more [bytes]
 OCTETS = "application/octet-stream"
 KINDS = {3: "VEC3", 4: "VEC4"}
 START = 1, "0"  # the times of a track with a single key: frames, and the time between them
+IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}  # by how they begin
+FLOAT, SHORT, INT = 5126, 5123, 5125
+PER_SET = 4  # joints of a vertex in a set of glTF
+LEAST_WEIGHT = 1e-4  # lesser weights move nothing that is seen
+LEFT_OUT = "of the FBX file's materials only base colours and their images are in the result, and no morph targets"
 
 
 class _Numbers:
@@ -260,13 +265,6 @@ def _aligned(size: int) -> int:
 def _padding(content: bytes | memoryview, filler: bytes) -> list[bytes]:
     """What makes a chunk of a content as long as it has to be."""
     return [filler * (_aligned(len(content)) - len(content))]
-
-
-IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}  # by how they begin
-FLOAT, SHORT, INT = 5126, 5123, 5125
-PER_SET = 4  # joints of a vertex in a set of glTF
-LEAST_WEIGHT = 1e-4  # lesser weights move nothing that is seen
-LEFT_OUT = "of the FBX file's materials only base colours and their images are in the result, and no morph targets"
 
 
 def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[str, ...]]:

@@ -21,6 +21,7 @@ Value = TypeVar("Value")
 MOST_ENTRIES = 65536  # of a list or object that is read
 WHOLE = 2**53  # up to it floats hold all whole numbers
 INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")  # the others hold bytes that are not valid UTF-8
+BLANK = re.compile(r"[ \t\n\r]*")
 
 
 @contextmanager
@@ -220,7 +221,6 @@ def described(value: object) -> str:
             return json.dumps(value)
 
 
-BLANK = re.compile(r"[ \t\n\r]*")
 DECODER = json.JSONDecoder(parse_int=shared_float)  # Python refuses to read integers of too many digits
 
 

@@ -19,6 +19,16 @@ from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 SAME = 1e-9  # bones whose directions differ by less are each other's picture
+SEAM = 0.3  # a loop is bent for so long before and after its seam, or for a third of it if that is less [s]
+# A body that ends this near to where it began, and facing so, has not gone anywhere: its path closes, too.
+STAYS = 0.5  # [leg lengths]
+FACES = 45.0  # [degrees]
+SAME_TIME = 0.1  # times that differ by less are the same, as files round the time between frames [frames]
+LONGEST = 1e6  # [s]
+SPEEDS = (1e-3, 1e3)  # the lowest and the highest
+FARTHEST = 3600.0  # ten times round [degrees]
+Time = float | str
+"""A time of a clip [s], or the number of a frame, from 0 on, as in "90f"."""
 
 
 def mirrored(motion: Motion) -> Motion:
@@ -139,19 +149,6 @@ def _to_partner(skeleton: Skeleton, joint: int, partners: Numbers, reflection: A
     if not known.any() or np.abs(own - goal)[known].max() < SAME:
         return np.eye(3)
     return np.asarray(Rotation.align_vectors(goal[known], own[known])[0].as_matrix())
-
-
-SEAM = 0.3  # a loop is bent for so long before and after its seam, or for a third of it if that is less [s]
-# A body that ends this near to where it began, and facing so, has not gone anywhere: its path closes, too.
-STAYS = 0.5  # [leg lengths]
-FACES = 45.0  # [degrees]
-SAME_TIME = 0.1  # times that differ by less are the same, as files round the time between frames [frames]
-LONGEST = 1e6  # [s]
-SPEEDS = (1e-3, 1e3)  # the lowest and the highest
-FARTHEST = 3600.0  # ten times round [degrees]
-
-Time = float | str
-"""A time of a clip [s], or the number of a frame, from 0 on, as in "90f"."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

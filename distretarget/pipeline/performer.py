@@ -14,7 +14,7 @@ from distretarget.baseline.world import World, find_world
 from distretarget.body.bare import bare_mesh
 from distretarget.body.beside import Tree
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
+from distretarget.body.build import OWN_BUILDS, Builds, built, capsules_of
 from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
 from distretarget.body.twins import without_twins
 from distretarget.errors import MotionError
@@ -113,7 +113,7 @@ def match_performer(
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
-    skins = _find_skins(matching, goal, target, options, builds) if has_skin(goal, target, options, builds) else None
+    skins = _find_skins(matching, goal, target, options, builds)
     mesh = _bare(goal) if skins and not builds.target else None
     source_mesh = builds.source.mesh_on(matching.source.skeleton) if builds.source else None
     skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
@@ -125,24 +125,16 @@ def match_performer(
     return found
 
 
-def has_skin(goal: Target, given: object, options: Options, builds: Builds) -> bool:
-    """Return whether a target, `given` as it is or as another length of bones, has skin: its thickness is known, or to
-    be an average one.
-    """
-    if options.objective == "paper" or options.skin == "none":
-        return False
-    return options.skin == "average" or _build_for(given, builds) is not None or goal.is_measured
-
-
-def _build_for(given: object, builds: Builds) -> Build | None:
-    """The build of a target; other lengths of the source's bones have the source's."""
-    return builds.source if isinstance(given, SkeletonEdit) and not builds.target else builds.target
-
-
 def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
-    """The skins of a source and its target; None where either has no capsules."""
-    build = None if options.skin == "average" else _build_for(given, builds)
-    target = built(matching.target, build) if build or options.skin == "average" else target_capsules(goal)
+    """The skins of a source and its target, `given` as it is or as another length of the source's bones, which has the
+    source's build; None where either has no capsules, or the target's thickness is neither known nor an average one.
+    """
+    build, average = builds.target, options.skin == "average"
+    if isinstance(given, SkeletonEdit):
+        build = build or builds.source
+    if options.objective == "paper" or options.skin == "none" or not (average or build or goal.is_measured):
+        return None
+    target = built(matching.target, None if average else build) if build or average else target_capsules(goal)
     return Skins.of(matching, built(matching.source, builds.source), target)
 
 

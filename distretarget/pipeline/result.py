@@ -40,6 +40,11 @@ from distretarget.rig import found_once
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
+COMPARED = 10  # to compare a joint takes as long as to place this many
+TURNS = 15.0  # a body that should turn by more than this, and cannot, is worth a warning [degrees]
+REACH = 0.025  # a resting joint is seen to be off its place from 5 % of a leg on, half a shoe's width [body units]
+JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Baseline:
@@ -99,12 +104,6 @@ class Baseline:
 @found_once
 def _skin_of(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Skin:
     return find_skin(body, capsules, mesh)
-
-
-COMPARED = 10  # to compare a joint takes as long as to place this many
-TURNS = 15.0  # a body that should turn by more than this, and cannot, is worth a warning [degrees]
-REACH = 0.025  # a resting joint is seen to be off its place from 5 % of a leg on, half a shoe's width [body units]
-JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

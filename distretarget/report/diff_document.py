@@ -25,6 +25,11 @@ from distretarget.report.page import VERSION
 from distretarget.skeleton import Skeleton
 
 FORMULAS = ("=", "+", "-", "@", "\t")  # a text that begins with one is run by spreadsheets
+MetricValues = Mapping[str, float | None]
+"""Metrics by key; None where nothing was to be measured."""
+Values = Mapping[str, Any]
+"""A part of a document, whose keys its schema describes."""
+DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
 
 
 def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
@@ -50,14 +55,6 @@ def _plain(text: str) -> str:
     """The text of a cell; a carriage return, which ends the row for some readers, is a space."""
     text = text.replace("\r", " ")
     return f"'{text}" if text.startswith(FORMULAS) else text
-
-
-MetricValues = Mapping[str, float | None]
-"""Metrics by key; None where nothing was to be measured."""
-Values = Mapping[str, Any]
-"""A part of a document, whose keys its schema describes."""
-
-DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
 
 
 class DiffDocument(TypedDict):

@@ -54,6 +54,12 @@ TRACKS: dict[str, tuple[Kind, str]] = {
     "foot_height": ("support", "{}" + RESTING),
     "support_height": ("support", "{}" + RESTING),
 }
+Jump = Mapping[str, object]
+"""A frame to go to, its kind, and a text that says why."""
+JUMPS = 12  # contacts that a menu lists
+STILL = "0.0333333"  # the time that a character without a motion is shown [s]
+MOST = 24  # actors on a page
+SMALL = 60_000  # characters for the rotations of a clip among many
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,15 +233,6 @@ def _spots(diff: Diff, solid: Capsules, limb: str, values: Array) -> NDArray[np.
         for frame, x, ends in zip(frames.tolist(), some.positions, solid.posed(some), strict=True):
             spots[frame] = joints[distances(x[joints], ends[others], solid.radii[others])[0].argmin()]
     return spots
-
-
-Jump = Mapping[str, object]
-"""A frame to go to, its kind, and a text that says why."""
-
-JUMPS = 12  # contacts that a menu lists
-STILL = "0.0333333"  # the time that a character without a motion is shown [s]
-MOST = 24  # actors on a page
-SMALL = 60_000  # characters for the rotations of a clip among many
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -40,6 +40,14 @@ FIRMER = 0.3  # times the stiffness of a pair within a body at D = `settings.rea
 NEAREST = 0.01  # ... until D is about this
 LEAST_STIFFNESS = 0.05  # pairs with less are left out
 NO_STIFFNESS = 1e-12  # added to a stiffness matrix so that it is never singular
+REGION_POINTS = 9  # most joints of a region that may touch others
+LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
+TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
+# Parts that rest on their skin; hands are brought to it in the end (`scene.skin`). The last is none.
+IS_SEAT = np.array([not IS_ARM[number] and "foot" not in name for number, name in enumerate(SEGMENTS)] + [False])
+OVER = 0.3  # a joint is over a prop if the way from there to it has at least this cosine to the vertical ...
+FARTHEST = 0.5  # and the prop is nearer than this [leg lengths]
+MOVING = 1e-3  # weight of frames in which a joint is still on its way, such as one who sits down
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,16 +231,6 @@ def _nearest_distances(joints: Array, prop: Array) -> Array:
     for block in blocks_of(len(joints)):
         distances[block] = lengths(joints[block][:, :, None] - prop[block][:, None]).min(axis=-1)
     return distances
-
-
-REGION_POINTS = 9  # most joints of a region that may touch others
-LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
-TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
-# Parts that rest on their skin; hands are brought to it in the end (`scene.skin`). The last is none.
-IS_SEAT = np.array([not IS_ARM[number] and "foot" not in name for number, name in enumerate(SEGMENTS)] + [False])
-OVER = 0.3  # a joint is over a prop if the way from there to it has at least this cosine to the vertical ...
-FARTHEST = 0.5  # and the prop is nearer than this [leg lengths]
-MOVING = 1e-3  # weight of frames in which a joint is still on its way, such as one who sits down
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,8 @@ MOST_POINTS = 4000  # into which faces are divided, about
 MOST_PARTS = 60  # into which a side of a triangle is divided
 CANDIDATES = 6  # triangles that are looked at for the nearest place
 LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
+PropScale = Literal["world"] | int | float
+FREE_WEIGHT = 1e-6  # least weight of a prop's free place against the joints that hold it
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,11 +191,6 @@ def nearest_places(surface: PropSurface | None, motion: Motion, x: Array, farthe
     local = ((x - motion.positions[:, :1]) @ turn).reshape(-1, 3)
     feet, out = (each.reshape(x.shape) @ turn.swapaxes(1, 2) for each in surface.nearest(local, farthest))
     return feet + motion.positions[:, :1], out
-
-
-PropScale = Literal["world"] | int | float
-
-FREE_WEIGHT = 1e-6  # least weight of a prop's free place against the joints that hold it
 
 
 @dataclass(frozen=True)

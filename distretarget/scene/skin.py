@@ -44,6 +44,10 @@ WITHIN = 0.1  # radius of the balls that touch the surface of a prop from within
 RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh": 1}
 RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
 HARD = SEGMENTS.index("head")  # a prop is no softer than this, and all of it is one place
+WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
+TRIES = 4  # to find the frames in which it stays
+BLEND = 0.16  # around frames in which a limb stays, it comes back over this time [s]
+IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,13 +184,6 @@ def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
     """Joined lists of where segments begin, the last of each being its end."""
     starts = [own[:-1] + first for own, first in zip(numbers, firsts, strict=False)]
     return np.asarray(np.concatenate([*starts, firsts[-1:]]))
-
-
-WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
-TRIES = 4  # to find the frames in which it stays
-BLEND = 0.16  # around frames in which a limb stays, it comes back over this time [s]
-
-IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
 def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:

@@ -27,18 +27,6 @@ SAMPLES = {
     "hands_on_hips.bvh": "sample_bvh",
     "hero.glb": "sample_characters",
 }  # and their folders; pyproject.toml says what a wheel has
-
-
-def sample(name: str) -> bytes:
-    """Return the content of a sample; a FileError if there is none of that name."""
-    package = files("distretarget")
-    for folder in (package, package / ".."):
-        file = folder / SAMPLES.get(name, "") / name
-        if name in SAMPLES and file.is_file():
-            return file.read_bytes()
-    raise FileError(name, f"is no sample; there are {', '.join(SAMPLES)}")
-
-
 LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
 LONGEST_TAB = 40  # of what a tab calls itself
 LARGEST_ORDER = 10_000_000  # [bytes]
@@ -54,6 +42,16 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+
+
+def sample(name: str) -> bytes:
+    """Return the content of a sample; a FileError if there is none of that name."""
+    package = files("distretarget")
+    for folder in (package, package / ".."):
+        file = folder / SAMPLES.get(name, "") / name
+        if name in SAMPLES and file.is_file():
+            return file.read_bytes()
+    raise FileError(name, f"is no sample; there are {', '.join(SAMPLES)}")
 
 
 def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
