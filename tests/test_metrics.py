@@ -17,7 +17,7 @@ from make_docs import ROOT
 
 PACKAGE = ROOT / "distretarget"
 REGISTRY = PACKAGE / "measure" / "metrics.py"
-EXAMPLE = PACKAGE / "batch" / "packed.py"  # with a verdict as an example of what is compressed
+EXAMPLE = PACKAGE / "batch" / "record.py"  # with a verdict as an example of what is compressed
 SOURCES = [
     path for kind in ("py", "js", "html") for path in PACKAGE.rglob(f"*.{kind}") if path not in (REGISTRY, EXAMPLE)
 ]
