@@ -96,7 +96,7 @@ def by_command(folder, done):
     """The bytes that the command of an order makes, by a shell in a folder with what is taken away in a zip."""
     with zipfile.ZipFile(io.BytesIO(done.file("zip")[1])) as archive:
         archive.extractall(folder)
-    ran = in_shell(folder / "made_from", done.command)
+    ran = in_shell(folder / "made_from", done.names.command(done.order))
     assert ran.returncode == 0, ran.stderr
     return (folder / "made_from" / done.names.result).read_bytes()
 
@@ -177,7 +177,7 @@ def test_the_papers_objective_has_no_supports_in_its_command(dropped):
     bench, clip, character = dropped
     options = {"objective": "paper", "supports": "feet"}
     done = bench.carry_out(Order.of({"clip": clip, "character": character, "options": options}))
-    assert done.command == "distretarget wave.bvh hero.glb -o wave_hero.glb --objective paper"
+    assert done.names.command(done.order) == "distretarget wave.bvh hero.glb -o wave_hero.glb --objective paper"
 
 
 def test_a_project_is_refused_with_other_files(tmp_path, dropped):
