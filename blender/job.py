@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from .contacts import acts, entries_of
-from .keys import Controls, Result, keyed_controls, keyed_joints
+from .keys import Result, keyed_controls, keyed_joints
 from .rig import arrays_of, constraints_on, drivers_on, motion_of, moved_bones, title_of
 from .settings import clip_key
 
@@ -68,7 +68,14 @@ class Job:
     def __init__(self, scene: bpy.types.Scene, armature: bpy.types.Object, clip: Path | bpy.types.Object) -> None:
         """`clip` is a file, or an armature of the scene that moves."""
         is_file = isinstance(clip, Path)
-        _check_file(clip) if is_file else _check_performer(clip, armature)
+        if is_file and clip.suffix.lower() not in ENDINGS:
+            raise FailedError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
+        if is_file and not clip.is_file():
+            raise FailedError(f"{clip}: there is no such file")
+        if clip == armature:
+            raise FailedError(f"{clip.name!r} is the character; choose another armature for the clip")
+        if not is_file and not clip.data.bones:
+            raise FailedError(f"{clip.name!r} has no bones")
         settings = scene.distretarget
         self.names, self.process = names_of(scene, armature), None
         self.title = clip.stem if is_file else title_of(clip)
@@ -141,24 +148,10 @@ class Job:
             told["warnings"] += _muted(armature, self.joints)
             action = keyed_joints(armature, result, self.title, times)
         else:
-            controls = Controls(**np.load(self.folder / "controls.npz"), switches=told["switches"])
-            action = keyed_controls(armature, controls, self.title, times)
+            controls = np.load(self.folder / "controls.npz")
+            action = keyed_controls(armature, controls, told["switches"], self.title, times)
             told["warnings"] += told["lines"]
         return scene, action, told | {"frames": len(times), "frame_time": result.frame_time, "step": step}
-
-
-def _check_file(clip: Path) -> None:
-    if clip.suffix.lower() not in ENDINGS:
-        raise FailedError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
-    if not clip.is_file():
-        raise FailedError(f"{clip}: there is no such file")
-
-
-def _check_performer(performer: bpy.types.Object, armature: bpy.types.Object) -> None:
-    if performer == armature:
-        raise FailedError(f"{performer.name!r} is the character; choose another armature for the clip")
-    if not performer.data.bones:
-        raise FailedError(f"{performer.name!r} has no bones")
 
 
 def _blender(script: Path, folder: Path) -> list[str]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A result as a new action of an armature."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import bpy
@@ -27,17 +28,6 @@ class Result:
     frame_time: float
 
 
-@dataclass(frozen=True)
-class Controls:
-    """Transforms of controls: `names`, (controls,), `bases`, (controls, frames, 4, 4), and the values of `switches`,
-    custom properties: a bone, a name and a value each.
-    """
-
-    names: np.ndarray
-    bases: np.ndarray
-    switches: list[tuple[str, str, float]]
-
-
 def keyed_joints(armature: bpy.types.Object, result: Result, name: str, times: np.ndarray) -> bpy.types.Action:
     """Give the armature an action with the motion at some frames of the scene, and return it.
 
@@ -56,13 +46,23 @@ def keyed_joints(armature: bpy.types.Object, result: Result, name: str, times: n
     return action
 
 
-def keyed_controls(armature: bpy.types.Object, controls: Controls, name: str, times: np.ndarray) -> bpy.types.Action:
-    """Give the armature an action with keys on its controls at some frames of the scene, and return it."""
+def keyed_controls(
+    armature: bpy.types.Object,
+    controls: Mapping[str, np.ndarray],
+    switches: list[tuple[str, str, float]],
+    name: str,
+    times: np.ndarray,
+) -> bpy.types.Action:
+    """Give the armature an action with keys on its controls at some frames of the scene, and return it.
+
+    `controls` are their `names`, (controls,), and transforms, `bases`, (controls, frames, 4, 4); `switches` are custom
+    properties: a bone, a name and a value each.
+    """
     action = new_action(armature, name)
-    for control, bases in zip(controls.names.tolist(), controls.bases, strict=True):
+    for control, bases in zip(controls["names"].tolist(), controls["bases"], strict=True):
         if np.abs(bases - np.eye(4)).max() > ALIKE:
             set_keys(action, armature.pose.bones[control], [*map(Matrix, bases.tolist())], times)
-    for owner, switch, value in controls.switches:
+    for owner, switch, value in switches:
         bone = armature.pose.bones[owner]
         bone[switch] = type(bone[switch])(value)
         bone.keyframe_insert(f'["{bpy.utils.escape_identifier(switch)}"]', frame=times[0], group=bone.name)

@@ -54,13 +54,17 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
         turns=moved.world_rotations,
         frame_time=moved.frame_time,
     )
-    flags = [[int(frame), text] for frame, text in _frames(result.warnings)]
+    numbers = {text: re.search(r"\bframe (\d+)", text) for text in result.warnings}
+    gone = [(joint, source) for joint, source in job["map"].items() if source is not None and source not in there]
     matching = result.matching
     names, sources = matching.target.skeleton.keys, matching.source.skeleton
     return {
         "verdict": result.verdict,
-        "warnings": [*result.warnings, *_without_joint(job["map"], there)],
-        "flags": flags,
+        "warnings": [
+            *result.warnings,
+            *(f"this clip has no joint {source!r}, which was chosen for {joint!r}" for joint, source in gone),
+        ],
+        "flags": [[int(number[1]), text] for text, number in numbers.items() if number],
         "contacts": json.loads(contacts_to_json(find_contacts(motion, target, joint_map=pairs)))["contacts"],
         "pairs": [
             [name, sources.keys[one] if one >= 0 else ""] for name, one in zip(names, matching.drivers, strict=True)
@@ -78,18 +82,6 @@ class _Told:
     def __call__(self, frames: int) -> None:
         before, self.done = self.done, min(self.done + frames, self.frames)
         self.file.write(b"." * (100 * self.done // self.frames - 100 * before // self.frames))
-
-
-def _without_joint(pairs: dict[str, str | None], there: set[str]) -> list[str]:
-    """A line on each pair that was chosen for a clip with other joints."""
-    gone = [(joint, source) for joint, source in pairs.items() if source is not None and source not in there]
-    return [f"this clip has no joint {source!r}, which was chosen for {joint!r}" for joint, source in gone]
-
-
-def _frames(warnings: tuple[str, ...]) -> list[tuple[int, str]]:
-    """The frame that each warning names, if it names one."""
-    found = ((re.search(r"\bframe (\d+)", warning), warning) for warning in warnings)
-    return [(int(frame[1]), warning) for frame, warning in found if frame]
 
 
 def _skeleton(arrays: dict[str, np.ndarray]):

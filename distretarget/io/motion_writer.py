@@ -120,7 +120,7 @@ def write_motion(
     settings = OutputSettings(animations, in_place)
     clip = settings.clip(moved, name or Path(place).stem)
     if output_kind(place, target.file if target else None) == "arrays":
-        clip = replace(clip, labels=_labels_of(motion))
+        clip = replace(clip, labels={} if isinstance(motion, Motion) else motion.labels)
     content = content_of(place, clip, target, settings)
     if isinstance(path, str | PathLike):
         write_whole(path, content, overwrite)
@@ -142,10 +142,6 @@ def _motion_of(given: object) -> Motion:
     return cast(Motion, motion)
 
 
-def _labels_of(given: Motion | Labelled) -> Arrays:
-    return {} if isinstance(given, Motion) else given.labels
-
-
 def write_npz(
     path: str | Path,
     motion: Motion | Labelled,
@@ -164,7 +160,8 @@ def write_npz(
     moved = _motion_of(motion)
     check_choice("precision", precision, get_args(Precision))
     settings = OutputSettings(rotations=rotations, precision=precision)
-    write_whole(path, settings.arrays(NamedClip(moved, "", {}, _labels_of(motion))), overwrite)
+    labels = {} if isinstance(motion, Motion) else motion.labels
+    write_whole(path, settings.arrays(NamedClip(moved, "", {}, labels)), overwrite)
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,8 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
     turning = np.union1d(turning, [0])
     still = np.setdiff1d(np.arange(len(skeleton)), turning)
     world, fixed = motion.world_rotations[:, turning], motion.rotations[0, still]
-    numbers = np.rint(32767 * continuous(_turned_axes(turn, world)))
+    numbers = np.rint(32767 * continuous(_turned_axes(turn, world))).reshape(len(world), -1).T
+    steps = np.diff(numbers, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)  # sums wrap round at 16 bits
     moving = motion.moving
     roles = body.anatomy.roles if body and body.anatomy else {}
     return {
@@ -111,7 +112,7 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
         "offsets": packed(_turned(turn, skeleton.offsets) / actor.unit, "<f4"),
         "path": packed(path, "<f4"),  # (frames, 3), of the root
         "turning": turning.tolist(),
-        "rotations": packed(_differences(numbers), "<i2"),  # (joints x 4, frames), of `turning`, in the world
+        "rotations": packed(steps, "<i2"),  # (joints x 4, frames), of `turning`, in the world
         "still": still.tolist(),
         "fixed": packed(_turned_axes(turn, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
         "moving": moving.joints.tolist() if moving else [],
@@ -119,14 +120,6 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
         "centre": roles.get("hips", 0) if body is None or body.pelvis_joint is None else body.pelvis_joint,
         "ends": [roles[role] for role in ENDS if role in roles],
     }
-
-
-def _differences(numbers: Array) -> NDArray[np.int16]:
-    """Numbers (frames, joints, 4) as rows over the frames, (joints x 4, frames), each the difference to the one before;
-    sums wrap round at 16 bits.
-    """
-    rows = numbers.reshape(len(numbers), -1).T
-    return np.diff(rows, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)
 
 
 def _body_data(actor: Actor) -> dict[str, Any]:
