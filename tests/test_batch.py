@@ -87,8 +87,8 @@ def batch_of(folder, clips=None, **others):
     for kind in (Results, Recipe, Pages):
         parts.append({name: others.pop(name) for name in [*others] if name in kind.__dataclass_fields__})
     results, recipe, pages = parts
-    pages = Pages(lambda clip, _: f"report on {clip.name}", **pages)
-    return Batch(clips or clips_in(folder), Results(folder / "out", **results), Recipe(**recipe), pages, **others)
+    pages = Pages(Results(folder / "out", **results), lambda clip, _: f"report on {clip.name}", **pages)
+    return Batch(clips or clips_in(folder), pages, Recipe(**recipe), **others)
 
 
 def go(folder, workers=None, clips=None, **others):

@@ -49,9 +49,8 @@ class Batch:
     """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read."""
 
     clips: Sequence[PlannedClip]
-    results: Results
-    recipe: Recipe
     pages: Pages
+    recipe: Recipe
     contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
     skeleton: InputFile | None = None  # the skeleton for clips that are arrays
     time_limit: float | None = None  # of a clip [s]
@@ -60,6 +59,11 @@ class Batch:
     def __post_init__(self) -> None:
         if self.contacts not in (None, BESIDE):
             load_contacts(self.contacts)
+
+    @property
+    def results(self) -> Results:
+        """The folder of results."""
+        return self.pages.results
 
     def record_of(self, clip: PlannedClip, input_hash: str = "") -> BatchRecord:
         """Return the record of a clip that is not done, whose file has this hash."""
@@ -108,7 +112,7 @@ class Batch:
         """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
         if not self.clips:
             raise BatchError("there are no clips to convert")
-        self.pages.check(self.clips, self.results, self.recipe.map_file.path)
+        self.pages.check(self.clips, self.recipe.map_file.path)
 
     def convert(self, workers: Workers, tally: Tally, show: Show = lambda _record: None) -> None:
         """Retarget the clips that are not done, count them, and write the pages.
@@ -132,11 +136,11 @@ class Batch:
                 records = self._records
                 tally.alignments = [*spread_warnings(records)]
                 for result in convert_all(workers, self._report_jobs(records)):
-                    self.pages.write_report(result.record, result.report, self.results)
-                self.pages.write(records, self.results)
+                    self.pages.write_report(result.record, result.report)
+                self.pages.write(records)
             except BaseException:
                 with suppress(FileError):
-                    self.pages.write(self._records, self.results)
+                    self.pages.write(self._records)
                 raise
             finally:
                 tally.seconds = time.perf_counter() - started - workers.start_seconds
@@ -214,7 +218,7 @@ class Batch:
         if record["status"] == "failed" and self.fail_fast:
             raise BatchError(f"stopped at the first failure: {record['error']}")
         if record["status"] == "done":
-            self.pages.write_report(record, result.report, self.results)
+            self.pages.write_report(record, result.report)
 
     def _parts(self, name: str, output: Output, record: BatchRecord) -> Parts:
         """The content of the file of a result, in parts."""
@@ -297,14 +301,14 @@ def convert_folder(
     clips = plan(found, files, Path(folder), paths, formats, recipe.clip)
     batch = Batch(
         clips,
-        Results(Path(folder), overwrite),
-        recipe,
         Pages(
+            Results(Path(folder), overwrite),
             lambda clip, result: About(a=clip.name, b=result.name),
             Path(report) if report else None,
             reports,
             Path(table) if table else None,
         ),
+        recipe,
         None if contacts is None else Path(contacts),
         load_file(skeleton) if skeleton else None,
         time_limit,

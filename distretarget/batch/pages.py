@@ -89,22 +89,23 @@ def _parquet(rows: Iterable[dict[str, Any]]) -> bytes:
 class Pages:
     """The pages and the table of a batch."""
 
+    results: Results
     about: Callable[[PurePath, PurePath], About]  # what a report says of a clip, from its path and that of its result
     index: Path | None = None  # the page over all clips; None for no pages
     reports: int | None = None  # how many clips get a report beside it, the worst first; None for all
     table: Path | None = None  # of all clips, .csv or .parquet
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
-    def check(self, clips: Sequence[PlannedClip], results: Results, map_path: str | Path) -> None:
+    def check(self, clips: Sequence[PlannedClip], map_path: str | Path) -> None:
         """Raise a BatchError or FileError if page or table cannot be written, or would replace a file of the batch."""
         if self.table:
             check_table(self.table)
         for path in filter(None, (self.index, self.table)):
-            check_page(path, clips, results.folder, map_path)
-        for path in filter(None, (results.folder / METRICS, self.index, self.table)):
+            check_page(path, clips, self.results.folder, map_path)
+        for path in filter(None, (self.results.folder / METRICS, self.index, self.table)):
             above = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
             if above == path:
-                check_writable(path, results.overwrite or self._is_own(path))
+                check_writable(path, self.results.overwrite or self._is_own(path))
             elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
                 raise FileError(path, f"nothing can be written to {str(above)!r}")
 
@@ -118,38 +119,38 @@ class Pages:
             if not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
                 yield record["output"]
 
-    def write_report(self, record: BatchRecord, report: str, results: Results) -> None:
+    def write_report(self, record: BatchRecord, report: str) -> None:
         """Write the report on a clip, if any, or remember why that failed."""
         path = self._report_path(record["output"])
         try:
             if report and self.index:
                 check_inside(path, self.index.parent)
-                self._write(path, report.replace(MARK, MARK + OF.format(record["output_hash"]), 1), results)
+                self._write(path, report.replace(MARK, MARK + OF.format(record["output_hash"]), 1))
         except FileError as error:
             self.problems[path] = error
 
-    def write(self, records: Sequence[BatchRecord], results: Results) -> None:
+    def write(self, records: Sequence[BatchRecord]) -> None:
         """Write the table of all clips in the folder of results, and of the clips with these records, which are sorted,
         a table and the page; a FileError if that fails.
         """
-        metrics = results.folder / METRICS
-        check_inside(metrics, results.folder)
-        with results.database.untold() as has_news:  # no other run, which has seen less, writes its table later
+        metrics, database = self.results.folder / METRICS, self.results.database
+        check_inside(metrics, self.results.folder)
+        with database.untold() as has_news:  # no other run, which has seen less, writes its table later
             if has_news or not metrics.exists():
-                self._write(metrics, table(metrics, results.database.latest()), results)
+                self._write(metrics, table(metrics, database.latest()))
         if self.table:
-            self._write(self.table, table(self.table, records), results)
+            self._write(self.table, table(self.table, records))
         if self.index:
             paths = {one["output"]: self._report_path(one["output"]) for one in records if self._has_report(one)}
             links = {name: Path(os.path.relpath(path, self.index.parent)).as_posix() for name, path in paths.items()}
-            title = f"{len(records)} clips in {results.folder.resolve().name}"
-            page = index_page(records, links, title, dict(_stages(records, results.folder)))
-            self._write(self.index, page, results)
+            title = f"{len(records)} clips in {self.results.folder.resolve().name}"
+            page = index_page(records, links, title, dict(_stages(records, self.results.folder)))
+            self._write(self.index, page)
 
-    def _write(self, path: Path, content: Content, results: Results) -> None:
+    def _write(self, path: Path, content: Content) -> None:
         make_folder(path.parent)
-        with results.database.transaction():  # the later of two runs replaces the page of the other
-            write_whole(path, content, results.overwrite or self._is_own(path))
+        with self.results.database.transaction():  # the later of two runs replaces the page of the other
+            write_whole(path, content, self.results.overwrite or self._is_own(path))
 
     def _is_own(self, path: Path) -> bool:
         """Whether this program wrote a file."""

@@ -198,9 +198,8 @@ def batch_command(
         raise click.UsageError(str(error)) from error
     batch = Batch(
         clips,
-        Results(results, overwrite and not merge, read_only=dry_run),
+        Pages(Results(results, overwrite and not merge, read_only=dry_run), about, index, reports, table),
         (replace(recipe_files, writing=DEFAULT_OUTPUT) if merge else recipe_files).read(),
-        Pages(about, index, reports, table),
         contacts_path,
         load_file(recipe_files.skeleton_path) if recipe_files.skeleton_path else None,
         time_limit,
