@@ -1,8 +1,8 @@
 """The character of a file: which nodes are its joints, where the mesh was bound to them, and the skeleton.
 
-A skin states the bind pose as inverse bind matrices, from the mesh's space to each joint's. Where that
-space is in the world, no file states: the transform of the mesh's node does not count (glTF 2.0 specification, section
-3.7.3.3). It is found from the joints that show their bind pose.
+A skin states the bind pose as inverse bind matrices, from the mesh's space to each joint's. Where that space is in the
+world, no file states: the transform of the mesh's node does not count (glTF 2.0 specification, section 3.7.3.3). It is
+found from the joints that show their bind pose.
 """
 
 from __future__ import annotations

@@ -21,12 +21,12 @@ from distretarget.report.page import html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
 
-SAMPLES = {
+SAMPLES = {  # with their folders, in the repository, and in the package of a wheel, as pyproject.toml says
     "clap.bvh": "sample_bvh",
     "walk.bvh": "sample_bvh",
     "hands_on_hips.bvh": "sample_bvh",
     "hero.glb": "sample_characters",
-}  # and their folders; pyproject.toml says what a wheel has
+}
 LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
 LONGEST_TAB = 40  # of what a tab calls itself
 LARGEST_ORDER = 10_000_000  # [bytes]
