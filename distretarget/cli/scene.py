@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
@@ -132,13 +132,18 @@ def scene_command(
     if options["target"]:
         if scene := next((path for path in sources if path.suffix.lower() == ".json" or is_folder(path)), None):
             raise click.UsageError(f"{scene} is a scene or a folder of scenes, which name their targets; leave out -t.")
-        _retarget_scene(_setup(sources, options), output, overwrite, report)
-        return
-    path = _scene_path(sources, options)
-    if is_folder(path):
+        setup = _setup(sources, options)
+    elif is_folder(path := _scene_path(sources, options)):
         _retarget_folder(path, Results(output, overwrite), report)
+        return
     else:
-        _retarget_scene(load_scene(path), output, overwrite, report)
+        setup = load_scene(path)
+
+    def put(contents: Mapping[Path, Content]) -> None:
+        for path, content in contents.items():
+            write_whole(path, content, overwrite)
+
+    _retarget_scene(setup, *_outputs(setup, output), report, overwrite, put)
 
 
 def _scene_path(sources: Sequence[Path], options: dict[str, Any]) -> Path:
@@ -169,17 +174,6 @@ def _setup(sources: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
         for file, *each in zip(sources, *map(cycle, given.values()), strict=False)
     )
     return SceneSetup(performers=performers, **options)
-
-
-def _retarget_scene(setup: SceneSetup, folder: Path, overwrite: bool, report: Path | None) -> None:
-    """Retarget a scene into a folder, and print how it went."""
-    targets, outputs = _outputs(setup, folder)
-    with _made(folder):
-        check_outputs([*outputs, report], setup.inputs, overwrite)
-        result, contents, seconds = _retargeted(setup, targets, outputs, report)
-        for path, content in contents.items():
-            write_whole(path, content, overwrite)
-    _say_how_it_went(setup, outputs, result, seconds)
 
 
 def _retarget_folder(path: Path, results: Results, report: Path | None) -> None:
@@ -221,12 +215,12 @@ def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Pa
         return False
     for name in names:
         results.check_replaceable(record, name)
-    with _made(folder):
-        check_outputs([*outputs, report], setup.inputs, overwrite=True)
-        result, contents, seconds = _retargeted(setup, targets, outputs, report)
+
+    def put(contents: Mapping[Path, Content]) -> None:
         parts = ([*encoded_parts(content)] for content in contents.values())
         results.put(record, dict(zip(names, parts, strict=True)))
-    _say_how_it_went(setup, outputs, result, seconds)
+
+    _retarget_scene(setup, targets, outputs, report, True, put)
     return True
 
 
@@ -240,37 +234,42 @@ def _outputs(setup: SceneSetup, folder: Path) -> tuple[list[TargetFile], list[Pa
     return targets, outputs
 
 
-@contextlib.contextmanager
-def _made(folder: Path) -> Iterator[None]:
-    """Make a folder, and remove it if nothing gets into it."""
+def _retarget_scene(
+    setup: SceneSetup,
+    targets: Sequence[TargetFile],
+    outputs: Sequence[Path],
+    report: Path | None,
+    overwrite: bool,
+    put: Callable[[Mapping[Path, Content]], object],
+) -> None:
+    """Retarget a scene, let its files be `put` into their folder, which goes again if nothing gets into it, and print
+    how it went.
+    """
+    folder = outputs[0].parent
     existed = is_folder(folder)
     make_folder(folder)
     try:
-        yield
+        check_outputs([*outputs, report], setup.inputs, overwrite)
+        began = time.perf_counter()
+        result = setup.retargeted()
+        clips = [DEFAULT_OUTPUT.clip(motion, name) for motion, name in zip(result.motions, setup.names, strict=False)]
+        contents: dict[Path, Content] = {
+            path: [*content_of(path, clip, target, DEFAULT_OUTPUT)]
+            for path, clip, target in zip(outputs, clips, targets, strict=False)
+        }
+        props = zip(outputs[len(clips) :], result.props, strict=True)
+        contents |= {path: [*bvh_parts(prop.motion)] for path, prop in props}
+        held = [
+            replace(one, motion=as_written(one.motion, OUTPUTS[path.suffix.lower()], target=target))
+            for one, path, target in zip(result.results, outputs, targets, strict=False)
+        ]
+        result, seconds = replace(result, results=tuple(held)), time.perf_counter() - began
+        put(contents | ({report: scene_page(result, setup.names)} if report else {}))
     finally:
         if not existed:
             with contextlib.suppress(OSError):  # it is not empty
                 folder.rmdir()
-
-
-def _retargeted(
-    setup: SceneSetup, targets: Sequence[TargetFile], outputs: Sequence[Path], report: Path | None
-) -> tuple[SceneResult, dict[Path, Content], float]:
-    """Retarget a scene; return its result, the contents of its files, and the time that took [s]."""
-    began = time.perf_counter()
-    result = setup.retargeted()
-    clips = [DEFAULT_OUTPUT.clip(motion, name) for motion, name in zip(result.motions, setup.names, strict=False)]
-    contents: list[Content] = [
-        [*content_of(*each, DEFAULT_OUTPUT)] for each in zip(outputs, clips, targets, strict=False)
-    ]
-    contents += [[*bvh_parts(prop.motion)] for prop in result.props]
-    held = [
-        replace(one, motion=as_written(one.motion, OUTPUTS[path.suffix.lower()], target=target))
-        for one, path, target in zip(result.results, outputs, targets, strict=False)
-    ]
-    result, seconds = replace(result, results=tuple(held)), time.perf_counter() - began
-    files = dict(zip(outputs, contents, strict=True))
-    return result, files | ({report: scene_page(result, setup.names)} if report else {}), seconds
+    _say_how_it_went(setup, outputs, result, seconds)
 
 
 def _say_how_it_went(setup: SceneSetup, outputs: Sequence[Path], result: SceneResult, seconds: float) -> None:
