@@ -30,9 +30,9 @@ import pybvh
 from clips import LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
 from numpy.typing import NDArray
+from runs import alone, alternating
 from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
-from timing import alone, alternating
 
 from distretarget import Motion, Options, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.pipeline.options import OBJECTIVES
