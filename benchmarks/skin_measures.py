@@ -32,7 +32,6 @@ UPPER_ARMS = ("leftUpperArm", "rightUpperArm")
 TRUNK = ("hips", "spine", "chest", "upperChest", "neck")
 
 
-
 class Solid:
     """A part of a skin as a closed surface: its own triangles, and fans that close its holes."""
 
