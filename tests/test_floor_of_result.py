@@ -8,7 +8,7 @@ from bodies import SAMPLES, matched, person, posed
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
-from distretarget.measure.floor import NEAR, Floor, find_floor
+from distretarget.measure.resting import NEAR, Floor, find_floor
 from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
 from distretarget.skin.capsules import Capsules
 
