@@ -48,8 +48,7 @@ def errors(body: Body, mesh: SkinnedMesh, capsules: Capsules) -> np.ndarray:
     used = np.unique(mesh.triangles)
     ends = capsules.ends + body.skeleton.rest_positions[capsules.joints][:, None]
     away = np.abs(distances(mesh.vertices[used], ends, capsules.radii)[0])
-    carriers = np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[used, 0]
-    of_vertex = find_segments(body).of_joint[carriers]
+    of_vertex = find_segments(body).of_joint[mesh.carriers[used]]
     names = np.array([name.removeprefix("left ").removeprefix("right ") for name in SEGMENTS])[of_vertex]
     height = np.ptp(mesh.vertices[used, 1])
     return np.array([100 * away[(names == part) & (of_vertex >= 0)].mean() / height for part in PARTS])

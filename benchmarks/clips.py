@@ -16,7 +16,6 @@ ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
 sys.path.append(str(ROOT / "tools"))
 SAMPLE_CLIPS = sorted(path.name for path in SAMPLES.glob("*.bvh"))
-PROCESSES = 2  # of benchmarks that do not measure times
 CLIPS = [
     *(f"cmu_mb/{clip}.bvh" for clip in ("02_01", "02_05", "02_10", "05_03", "05_12", "12_01")),
     *(f"cmu_daz/{clip}.bvh" for clip in ("05_03", "13_11", "14_04", "14_30")),

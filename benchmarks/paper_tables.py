@@ -8,8 +8,7 @@ import numpy as np
 from clips import SAMPLES
 from numpy.typing import NDArray
 from paper_case import EDITS, POSTURE, Case, bone_errors, case, direction_errors, distance_error, mirrored
-from paper_checks import checks
-from paper_solver import STARTS, elsewhere, from_before, solved_from
+from paper_solver import STARTS, checks, elsewhere, from_before, solved_from
 from tables import several, table
 
 from distretarget import Skeleton

@@ -46,10 +46,12 @@ def moved(motion, by):
     return replace(motion, root_positions=motion.root_positions + leg_of(motion) * by)
 
 
-def turned(motion, joint, degrees, frames):
-    rotations = np.array(motion.rotations)
-    turn = Rotation.from_euler("XYZ", degrees, degrees=True)
-    rotations[frames, joint] = (Rotation.from_quat(rotations[frames, joint]) * turn).as_quat()
+def turned(motion, role, degrees, frames):
+    """The motion with the joint of a role turned in some frames."""
+    joint, rotations = joint_of(motion, role), np.array(motion.rotations)
+    rotations[frames, joint] = (
+        Rotation.from_quat(rotations[frames, joint]) * Rotation.from_euler("XYZ", degrees, degrees=True)
+    ).as_quat()
     return replace(motion, rotations=rotations)
 
 
@@ -63,10 +65,6 @@ def first_frames_in_rest_pose(motion, count=1):
 
 def at(motion, share):
     return int(share * len(motion))
-
-
-def from_(motion, share):
-    return slice(at(motion, share), None)
 
 
 def step_at(motion, share, vector):
@@ -97,10 +95,6 @@ def held_at(motion, seconds):
     return frames_of(motion, [*range(here), *again, *range(here, len(motion))])
 
 
-def repeating(motion):
-    return frames_of(motion, np.arange(len(motion)) // 2 * 2)
-
-
 def stretched(motion):
     joint = joint_of(motion, "leftHand")
     bones = np.tile(motion.skeleton.offsets[joint], (len(motion), 1, 1))
@@ -108,11 +102,9 @@ def stretched(motion):
     return replace(motion, moving=MovingBones(np.array([joint]), bones))
 
 
-def tipped(motion, degrees):
-    """The motion in a world that is turned about X; by 90 degrees that of a file whose data have Z up, and whose
-    skeleton has Y up.
-    """
-    return motion.in_turned_world(Rotation.from_euler("x", degrees, degrees=True))
+def tip(degrees):
+    """A turn of the world about X; by 90 degrees as of a file with Z up in its data and Y up in its skeleton."""
+    return Rotation.from_euler("x", degrees, degrees=True)
 
 
 def mirrored_names(motion):
@@ -138,23 +130,14 @@ PLANTED = {
             moved(m, np.linspace([0.0] * 3, [2.0, 0.0, 0.0], len(m))), [*range(40), *range(150, len(m))]
         ),
     ),
-    "an arm that leaps for a frame": (
-        "jumps",
-        lambda m: turned(m, joint_of(m, "leftUpperArm"), [0, 0, 50], at(m, 0.5)),
-    ),
-    "an arm that jumps and stays": (
-        "jumps",
-        lambda m: turned(m, joint_of(m, "rightUpperArm"), [0, 40, 0], from_(m, 0.6)),
-    ),
-    "a leg that leaps for a frame": ("jumps", lambda m: turned(m, joint_of(m, "leftUpperLeg"), [30, 0, 0], at(m, 0.4))),
-    "a wrist that turns over": ("flips", lambda m: turned(m, joint_of(m, "leftHand"), [180, 0, 0], from_(m, 0.5))),
-    "a head that turns round for a frame": ("flips", lambda m: turned(m, joint_of(m, "head"), [0, 180, 0], at(m, 0.3))),
+    "an arm that leaps for a frame": ("jumps", lambda m: turned(m, "leftUpperArm", [0, 0, 50], at(m, 0.5))),
+    "an arm that jumps and stays": ("jumps", lambda m: turned(m, "rightUpperArm", [0, 40, 0], slice(at(m, 0.6), None))),
+    "a leg that leaps for a frame": ("jumps", lambda m: turned(m, "leftUpperLeg", [30, 0, 0], at(m, 0.4))),
+    "a wrist that turns over": ("flips", lambda m: turned(m, "leftHand", [180, 0, 0], slice(at(m, 0.5), None))),
+    "a head that turns round for a frame": ("flips", lambda m: turned(m, "head", [0, 180, 0], at(m, 0.3))),
     "half a second frozen": ("frozen", lambda m: held_at(m, 0.5)),
-    "the last frame repeated to the end": (
-        "frozen",
-        lambda m: frames_of(m, [*range(busiest(m)), *[busiest(m)] * 60]),
-    ),
-    "every other frame repeated": ("repeated", repeating),
+    "the last frame repeated to the end": ("frozen", lambda m: frames_of(m, [*range(busiest(m)), *[busiest(m)] * 60])),
+    "every other frame repeated": ("repeated", lambda m: frames_of(m, np.arange(len(m)) // 2 * 2)),
     "a drift along the floor": (
         "skating",
         lambda m: moved(m, np.arange(len(m))[:, None] * m.frame_time * (np.ones(3) - Body.of_motion(m).up_vector)),
@@ -165,8 +148,8 @@ PLANTED = {
     ),
     "a path in another unit": ("off_floor", lambda m: replace(m, root_positions=100.0 * m.root_positions)),
     "a bone that stretches": ("stretching", stretched),
-    "data with another axis up": ("up_axis", lambda m: tipped(m, 90)),
-    "a world tilted by 40 degrees": ("tilt", lambda m: tipped(m, 40)),
+    "data with another axis up": ("up_axis", lambda m: m.in_turned_world(tip(90))),
+    "a world tilted by 40 degrees": ("tilt", lambda m: m.in_turned_world(tip(40))),
     "left and right exchanged": ("sides", mirrored_names),
     "a single frame": ("unreadable", lambda m: m[:1]),
 }

@@ -5,7 +5,8 @@
 CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
 those that are missing. Each clip goes to the bodies of `edits.py` by both objectives, and to a third of the members of
 the zoo by the default one; and each member is the source of two others. The tables have every metric, mean / largest
-over the runs; and what must not occur, such as runs that are worse than the rotation copy. `--runs` lists the runs.
+over the runs; and what must not occur, such as runs that are worse than the rotation copy. The samples with supports go
+to two of the scaled bodies, with a line each. `--runs` lists the runs.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLE_CLIPS, corpus_argument, found, markdown_option
+from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, corpus_argument, found, markdown_option
 from edits import TARGETS, edited
 from runs import clip_name, in_processes
-from tables import mean_and_largest, publish, table
+from tables import mean_and_largest, publish, several, table
 from zoo import MEMBERS, member, on_member
 
 from distretarget import DistretargetError, Options, RetargetResult, read_bvh, retarget
@@ -35,6 +36,7 @@ APART = (7, 16)  # a member is the source of the members so many places after it
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
 HIDDEN = {"stress", "distance_error"}  # of the paper's objective: docs/paper.md has them
 DECIMALS = 6  # the rest is rounding
+SUPPORTED = ("child", "H")  # the bodies of the samples with supports
 OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's height]
 # A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the metric].
 WORSE = {"foot_skate": 0.01, "contact_error": 0.002, "foot_height": 0.1}
@@ -188,6 +190,21 @@ def _spread(name: str, runs: Sequence[Run], value: Callable[[Run], float]) -> Ro
     return name, mean_and_largest(values, ".3g"), runs[int(np.nanargmax(values))].name
 
 
+SUPPORTS_HEAD = (
+    "run | height of supports, % of leg: copy / contact | skate of supports, legs/s: source / copy / contact | "
+    "direction error, degrees | jerk over the copy's | turn, degrees"
+)
+
+
+def support_row(run: Run) -> Row:
+    """A line for a run in which more than feet rest; a dash for the height where nothing of that is the floor."""
+    source, copy, result = (run.metrics[side] for side in ("source", "rotation_copy", "result"))
+    heights = several([each.get("support_height") for each in (copy, result)], ".2f")
+    skates = several([each.get("support_skate") for each in (source, copy, result)], ".3f")
+    jerk = f"{run.metric('jerk') / run.metric('jerk', 'rotation_copy'):.2f}"
+    return run.name, heights, skates, f"{run.metric('direction_error'):.1f}", jerk, f"{run.metric('turn'):.1f}"
+
+
 def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
     """A line for each run, with the metrics of the result."""
     for run in runs:
@@ -209,6 +226,8 @@ def main(corpus: Path, duets: Path | None, page: Path | None, pattern: str, fram
     scaled = in_processes(partial(on_scaled_body, frames), product(clips, TARGETS))
     by_objective = dict(zip(OBJECTIVES, map(list, zip(*scaled, strict=True)), strict=True))
     paper, contact = by_objective["paper"], by_objective["contact"]
+    floor_work = product(sorted((SAMPLES / "supports").glob("*.bvh")), SUPPORTED)
+    supports = [contact for contact, _ in in_processes(partial(on_scaled_body, frames), floor_work)]
     zoo = in_processes(partial(on_zoo, frames), [*plan(clips), *pairs(clips)])
     every = [*clips, *sorted(corpus.rglob("*.bvh"))]
     first = {member: (clip, member) for clip, _, member in reversed(list(plan(every)))}
@@ -225,6 +244,7 @@ def main(corpus: Path, duets: Path | None, page: Path | None, pattern: str, fram
     tables = {
         "summary": table(["metric, mean / largest", *columns], metric_rows([*columns.values()])),
         "faults": table(["contact, over all runs", "value", "worst"], fault_rows([*contact, *zoo], own)),
+        "supports": table(SUPPORTS_HEAD, map(support_row, supports)),
     }
     if listed:
         head = ("run", "frames", "iterations", *(metric.label for metric in METRICS))

@@ -28,12 +28,10 @@ from anny_characters import FAT, THIN, Build, Kind, made, mixamo, unreal
 from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, found, markdown_option
 from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
-from runs import in_processes
-from skin_gaps import PAIRS, Gaps, gap_error, near, source_gaps
+from runs import alone, in_processes
+from skin_measures import PAIRS, Gaps, Sinking, gap_error, near, source_gaps
 from skins import Skin
 from tables import publish, several, table
-from timing import alone
-from winding import Sinking
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
 from distretarget.body.anatomy import SIDES

@@ -1,10 +1,10 @@
-"""Measure frames per second of `retarget`, files and a whole conversion; and joints, cores, starting and memory.
+"""Measure frames per second of files and a whole conversion; and joints, cores, starting and memory.
 
     python benchmarks/speed.py CORPUS [--rounds 7] [--markdown PAGE]
 
 CMU 12_01 of CORPUS goes to H of `edits.py`. Runs that are compared alternate, and the tables have medians over the
 rounds, with the least and the largest: processor time on one thread, but for the two cores and the first run, which are
-timed by the clock. The scoreboard has the speed of other ways of retargeting. Needs the extra `bench`, and a system
+timed by the clock. The scoreboard has the speed of `retarget` and of other ways. Needs the extra `bench`, and a system
 that counts processor time and memory of processes.
 """
 
@@ -30,19 +30,17 @@ import pybvh
 from clips import LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
 from numpy.typing import NDArray
+from runs import alone, alternating
 from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
-from timing import alone, alternating
 
-from distretarget import Motion, Options, Skeleton, read_bvh, retarget, write_bvh
-from distretarget.pipeline.options import OBJECTIVES
+from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
 
 CLIP = "cmu_mb/12_01.bvh"
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
 HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 LEAST_SECONDS = 0.5  # of processor time, for which each run is repeated in a round
 PEER = f"pybvh {version('pybvh')}"
-FASTEST = f"`retarget`, {OBJECTIVES[0]}"
 COMPARED_WITH = {f"{what}, {PEER}": f"{what}, distretarget" for what in ("reading", "writing")}
 HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
 CHAINS = 35  # added to each of two joints
@@ -64,11 +62,6 @@ Array = NDArray[np.float64]
 
 
 # ---- frames per second
-
-
-def of_clip(source: Motion, body: Skeleton) -> Runs:
-    """Retargeting by each objective."""
-    return {f"`retarget`, {name}": partial(retarget, source, body, Options(objective=name)) for name in OBJECTIVES}
 
 
 def of_files(clip: Path, source: Motion, body: Skeleton) -> Runs:
@@ -103,11 +96,10 @@ def rows(runs: Runs, frames: int, rounds: int) -> list[list[str]]:
         run()
     repeats = [int(np.ceil(LEAST_SECONDS / Timer(run).timeit(1))) for run in runs.values()]
     seconds = dict(zip(runs, alternating([*runs.values()], rounds, repeats=repeats).T, strict=True))
-    return [[name, *_cells(frames / times, times / seconds[_other(name, runs)])] for name, times in seconds.items()]
-
-
-def _other(name: str, runs: Runs) -> str:
-    return FASTEST if FASTEST in runs else COMPARED_WITH.get(name, name)
+    return [
+        [name, *_cells(frames / times, times / seconds[COMPARED_WITH.get(name, name)])]
+        for name, times in seconds.items()
+    ]
 
 
 def _cells(speed: Array, ratio: Array) -> Iterator[str]:
@@ -200,14 +192,14 @@ def _line(what: str, values: Array) -> Line:
 def measured(clip: Path, rounds: int) -> dict[str, str]:
     """The tables."""
     source = read_bvh(clip)
-    body, head = edited(source.rigid_skeleton, TARGETS["H"]), " | frames/s, median | slowest to fastest | time over"
+    body = edited(source.rigid_skeleton, TARGETS["H"])
+    head = " | frames/s, median | slowest to fastest | time over distretarget's"
     with tempfile.TemporaryDirectory() as name:
         folder, motion = Path(name), back_and_forth(source, LONG)
         write_bvh(folder / "long.bvh", motion)
         lines = [*joint_lines(rounds), core_line(source, body, rounds), *start_lines(clip, folder, rounds)]
         return {
-            "speed": table(f"{head} contact's", rows(of_clip(source, body), len(source), rounds)),
-            "files": table(f"{head} distretarget's", rows(of_files(folder / "long.bvh", motion, body), LONG, rounds)),
+            "files": table(head, rows(of_files(folder / "long.bvh", motion, body), LONG, rounds)),
             "scaling": table(" | median | least to largest", [*lines, memory_line(source, body, folder)]),
         }
 

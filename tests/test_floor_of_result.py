@@ -8,7 +8,7 @@ from bodies import SAMPLES, matched, person, posed
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
-from distretarget.measure.floor import NEAR, Floor, find_floor
+from distretarget.measure.resting import NEAR, Floor, find_floor
 from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
 from distretarget.skin.capsules import Capsules
 
@@ -60,8 +60,7 @@ def test_the_lowest_point_of_a_surface_is_that_of_the_posed_one(walked):
     mesh, motion = walked.mesh, walked.motion[::20]
     surface, skeleton = surface_of_mesh(mesh, motion.skeleton), motion.skeleton
     foot = skeleton.subtree(walked.matching.legs[1][0].ankle)
-    carriers = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
-    known = mesh.posed(motion, np.flatnonzero(np.isin(carriers, foot)))[..., 1].min(axis=1)
+    known = mesh.posed(motion, np.flatnonzero(np.isin(mesh.carriers, foot)))[..., 1].min(axis=1)
     np.testing.assert_allclose(surface.lowest(motion, foot, UP), known, atol=2e-3)
     assert np.isinf(surface.lowest(motion, [], UP)).all()
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from paper_case import EDITS, POSTURE, case, on_table_one
-from paper_checks import checks
+from paper_solver import checks
 from paper_tables import edit_cells, pair_rows, pairs_table, spine_table
 from table_one import table_one
 

@@ -13,9 +13,8 @@ from distretarget import load_target, read_bvh, retarget, write_motion
 pytest.importorskip("igl")
 import scoreboard
 from contestants import Contestant
-from skin_gaps import gap_error, gap_to
+from skin_measures import Sinking, Solid, gap_error, gap_to
 from skins import PARTS, Skin
-from winding import Sinking, Solid
 
 HERO = make_samples.CHARACTERS / "hero.glb"
 CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import click
-from command_contexts import contexts
+from make_man import contexts
 from tables import table, with_tables
 
 from distretarget.measure.clip_faults import KINDS

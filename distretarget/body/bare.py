@@ -15,16 +15,13 @@ from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.mesh import Looks, SkinnedMesh
 
 REACH = 2.8  # how far from the wrist a hand reaches at most; fingertips are 1.8 from it on average [palms]
-SAME_PLACE = 1e-6  # vertices this near to each other are one [sizes of the mesh]
 
 
 def bare_mesh(body: Body, mesh: SkinnedMesh) -> SkinnedMesh:
     """Return a mesh without the pieces that hands carry: those that are joined to nothing else, move with one hand and
     its forearm alone, and reach farther from its wrist than a hand can. `whole` keeps them.
     """
-    skeleton, segments = body.skeleton, find_segments(body).of_joint
-    strongest = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
-    of_vertex, pieces = segments[strongest], _pieces(mesh)
+    skeleton, of_vertex, pieces = body.skeleton, find_segments(body).of_joint[mesh.carriers], _pieces(mesh)
     prop = np.zeros(len(mesh.vertices), bool)
     for part, palm in frames(body):
         side, _, name = part.partition(" ")
@@ -41,13 +38,10 @@ def _pieces(mesh: SkinnedMesh) -> Numbers:
     """(vertices,), the number of the piece of the mesh that each vertex belongs to; triangles that share a corner are
     in one piece.
     """
-    size = np.ptp(mesh.vertices, axis=0).max() or 1.0
-    places = np.round(mesh.vertices / (SAME_PLACE * size)).astype(np.int64)
-    same = np.unique(places, axis=0, return_inverse=True)[1].ravel()
-    a, b = same[mesh.triangles[:, [0, 1]]].ravel(), same[mesh.triangles[:, [1, 2]]].ravel()
-    count = int(same.max()) + 1
+    firsts, count = mesh.firsts, len(mesh.vertices)
+    a, b = firsts[mesh.triangles[:, [0, 1]]].ravel(), firsts[mesh.triangles[:, [1, 2]]].ravel()
     joined = coo_array((np.ones(len(a)), (a, b)), shape=(count, count))
-    return np.asarray(connected_components(joined, directed=False)[1][same], np.intp)
+    return np.asarray(connected_components(joined, directed=False)[1][firsts], np.intp)
 
 
 def _any(pieces: Numbers, chosen: Flags) -> Flags:

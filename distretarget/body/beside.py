@@ -1,9 +1,11 @@
-"""Feet and hands that hang beside the body: from the root, as baked IK rigs have them, not from shin and forearm."""
+"""Joints that hang elsewhere than in a body: feet and hands beside it, from the root, as baked IK rigs have them, not
+from shin and forearm; and twins, without length below the joints that they are named for, whose turns they may hold.
+"""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -23,6 +25,7 @@ SHORTEST, LONGEST = 0.5, 1.6  # a lower bone is between so many times as long as
 STRAIGHT = np.radians(60)  # the limb of a rest pose bends by less than this at knee or elbow [rad]
 STRETCH = 0.25  # a baked limb stretches by less than this where its handle was out of reach [of its length]
 SAME_PLACE = 1e-6  # a joint that is off its offset by less than this is not [body sizes]
+NEAR = 1e-6  # a twin is this near to its parent [longest paths]
 
 
 class Hanging(NamedTuple):
@@ -135,3 +138,40 @@ def _top_down(parents: Mapping[int, int]) -> list[int]:
     for upper in joints:
         joints.extend(below[upper])
     return joints
+
+
+# ---- twins
+
+
+def without_twins(motion: Motion, kept: Collection[str] = ()) -> Motion:
+    """Return a motion in which a joint and its twin, such as "Arm" and "Arm.001" or "Arm_rot", are one joint with the
+    rotations of both; the same motion where there is none, or where one of the twins is `kept`, by key.
+    """
+    skeleton = motion.rigid_skeleton
+    twins = {*_twins(skeleton)}
+    if not twins or any(skeleton.keys[twin] in kept for twin in twins):
+        return motion
+    lowest = list(range(len(skeleton)))  # of the twins at the place of each joint
+    for twin in sorted(twins, reverse=True):
+        lowest[skeleton.parents[twin]] = lowest[twin]
+    tops = [joint for joint in range(len(skeleton)) if joint not in twins]
+    above = {lowest[top]: lowest[skeleton.parents[top]] if top else -1 for top in tops}
+    tree = in_tree(skeleton, above, {lowest[top]: skeleton.channels[top] for top in tops})
+    names = {lowest[top]: skeleton.names[top] for top in tops}
+    one_each = replace(tree.skeleton, names=tuple(names[joint] for joint in tree.joints.tolist()))
+    return Tree(one_each, tree.joints).motion(motion)
+
+
+def _twins(skeleton: Skeleton) -> Iterator[int]:
+    """The twins: joints at their parent's place, its only children, with its name and one more word, not a number, as
+    joints of a spine have.
+    """
+    near = skeleton.lengths <= NEAR * skeleton.longest_path
+    for joint in skeleton.joints[1:]:
+        parent = skeleton.parents.item(joint)
+        more = skeleton.names[joint].removeprefix(skeleton.names[parent])
+        is_word = more[:1].isupper() or not more[:1].isalnum()
+        named = more not in ("", skeleton.names[joint]) and is_word
+        alone = [child for child in skeleton.children[parent] if not skeleton.end_sites[child]] == [joint]
+        if near[joint] and alone and named:
+            yield joint

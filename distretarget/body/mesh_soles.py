@@ -53,8 +53,7 @@ def _faces(mesh: SkinnedMesh, joints: list[int]) -> tuple[Array, Array]:
     """The triangles of the convex hull of what some joints move most: the inward normal of each, (triangles, 3), and
     its share of the hull's surface, (triangles,).
     """
-    carriers = np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0]
-    points = mesh.vertices[np.isin(carriers, joints)]
+    points = mesh.vertices[np.isin(mesh.carriers, joints)]
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):

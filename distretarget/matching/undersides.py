@@ -8,7 +8,6 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
@@ -21,7 +20,7 @@ from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
 from distretarget.rig import found_once
 from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import SkinnedMesh, outermost
 
 T = TypeVar("T")
 
@@ -187,7 +186,7 @@ class Underside:
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
         """The vertices that stand for the skin nearer to a joint than `reach`, and for all of a trunk or head there."""
-        segments, away = self.segments[_carriers(mesh)], mesh.vertices - self.body.skeleton.rest_positions[joint]
+        segments, away = self.segments[mesh.carriers], mesh.vertices - self.body.skeleton.rest_positions[joint]
         near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
         for segment in self._segments_about(joint).tolist():
             own = np.flatnonzero((near | (SEGMENTS[segment] in WHOLE)) & (segments == segment))
@@ -236,25 +235,11 @@ def _underside(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Unde
     return Underside(body, capsules, mesh)
 
 
-@lru_cache(maxsize=4)
-def _carriers(mesh: SkinnedMesh) -> Numbers:
-    """(vertices,), the joint that moves each vertex most."""
-    return np.asarray(np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0])
-
-
 @lru_cache(maxsize=8)
 def _outermost(mesh: SkinnedMesh, joints: tuple[int, ...]) -> Numbers:
     """The vertices that some joints move most, on the convex hull of all of one joint in the rest pose."""
-    groups = [np.flatnonzero(_carriers(mesh) == joint) for joint in joints]
-    return np.concatenate([group[_hull(mesh.vertices[group])] for group in groups])
-
-
-def _hull(points: Array) -> Numbers:
-    """The points, (n, 3), that are on their convex hull; all if there are too few, or all are in one plane."""
-    try:
-        return np.asarray(ConvexHull(points).vertices, np.intp)
-    except (QhullError, ValueError):
-        return np.arange(len(points))
+    groups = [np.flatnonzero(mesh.carriers == joint) for joint in joints]
+    return np.concatenate([group[outermost(mesh.vertices[group])] for group in groups])
 
 
 def _directions() -> Array:

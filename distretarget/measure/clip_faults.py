@@ -9,15 +9,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from distretarget.body.axes import Directions
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.body.resting import feet_at_rest
-from distretarget.measure.tilt import world_tilt
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, steps_along
 from distretarget.numerics.time_series import Shots, spans_of
-from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 
 MOST = 0.3  # at a cut the median step of the joints is at least this share of their mean step
 LONE = 0.25  # frames before a cut are a pose by themselves if they last up to this [s]
@@ -40,6 +41,10 @@ SPAN = 0.05  # speeds of feet are means over this time before and after a frame 
 STILL = 0.1  # a foot joint slower than this stands on something [leg lengths / s]
 SLOWEST = 1.0  # no motion has fewer frames; a longer frame time is in milliseconds [s]
 LIKELY = 10  # no fewer resting frames show where the floor is
+STRAIGHT = 0.9  # a leg that stands is at least this long [leg lengths]
+AGREE = np.radians(15)  # trunk and legs of a straight body are within this angle of up from its soles [rad]
+LIES = np.radians(60)  # a body that leans farther than this lies [rad]
+STANDS = 10  # fewer frames in which a foot stands show nothing
 
 
 @dataclass(frozen=True)
@@ -213,7 +218,7 @@ def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Numbers) -> Findi
         return {}
     findings = {"off_floor": Finding(abs(body.lowest(body.up_vector)) / body.leg_length), "skating": Finding(0.0)}
     speeds = [_mean_speeds(motion.positions[:, _ends(foot)], motion.frame_time).max(axis=1) for foot in body.legs]
-    findings["tilt"] = Finding(world_tilt(motion, body, np.stack(speeds, axis=1) < STILL * body.leg_length))
+    findings["tilt"] = Finding(_tilt(motion, body, np.stack(speeds, axis=1) < STILL * body.leg_length))
     skates = np.stack([_skates(motion, body, foot, shots) for foot in body.legs], axis=1)
     spans = [(end - start, int(start), foot) for foot in (0, 1) for start, end in spans_of(skates[:, foot])]
     if spans:
@@ -223,6 +228,33 @@ def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Numbers) -> Findi
     if (below := _below_floor(motion, body, joints)) is not None:
         findings["below_floor"] = below
     return findings
+
+
+def _tilt(motion: Motion, body: Body, still: Flags) -> float:
+    """How far the world of a motion is tilted [degrees]: gravity shows it, since nobody stands straight over soles
+    that lean. It is the least of what soles, legs and trunk lean on average while a foot stands under a straight leg,
+    if they lean to the same side; else 0. On a slope only the soles lean, and of a person who bows only the trunk
+    does. Feet are taken to stand flat in the rest pose; nothing is known of a body that does not stand in it.
+
+    `still`, (frames, 2), says whether each foot stays where it is.
+    """
+    if body.legs is None or body.anatomy is None or not body.stands_at_rest:
+        return 0.0
+    trunk = Directions(body.anatomy, motion.positions).trunk
+    ups: list[list[Array]] = [[], [], []]
+    for leg, stays in zip(body.legs, still.T, strict=True):
+        up_the_leg = motion.positions[:, leg.hip] - motion.positions[:, leg.ankle]
+        on = stays & (lengths(up_the_leg) > STRAIGHT * body.leg_length)
+        if on.any():
+            normals = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[on]).apply(body.rest.axes[:, 1])
+            for each, found in zip(ups, (normals, up_the_leg[on], trunk[on]), strict=True):
+                each.append(found)
+    if sum(map(len, ups[0])) < STANDS:
+        return 0.0
+    means = normalised(np.stack([np.concatenate(each).mean(axis=0) for each in ups]))
+    apart = np.arccos(np.clip(means[1:] @ means[0], -1.0, 1.0))
+    leans = np.arccos(np.clip(means @ body.up_vector, -1.0, 1.0))
+    return float(np.degrees(leans.min())) if apart.max() < AGREE and leans.max() < LIES else 0.0
 
 
 def _skates(motion: Motion, body: Body, foot: Leg, shots: Shots) -> Flags:

@@ -20,7 +20,6 @@ from distretarget.skin.mesh import SkinnedMesh
 SPACING = 0.01  # of the lattices [extents of the mesh]
 ROOM = 4.0  # around a solid; from farther off, the way to it is nearly that to its lattice [spacings]
 DEEPEST = 30.0  # up to which distances are known [spacings]
-SAME = 1e-6  # vertices nearer than this are one [extents of the mesh]
 INFLUENCES = 4  # most joints that move a point
 STEEP = 1e9  # slope of a capsule of which one end is within the other
 
@@ -119,10 +118,7 @@ def strongest(mesh: SkinnedMesh) -> tuple[Numbers, Array]:
 
 def welded(mesh: SkinnedMesh) -> Numbers:
     """Return the triangles of a mesh, of vertices at one place the first, without those of no extent."""
-    size = float(np.ptp(mesh.vertices, axis=0).max(initial=0.0))
-    places = np.round(mesh.vertices / (SAME * size or 1.0)).astype(np.int64)
-    _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    triangles = first[same.ravel()][mesh.triangles]
+    triangles = mesh.firsts[mesh.triangles]
     return np.asarray(triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
 
 

@@ -18,8 +18,7 @@ from distretarget.body.limbs import Leg
 from distretarget.body.segments import find_segments
 from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching, by_soles
-from distretarget.measure.floor import NEAR, THICK, Floor, find_floor
-from distretarget.measure.resting import SLOW, feet_rest, foot_joints
+from distretarget.measure.resting import NEAR, SLOW, THICK, Floor, feet_rest, find_floor, foot_joints
 from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from distretarget.body.soles import Sole
 from distretarget.motion import Motion
@@ -16,7 +15,7 @@ from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import Capsules
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import SkinnedMesh, outermost
 
 BACKWARDS = np.array([-1.0, -1.0, -1.0, 1.0])  # a quaternion times this turns back
 
@@ -75,12 +74,11 @@ def find_surface(skeleton: Skeleton, capsules: Capsules, mesh: SkinnedMesh | Non
 @lru_cache(maxsize=4)
 def surface_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton) -> Surface:
     """Return the surface of a mesh: the vertices that can be the outermost of all that one joint carries."""
-    carriers = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
-    groups = [np.flatnonzero(carriers == joint) for joint in np.unique(carriers)]
-    on = np.concatenate([group[_outermost(mesh.vertices[group])] for group in groups])
+    groups = [np.flatnonzero(mesh.carriers == joint) for joint in np.unique(mesh.carriers)]
+    on = np.concatenate([group[outermost(mesh.vertices[group])] for group in groups])
     joints, weights = mesh.joints[on], mesh.weights[on]
     return Surface(
-        carriers[on], mesh.vertices[on], joints, weights, np.zeros(len(on)), skeleton.rest_positions, of_mesh=True
+        mesh.carriers[on], mesh.vertices[on], joints, weights, np.zeros(len(on)), skeleton.rest_positions, of_mesh=True
     )
 
 
@@ -90,11 +88,3 @@ def surface_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Surface:
     centres = (capsules.ends + rest[capsules.joints, None]).reshape(-1, 3)
     weights = np.ones((len(joints), 1))
     return Surface(joints, centres, joints[:, None], weights, capsules.radii.ravel(), rest, of_mesh=False)
-
-
-def _outermost(points: Array) -> Numbers:
-    """The points, (n, 3), on their convex hull; all where they are few or in one plane."""
-    try:
-        return np.asarray(ConvexHull(points).vertices, np.intp)
-    except (QhullError, ValueError):
-        return np.arange(len(points))

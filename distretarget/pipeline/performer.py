@@ -12,11 +12,10 @@ from distretarget.baseline.engine_root import EngineRoot, along_channels, find_e
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.bare import bare_mesh
-from distretarget.body.beside import Tree
+from distretarget.body.beside import Tree, without_twins
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Builds, built, capsules_of
 from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
-from distretarget.body.twins import without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match

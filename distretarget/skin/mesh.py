@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skeleton import HALF_TURN
+
+SAME_PLACE = 1e-6  # vertices this near to each other are at one place [sizes of the mesh]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,6 +54,19 @@ class SkinnedMesh:
     looks: Looks | None = None  # if its file says so
     whole: SkinnedMesh | None = None  # the same with all its triangles, if it has only some of them
 
+    @cached_property
+    def carriers(self) -> Numbers:
+        """(vertices,), the joint that moves each most."""
+        return np.asarray(self.joints[np.arange(len(self.joints)), self.weights.argmax(axis=1)])
+
+    @property
+    def firsts(self) -> Numbers:
+        """(vertices,), the first vertex at the place of each; files repeat vertices where materials or images meet."""
+        size = float(np.ptp(self.vertices, axis=0).max(initial=0.0)) or 1.0
+        places = np.round(self.vertices / (SAME_PLACE * size)).astype(np.int64)
+        _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
+        return np.asarray(first[same.ravel()])
+
     def posed(self, motion: Motion, vertices: Numbers | slice = slice(None)) -> Array:
         """Return vertices in each frame by linear blend skinning, (frames, vertices, 3) [file units]."""
         joints, weights = self.joints[vertices], self.weights[vertices]
@@ -70,6 +87,14 @@ class SkinnedMesh:
     def scaled(self, factor: float) -> SkinnedMesh:
         """Return the mesh of a body that is larger by a factor."""
         return replace(self, vertices=factor * self.vertices, whole=self.whole and self.whole.scaled(factor))
+
+
+def outermost(points: Array) -> Numbers:
+    """Return those of some points, (n, 3), that are on their convex hull; all if they are few or in one plane."""
+    try:
+        return np.asarray(ConvexHull(points).vertices, np.intp)
+    except (QhullError, ValueError):
+        return np.arange(len(points))
 
 
 def no_mesh() -> SkinnedMesh | None:

@@ -85,8 +85,7 @@ def _spread(
     corners = mesh.vertices[mesh.triangles]
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas, middles = 0.5 * lengths(normals), corners.mean(axis=1)
-    strongest = mesh.joints[np.arange(len(mesh.joints)), mesh.weights.argmax(axis=1)]
-    of_corners = np.sort(of_joint[strongest][mesh.triangles], axis=1)
+    of_corners = np.sort(of_joint[mesh.carriers][mesh.triangles], axis=1)
     most = np.where((np.diff(of_corners, axis=1) == 0).any(axis=1), of_corners[:, 1], -1)  # the segment of two corners
     found = [(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp))]
     for segment, name in enumerate(SEGMENTS):

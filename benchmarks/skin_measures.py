@@ -1,21 +1,22 @@
-"""How far the skins of hand and hand, hand and hips, and hand and head are apart, in a result and in its source.
+"""What of a posed skin is inside the body, and how far hands are from what they touch, measured by libigl.
 
-A BVH file has no skin. That of its source is defined here: the average adult of anny, each joint turned as its rotation
-copy turns it, and put where the source has the joint that drives it, so that wrists and head are where they were
-captured. The source is scaled so that its leg and its trunk, from hip joints to shoulders, are together as long as the
-adult's. Joints of the trunk, which rigs place differently, are about the middle of the hip joints as in the copy,
-stretched to the source's trunk; and joints without a counterpart, such as fingers, follow their parents.
+How far the skins of hand and hand, hand and hips, and hand and head are apart in a source has to be defined, as a BVH
+file has no skin. It is that of the average adult of anny, each joint turned as its rotation copy turns it, and put
+where the source has the joint that drives it, so that wrists and head are where they were captured. The source is
+scaled so that its leg and its trunk, from hip joints to shoulders, are together as long as the adult's. Joints of the
+trunk, which rigs place differently, are about the middle of the hip joints as in the copy, stretched to the source's
+trunk; and joints without a counterpart, such as fingers, follow their parents.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from skins import Skin
-from winding import Solid
+from skins import Skin, capped
 
 from distretarget import Motion, RetargetResult
 
@@ -29,6 +30,43 @@ PAIRS = (
 NEAR = 1.5  # skins of the source that are closer than this are in contact [% of height]
 UPPER_ARMS = ("leftUpperArm", "rightUpperArm")
 TRUNK = ("hips", "spine", "chest", "upperChest", "neck")
+
+
+class Solid:
+    """A part of a skin as a closed surface: its own triangles, and fans that close its holes."""
+
+    def __init__(self, skin: Skin, *parts: str) -> None:
+        self.triangles = skin.triangles_of(skin.of_parts(*parts))
+        fans, self._holes = capped(self.triangles, len(skin.points))
+        self._closed = np.concatenate([self.triangles, fans])
+
+    def contains(self, points: Array, queries: Array) -> NDArray[np.bool_]:
+        """(queries,), whether each is inside while the skin's points are at `points`, (points, 3)."""
+        middles = [points[hole].mean(axis=0) for hole in self._holes]
+        return np.asarray(igl.fast_winding_number(np.vstack([points, *middles]), self._closed, queries) > 0.5)
+
+    def distances(self, points: Array, queries: Array) -> Array:
+        """(queries,), the distance of each from the surface, not from the fans."""
+        if not len(queries):
+            return np.zeros(0)
+        return np.sqrt(igl.point_mesh_squared_distance(queries, points, self.triangles)[0])
+
+
+class Sinking:
+    """Forearms and hands of a skin against its trunk, head and legs."""
+
+    def __init__(self, skin: Skin) -> None:
+        self.skin = skin
+        self.body = Solid(skin, "hips", "chest", "head", "leg")
+        limbs = np.flatnonzero(skin.of_parts("forearm", "hand"))
+        self.limbs = limbs[~self.body.contains(skin.points, skin.points[limbs])]
+
+    def of_frame(self, points: Array) -> tuple[float, float]:
+        """The share of the points of forearms and hands inside the body, and the depth of the deepest [% of height]."""
+        queries = points[self.limbs]
+        within = self.body.contains(points, queries)
+        depth = self.body.distances(points, queries[within]).max(initial=0.0)
+        return float(within.mean()), float(100 * depth / self.skin.height)
 
 
 class Gaps:
