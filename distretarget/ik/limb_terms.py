@@ -16,7 +16,7 @@ import numpy as np
 from distretarget.ik.articulation import to_rotation_vector, write_rotation
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F1, F2, F3, F4, I1, I2, Array, Numbers, clear
-from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, room_for
+from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, is_near, room_for
 from distretarget.skin.tangents import Displaced, place_displaced
 
 # Stiffness is relative to that of displacements: a term of 99 leaves a hundredth of what it asks for. Where limbs are
@@ -139,9 +139,12 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
         spot, both, least = spots[pair], displaced.mutual[pair], -soft[pair]
         if columns[displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[pair, 0]]]]] < 0:
             continue
-        far = -NEVER if firmness[spot] == 0.0 else reach if firmness[spot] <= 1.0 else FAR
+        far = -NEVER if firmness[spot] == 0.0 else min(reach if firmness[spot] <= 1.0 else FAR, _limit(spot, room))
         for meeting in range(find_meetings(balls, pair, max(least, far), placed)):
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
+            far = min(far, _limit(spot, room))
+            if not is_near(placed.centres[ball], placed.spheres[capsule], max(least, far)):
+                continue
             gap = gap_of(balls, ball, capsule, placed)[0]
             if gap < least:
                 e, f, k = _firmly(least - gap)
@@ -152,6 +155,12 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
                 room.gaps[found], found = gap - FAR, found + 1
                 room.nearest[spot] = min(room.nearest[spot], gap - FAR)
     return found, energy
+
+
+@inlined(fastmath=True)
+def _limit(spot, room):  # type: ignore[no-untyped-def]
+    """The gap from which on nothing shares the contact of a spot, by the nearest that was found so far."""
+    return room.nearest[spot] + FAR + NEAR
 
 
 @inlined(fastmath=True)
