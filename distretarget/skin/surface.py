@@ -41,17 +41,14 @@ class Surface:
         u, v = np.remainder(np.outer(STEPS, np.arange(count)) + 0.5, 1.0)
         u, v = np.where(u + v > 1.0, 1.0 - np.array([u, v]), [u, v])  # the other half of the square
         shares = np.array([1.0 - u - v, u, v])
-        places = (shares.T[..., None] * mesh.vertices[corners]).sum(axis=1)
-        order = np.concatenate([np.zeros(0, np.intp), *(
-            part for segment in np.unique(segments) for part in halves(places, np.flatnonzero(segments == segment), RUN)
-        )])
+        order = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
         corners, shares, radii = corners[order], shares[:, order], radii[order]
         none, one = np.zeros(count), np.ones(count)
         rows, vertices = np.repeat(np.arange(count), 3), _bound(mesh, skeleton)
         size = count, len(mesh.vertices)
         places, first, second = (
-            _rows(csr_array((np.transpose(shares).ravel(), (rows, corners.ravel())), size) @ vertices)
-            for shares in (shares, [-one, one, none], [-one, none, one])
+            _rows(csr_array((np.transpose(each).ravel(), (rows, corners.ravel())), size) @ vertices)
+            for each in (shares, [-one, one, none], [-one, none, one])
         )
         return cls(Points(places, first, second, radii, np.searchsorted(segments, np.arange(len(SEGMENTS) + 1))))
 
@@ -112,6 +109,12 @@ def _spread(
             )
     triangles, radii, segments = map(np.concatenate, zip(*found, strict=True))
     return triangles, radii, segments
+
+
+def _by_neighbours(places: Array, segments: Numbers) -> Numbers:
+    """The order in which points, (points, 3), follow their neighbours, one segment after the other."""
+    groups = [np.flatnonzero(segments == segment) for segment in np.unique(segments)]
+    return np.concatenate([segments[:0], *(run for group in groups for run in halves(places, group, RUN))])
 
 
 def _nearest_on(ends: Array, points: Array) -> Array:
