@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.body import Body
 from distretarget.objectives.body_skin import ELBOW, BodySkin
 from distretarget.skin.balls import segment_gaps
-from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.capsules import SEGMENTS, Capsules, gap_at, may_touch, write_axis
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import WRIST, bent
 
@@ -47,6 +47,20 @@ def test_a_forearm_gives_way_to_the_trunk_at_the_elbow_and_not_at_the_wrist(part
 @pytest.mark.parametrize("part", ["head", "left thigh"])
 def test_a_forearm_does_not_give_way_to_other_parts(part):
     assert gap_along(0.0, part) == gap_along(1.0, part) == pytest.approx(-0.01)
+
+
+def test_balls_that_are_nearer_may_touch_and_most_others_may_not():
+    rng, axis, nearer, left_out = np.random.default_rng(1), np.zeros(8), 0, 0
+    for ball, ends, radii in zip(rng.random((500, 4)), rng.random((500, 2, 3)), rng.random((500, 2)), strict=True):
+        ball[3], radii[:] = 0.1 * ball[3], 0.2 * radii
+        write_axis(ends, radii, axis)
+        if gap_at(ball, ball[3], axis, radii)[0] < 0.05:
+            assert may_touch(ball, axis, radii, 0.05)
+            nearer += 1
+        else:
+            left_out += not may_touch(ball, axis, radii, 0.05)
+    assert nearer > 50
+    assert left_out > 0.8 * (500 - nearer)
 
 
 def standing(turns, frames=1):

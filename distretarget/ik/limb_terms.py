@@ -17,6 +17,7 @@ from distretarget.ik.articulation import to_rotation_vector, write_rotation
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F1, F2, F3, F4, I1, I2, Array, Numbers, clear
 from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, room_for
+from distretarget.skin.capsules import may_touch
 from distretarget.skin.tangents import Displaced, place_displaced
 
 # Stiffness is relative to that of displacements: a term of 99 leaves a hundredth of what it asks for. Where limbs are
@@ -60,6 +61,7 @@ class LimbWorkspace(NamedTuple):
     touching: I2  # (meetings, 3), the ball, the capsule and the pair of what may touch
     gaps: F1  # (meetings,), by how much their gaps are less than `FAR`, negative
     nearest: F1  # (spots,), the least of these
+    nearest_before: I2  # (spots, 2), the ball and the capsule that were nearest in another frame; -1 at first
     shares: F1  # (spots,), the sum of their shares
 
     @classmethod
@@ -68,8 +70,8 @@ class LimbWorkspace(NamedTuple):
         meetings, count = int((balls.spare < NEVER).sum()), int(spots.max(initial=-1)) + 1
         d, bones, series = (np.zeros((limbs + 1, 2, width)) for width in (3, 3, 2))
         ends, touching = np.zeros((len(balls.joints), 2, 3)), np.zeros((meetings, 3), np.intp)
-        scratch = d, bones, series, np.zeros(9), np.zeros((4, 3)), touching, np.zeros(meetings), *np.zeros((2, count))
-        return cls(room_for(balls), ends, *scratch)
+        scratch = d, bones, series, np.zeros(9), np.zeros((4, 3)), touching, np.zeros(meetings), np.zeros(count)
+        return cls(room_for(balls), ends, *scratch, np.full((count, 2), -1), np.zeros(count))
 
 
 @compiled(fastmath=True)
@@ -133,15 +135,20 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
     """Add the terms of gaps that are too small, and note what may touch; return how much that is, and the energy."""
     soft, _, firmness = asked
     energy, placed, found = 0.0, room.placed, 0
-    clear(room.nearest)
     clear(room.shares)
+    for spot in range(len(room.nearest)):
+        ball, capsule = room.nearest_before[spot]
+        room.nearest[spot] = min(gap_of(balls, ball, capsule, placed)[0] - FAR, 0.0) if ball >= 0 else 0.0
     for pair in range(len(balls.pairs)):
         spot, both, least = spots[pair], displaced.mutual[pair], -soft[pair]
         if columns[displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[pair, 0]]]]] < 0:
             continue
-        far = -NEVER if firmness[spot] == 0.0 else reach if firmness[spot] <= 1.0 else FAR
+        far = -NEVER if firmness[spot] == 0.0 else min(reach if firmness[spot] <= 1.0 else FAR, _limit(spot, room))
         for meeting in range(find_meetings(balls, pair, max(least, far), placed)):
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
+            far = min(far, _limit(spot, room))
+            if not may_touch(placed.centres[ball], placed.axes[capsule], balls.cap_radii[capsule], max(least, far)):
+                continue
             gap = gap_of(balls, ball, capsule, placed)[0]
             if gap < least:
                 e, f, k = _firmly(least - gap)
@@ -150,8 +157,16 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
             if gap < far:
                 room.touching[found, 0], room.touching[found, 1], room.touching[found, 2] = ball, capsule, pair
                 room.gaps[found], found = gap - FAR, found + 1
-                room.nearest[spot] = min(room.nearest[spot], gap - FAR)
+                if gap - FAR < room.nearest[spot]:
+                    room.nearest[spot] = gap - FAR
+                    room.nearest_before[spot, 0], room.nearest_before[spot, 1] = ball, capsule
     return found, energy
+
+
+@inlined(fastmath=True)
+def _limit(spot, room):  # type: ignore[no-untyped-def]
+    """The gap from which on nothing shares the contact of a spot, by the nearest that was found so far."""
+    return room.nearest[spot] + FAR + NEAR
 
 
 @inlined(fastmath=True)

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from distretarget.measure.skin_depths import PARTS, Patches
 from distretarget.measure.solids import strongest, welded
-from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised, spread_out
+from distretarget.numerics.vectors import Array, Flags, Numbers, halves, lengths, normalised, spread_out
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -106,7 +106,7 @@ def patches_of(points: SkinPoints, rest: Array) -> Patches:
             chosen = on[spread_out(places[on], _most(part))]
             counts[chosen] = np.bincount(KDTree(places[chosen]).query(places[on])[1], minlength=len(chosen))
         for joint in np.unique(joints[chosen]).tolist():
-            for patch in _halves(offsets, chosen[joints[chosen] == joint], PATCH):
+            for patch in halves(offsets, chosen[joints[chosen] == joint], PATCH):
                 middle = offsets[patch].mean(axis=0)
                 patches.append((joint, len(order)))
                 balls.append((*middle, BLENDED * lengths(offsets[patch] - middle).max()))
@@ -143,12 +143,3 @@ def _neighbours(points: SkinPoints) -> tuple[Numbers, Numbers]:
     there = np.concatenate([on, on[:, ::-1]])
     there = there[np.argsort(there[:, 0], kind="stable")]
     return np.searchsorted(there[:, 0], np.arange(len(points) + 1)), np.ascontiguousarray(there[:, 1])
-
-
-def _halves(places: Array, on: Numbers, most: int) -> list[Numbers]:
-    """Some of the places in halves of halves along their longest extent, down to parts of `most` at most."""
-    if len(on) <= most:
-        return [on]
-    in_line = on[np.argsort(places[on, np.ptp(places[on], axis=0).argmax()], kind="stable")]
-    half = len(on) // 2
-    return _halves(places, in_line[:half], most) + _halves(places, in_line[half:], most)

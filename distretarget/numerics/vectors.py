@@ -100,6 +100,15 @@ def spread_out(points: Array, most: int) -> Numbers:
     return np.array(chosen, np.intp)
 
 
+def halves(places: Array, on: Numbers, most: int) -> list[Numbers]:
+    """Return some of the places in halves of halves along their longest extent, down to parts of `most` at most."""
+    if len(on) <= most:
+        return [on]
+    in_line = on[np.argsort(places[on, np.ptp(places[on], axis=0).argmax()], kind="stable")]
+    half = len(on) // 2
+    return halves(places, in_line[:half], most) + halves(places, in_line[half:], most)
+
+
 def read_only(array: NDArray[Value]) -> NDArray[Value]:
     """Return a view that cannot be written to."""
     view = array.view()

@@ -13,7 +13,7 @@ import numpy as np
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.vectors import F1, F2, F3, F4, I1, I2, Array, Numbers
-from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, Capsules, gap_at, write_axis
+from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, Capsules, gap_at, may_touch, write_axis
 
 SPACING = 1.2  # between the balls of a limb [radii]
 MOST_BALLS = 7  # of a capsule
@@ -189,10 +189,10 @@ def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
                 carrier = balls.carriers[ball]
                 sphere, near = placed.spheres[carrier], False
                 if is_near(sphere, placed.spheres[capsule], far):
-                    near = gap_at(sphere, sphere[3], placed.axes[capsule], balls.cap_radii[capsule])[0] < far
+                    near = may_touch(sphere, placed.axes[capsule], balls.cap_radii[capsule], far)
             if not near or balls.spare[ball, capsule] == NEVER:
                 continue
-            if is_near(placed.centres[ball], placed.spheres[capsule], far):
+            if may_touch(placed.centres[ball], placed.axes[capsule], balls.cap_radii[capsule], far):
                 placed.meetings[count, 0], placed.meetings[count, 1] = ball, capsule
                 count += 1
     return count
@@ -228,7 +228,7 @@ def _write_gaps(balls: Balls, posed: F4, farthest: float, placed: Placed, gaps: 
             least = farthest
             for meeting in range(find_meetings(balls, pair, farthest, placed)):
                 ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
-                if is_near(placed.centres[ball], placed.spheres[capsule], least):
+                if may_touch(placed.centres[ball], placed.axes[capsule], balls.cap_radii[capsule], least):
                     least = min(least, gap_of(balls, ball, capsule, placed)[0])
             gaps[frame, pair] = least
 

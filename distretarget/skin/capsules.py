@@ -128,6 +128,15 @@ def gap_at(p, radius, axis, radii):  # type: ignore[no-untyped-def]
     return distance - radii[0] - t * (radii[1] - radii[0]) - radius, t, inverse * x, inverse * y, inverse * z
 
 
+@inlined(fastmath=True)
+def may_touch(ball: Array, axis: Array, radii: Array, far: float) -> bool:
+    """Whether a ball, (4,), may be nearer to a tapered capsule than this: to one as thick as its thicker end it is."""
+    x, y, z = ball[0] - axis[0], ball[1] - axis[1], ball[2] - axis[2]
+    t = max(min((x * axis[3] + y * axis[4] + z * axis[5]) * axis[6], 1.0), 0.0)
+    x, y, z = x - t * axis[3], y - t * axis[4], z - t * axis[5]
+    return bool(x * x + y * y + z * z < max(max(radii[0], radii[1]) + ball[3] + far, 0.0) ** 2)
+
+
 def surface_of(ends: Array, radii: Array) -> tuple[Array, Numbers]:
     """Return the points, (points, 3), and triangles, (triangles, 3), of the surface of a tapered capsule, given by the
     ends of its axis, (2, 3), and the radius at each, (2,).

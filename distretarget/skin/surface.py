@@ -10,11 +10,11 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, halves, lengths
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.skin.surface_gaps import Bound, GapWorkspace, Points, write_gaps
+from distretarget.skin.surface_gaps import RUN, Bound, GapWorkspace, Points, write_gaps
 
 # How many points a segment of a body has: limbs are thin, and what they touch is large.
 POINTS = {"hand": 220, "forearm": 180, "chest": 400, "belly": 300, "pelvis": 300, "head": 400, "thigh": 200}
@@ -40,12 +40,15 @@ class Surface:
         corners = np.where((triangles > 0)[:, None], corners, corners[:, ::-1])
         u, v = np.remainder(np.outer(STEPS, np.arange(count)) + 0.5, 1.0)
         u, v = np.where(u + v > 1.0, 1.0 - np.array([u, v]), [u, v])  # the other half of the square
+        shares = np.array([1.0 - u - v, u, v])
+        order = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
+        corners, shares, radii = corners[order], shares[:, order], radii[order]
         none, one = np.zeros(count), np.ones(count)
         rows, vertices = np.repeat(np.arange(count), 3), _bound(mesh, skeleton)
         size = count, len(mesh.vertices)
         places, first, second = (
-            _rows(csr_array((np.transpose(shares).ravel(), (rows, corners.ravel())), size) @ vertices)
-            for shares in ([1.0 - u - v, u, v], [-one, one, none], [-one, none, one])
+            _rows(csr_array((np.transpose(each).ravel(), (rows, corners.ravel())), size) @ vertices)
+            for each in (shares, [-one, one, none], [-one, none, one])
         )
         return cls(Points(places, first, second, radii, np.searchsorted(segments, np.arange(len(SEGMENTS) + 1))))
 
@@ -68,9 +71,9 @@ class Surface:
         for pair, (_, part) in enumerate(parts):
             members[pair, [*part]] = True
         count = len(self.points.radii)
-        room = GapWorkspace(
-            np.zeros((count, 3)), np.zeros(count, np.intp), np.zeros(len(SEGMENTS), np.intp), np.zeros((3, 3))
-        )
+        near, nearer, are_placed = (np.zeros(n, np.intp) for n in (count, count, len(SEGMENTS)))
+        at, placed, squares = np.zeros((3, count)), np.zeros((count, 3)), np.zeros(count)
+        room = GapWorkspace(placed, near, at, squares, nearer, are_placed, np.zeros((3, 3)), np.zeros(4))
         write_gaps(self.points, moved, limbs, members, np.ascontiguousarray(wanted[frames]), farthest, room, found)
         gaps[frames] = found
         return gaps
@@ -105,6 +108,12 @@ def _spread(
             )
     triangles, radii, segments = map(np.concatenate, zip(*found, strict=True))
     return triangles, radii, segments
+
+
+def _by_neighbours(places: Array, segments: Numbers) -> Numbers:
+    """The order in which points, (points, 3), follow their neighbours, one segment after the other."""
+    groups = [np.flatnonzero(segments == segment) for segment in np.unique(segments)]
+    return np.concatenate([segments[:0], *(run for group in groups for run in halves(places, group, RUN))])
 
 
 def _nearest_on(ends: Array, points: Array) -> Array:

@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import B2, F1, F2, F4, I1
+from distretarget.numerics.vectors import B2, F1, F2, F4, I1, indices
+
+RUN = 8  # points of a limb that are looked for together
 
 
 class Bound(NamedTuple):
@@ -19,7 +21,7 @@ class Bound(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Points on the outside of a surface, ordered by segment."""
+    """Points on the outside of a surface, ordered by segment, and so that those of a run are neighbours."""
 
     places: Bound
     one: Bound  # an edge of the triangle of each ...
@@ -32,9 +34,13 @@ class GapWorkspace(NamedTuple):
     """Scratch for one frame."""
 
     placed: F2  # (points, 3)
-    near: I1  # (points,)
+    near: I1  # (points,), those of a part that are near a limb ...
+    at: F2  # (3, points), ... where they are ...
+    squares: F1  # (points,), ... and how far off the middle of a run, squared
+    nearer: I1  # (points,), those that are near a run
     are_placed: I1  # (segments,)
     vectors: F2  # (3, 3)
+    ball: F1  # (4,), around points of a limb
 
 
 @compiled(fastmath=True)
@@ -78,39 +84,73 @@ def _place(points, moved, segment, room):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
+def _enclose(room, first, end):  # type: ignore[no-untyped-def]
+    """Write a ball around some points."""
+    ball = room.ball
+    for i in range(4):
+        ball[i] = 0.0
+    for point in range(first, end):
+        for i in range(3):
+            ball[i] += room.placed[point, i] / (end - first)
+    for point in range(first, end):
+        ball[3] = max(ball[3], _square(room.placed[point], ball))
+    ball[3] = np.sqrt(ball[3])
+
+
+@inlined(fastmath=True)
+def _square(p, q):  # type: ignore[no-untyped-def]
+    """The squared distance of two points."""
+    return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
+
+
+@inlined(fastmath=True)
 def _find_near(points, limb, part, farthest, room):  # type: ignore[no-untyped-def]
     """Write the points of a part that may be near a limb; return how many there are."""
-    first, end, count = points.of_segment[limb], points.of_segment[limb + 1], 0
-    x = y = z = radius = 0.0
-    for point in range(first, end):
-        p = room.placed[point]
-        x, y, z = x + p[0] / (end - first), y + p[1] / (end - first), z + p[2] / (end - first)
-    for point in range(first, end):
-        p = room.placed[point]
-        radius = max(radius, (p[0] - x) ** 2 + (p[1] - y) ** 2 + (p[2] - z) ** 2)
-    reach = (np.sqrt(radius) + farthest) ** 2
+    count = 0
+    _enclose(room, points.of_segment[limb], points.of_segment[limb + 1])
+    reach = (room.ball[3] + farthest) ** 2
     for segment in range(len(part)):
         if part[segment]:
             for point in range(points.of_segment[segment], points.of_segment[segment + 1]):
                 p = room.placed[point]
-                if (p[0] - x) ** 2 + (p[1] - y) ** 2 + (p[2] - z) ** 2 < reach:
-                    room.near[count], count = point, count + 1
+                if _square(p, room.ball) < reach:
+                    room.near[count] = point
+                    room.at[0, count], room.at[1, count], room.at[2, count] = p[0], p[1], p[2]
+                    count += 1
     return count
+
+
+@inlined(fastmath=True)
+def _find_nearer(count, farthest, room):  # type: ignore[no-untyped-def]
+    """Write those of the near points that may be the nearest of a point of a run; return how many there are."""
+    x, y, z, radius = room.ball
+    least, nearer = np.inf, 0
+    for n in indices(0, count):
+        room.squares[n] = (room.at[0, n] - x) ** 2 + (room.at[1, n] - y) ** 2 + (room.at[2, n] - z) ** 2
+        least = min(least, room.squares[n])
+    reach = (radius + min(farthest, np.sqrt(least) + radius)) ** 2
+    for n in range(count):
+        if room.squares[n] <= reach:
+            room.nearer[nearer], nearer = room.near[n], nearer + 1
+    return nearer
 
 
 @inlined(fastmath=True)
 def _least_height(points, moved, limb, count, farthest, room):  # type: ignore[no-untyped-def]
     """The least height of the points of a limb over those that were found, or `farthest`."""
-    least = farthest
-    for point in range(points.of_segment[limb], points.of_segment[limb + 1]):
-        p, nearest, best = room.placed[point], -1, farthest * farthest
-        for n in range(count):
-            q = room.placed[room.near[n]]
-            square = (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
-            if square < best:
-                best, nearest = square, room.near[n]
-        if nearest >= 0:
-            least = min(least, _height(points, moved, point, nearest, best, room))
+    least, limit = farthest, points.of_segment[limb + 1]
+    for first in range(points.of_segment[limb], limit, RUN):
+        end = min(first + RUN, limit)
+        _enclose(room, first, end)
+        nearer = _find_nearer(count, farthest, room)
+        for point in range(first, end):
+            p, nearest, best = room.placed[point], -1, farthest * farthest
+            for n in range(nearer):
+                square = _square(p, room.placed[room.nearer[n]])
+                if square < best:
+                    best, nearest = square, room.nearer[n]
+            if nearest >= 0:
+                least = min(least, _height(points, moved, point, nearest, best, room))
     return least
 
 
