@@ -62,6 +62,17 @@ def test_a_hand_is_out_of_the_belly_in_every_frame_and_moves_smoothly():
     assert np.abs(d[np.flatnonzero(deep)[0] - 3]).max() > 1e-3  # it begins before it would sink in
 
 
+@pytest.mark.parametrize("are_arms", [True, False])
+def test_a_body_may_have_limbs_of_one_kind_alone(are_arms):
+    motion, skin = swinging(60)
+    frames = asked(skin, motion)
+    frames = frames._replace(soft=frames.soft - 0.01)  # all is to keep a distance
+    arms, spots, shots = np.full(len(skin.limbs), are_arms), np.arange(len(skin.balls.pairs)), np.zeros(60, np.intp)
+    start = displacements(skin.balls, skin.displaced, *frames[:4])
+    d = bends(skin.balls, skin.displaced, spots, frames, arms, start, shots, 1.0 / RATE, REACH)
+    assert segment_gaps(skin.balls, skin.posed(bent(motion, skin.limbs, skin.unit * d)), 0.2).min() > -0.003
+
+
 def test_a_contact_is_closed_from_its_first_frame_to_its_last():
     still, skin = hand_in_belly(-0.02)
     firmness = np.zeros(150)

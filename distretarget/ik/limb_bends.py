@@ -70,7 +70,7 @@ def bends(
     frames = Frames(*map(np.ascontiguousarray, frames))
     room, w = LimbWorkspace.of(balls, spots, count), _rotation_vectors(frames.limbs, start)
     stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
-    for arms in (False, True):
+    for arms in np.unique(are_arms):  # legs first
         own = np.flatnonzero(are_arms == arms)
         limbs = _Limbs(own, balls, displaced, spots, frames, w, reach, room)
         brought = frames.firmness.any(axis=1) | frames.ties.any(axis=(1, 2))
