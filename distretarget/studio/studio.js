@@ -67,7 +67,6 @@ function take(about, role) {
 
 async function solve() {
   const turn = ++asked;
-  show();
   if (!order.clip || !order.character) return;
   state("solving");
   try {
@@ -113,6 +112,7 @@ function set(change) {
   future = [];
   order = next;
   saved = false;
+  show();
   solve();
 }
 
@@ -120,6 +120,7 @@ function step(from, to) {
   if (!from.length) return;
   to.push(order);
   order = from.pop();
+  show();
   solve();
 }
 
