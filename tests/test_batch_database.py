@@ -47,6 +47,14 @@ def measured():
     return {"metrics": metrics, "notes": ["a tail"], **texts}
 
 
+def test_a_record_shares_no_list_with_another():
+    one = record()
+    for key in ("notes", "warnings"):
+        one[key].append("a word")
+    one["others"]["b.bvh"] = "a hash"
+    assert not any(record()[key] for key in ("notes", "warnings", "others"))
+
+
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "out").mkdir()

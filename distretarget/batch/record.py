@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping
+from copy import deepcopy
 from functools import lru_cache
 from operator import itemgetter
 from typing import Any, cast
@@ -63,8 +64,8 @@ def new_record(clip: PlannedClip, options: Mapping[str, Any], input_hash: str = 
     paths = {"input": str(clip.path), "output": clip.output, "target": str(clip.target.path), "input_hash": input_hash}
     target_hash = clip.target.file.hash if clip.target.file else ""
     made_by = {"target_hash": target_hash, "options": dict(options), "version": VERSION}
-    record = {**SETTINGS, **RIG, **CLIP, "metrics": {}, "status": "failed"}
-    return cast(BatchRecord, record | paths | made_by)
+    empty = deepcopy(SETTINGS | RIG | CLIP)  # a record shares no list with another
+    return cast(BatchRecord, empty | {"metrics": {}, "status": "failed"} | paths | made_by)
 
 
 def results_of(record: BatchRecord) -> dict[str, str]:
