@@ -14,6 +14,7 @@ import time
 import tomllib
 import zipfile
 from contextlib import contextmanager
+from pathlib import PurePath
 from urllib.parse import quote, urlsplit
 
 import numpy as np
@@ -24,6 +25,8 @@ from fbx_text import Node, fbx
 
 from distretarget.cli import cli
 from distretarget.errors import DistretargetError, FileError, SettingsError
+from distretarget.io.input_file import load_file
+from distretarget.io.map_json import rest_pose_in
 from distretarget.io.motion_file import read_motion
 from distretarget.io.target_file import load_target
 from distretarget.studio.bench import Bench, OvertakenError
@@ -123,6 +126,19 @@ def test_what_is_taken_away_is_what_its_command_makes(tmp_path, dropped, more):
     assert content == by_command(tmp_path, done)
 
 
+def test_several_clips_are_zipped_each_as_its_command_makes_it(dropped):
+    bench, clip, character = dropped
+    other = bench.add("wave.bvh", (SAMPLES / "clap.bvh").read_bytes())["id"]
+    files = [{"clip": each, "character": character} for each in (clip, other)]
+    orders = [*map(Order.of, [*files, {**files[0], "format": "bvh"}])]
+    name, content = bench.zipped(orders)
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert archive.namelist() == ["wave_hero.glb", "wave_hero1.glb", "wave_hero.bvh"]
+        for each, order in zip(archive.namelist(), orders, strict=True):
+            assert archive.read(each) == bench.carry_out(order).file(PurePath(each).suffix[1:])[1]
+    assert name == "clips.zip"
+
+
 @pytest.mark.skipif(os.name == "nt", reason="names that Windows cannot have")
 @pytest.mark.parametrize(
     ("clip", "character"),
@@ -171,6 +187,21 @@ def test_orders_that_go_on_from_others_give_the_same_to_the_bit(dropped):
         assert done.conversion is bench.carry_out(Order.of({"clip": clip, "character": character})).conversion
         assert done.file("glb") == other.file("glb")
         assert done.as_data == other.as_data
+
+
+def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, dropped):
+    bench, clip, character = dropped
+    walk = load_file(SAMPLES / "walk.bvh")
+    rest = dict(rest_pose_in(walk).rotations)
+    plain, posed = ({"clip": clip, "character": character, "rest": each} for each in (None, rest))
+    done = bench.carry_out(Order.of(posed))
+    assert done.file("glb")[1] != bench.carry_out(Order.of(plain)).file("glb")[1]
+    assert done.file("glb")[1] == by_command(tmp_path / "made", done)
+    assert json.loads(done.file("map")[1]) == {"format": "distretarget-map", "version": 1, "map": {}, "rest": rest}
+    project = tmp_path / "made" / "made_from" / "wave_hero.project.json"
+    (project.parent / done.names.result).unlink()
+    assert in_shell(project.parent, f"distretarget retarget --project {project.name}").returncode == 0
+    assert (project.parent / done.names.result).read_bytes() == done.file("glb")[1]
 
 
 def test_the_papers_objective_has_no_supports_in_its_command(dropped):
@@ -482,6 +513,35 @@ def test_a_sample_is_one_press_away_from_an_empty_page(browser):
         tab.close()
 
 
+def test_each_clip_keeps_its_own_changes_and_all_are_taken_together(solved, tmp_path):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    expect(tab.get_by_test_id("clips")).to_be_hidden()
+    expect(tab.get_by_test_id("all")).to_be_hidden()
+    tab.get_by_test_id("end").fill("60f")
+    tab.get_by_test_id("end").blur()
+    wait(" --end 60f")
+    tab.get_by_role("button", name="walk").click()
+    walk = tab.get_by_test_id("command")
+    expect(walk).to_have_text(PLAIN.replace("clap", "walk"), timeout=30_000)
+    tab.get_by_test_id("in-place").check()
+    tab.get_by_test_id("clips").select_option("clap.bvh")
+    wait(" --in-place --end 60f")
+    with tab.expect_download(timeout=60_000) as taken:
+        tab.get_by_test_id("all").click()
+    folder = tmp_path / "clips"
+    with zipfile.ZipFile(taken.value.path()) as archive:
+        archive.extractall(folder)
+    expected = {"clap": ["--end", "60f"], "walk": []}
+    assert sorted(path.name for path in folder.iterdir()) == sorted(f"{clip}_hero.glb" for clip in expected)
+    for clip, more in expected.items():
+        output = tmp_path / f"{clip}_hero.glb"
+        files = [str(SAMPLES / f"{clip}.bvh"), str(HERO), "-o", str(output)]
+        assert CliRunner().invoke(cli, ["retarget", *files, "--in-place", *more]).exit_code == 0
+        assert (folder / output.name).read_bytes() == output.read_bytes()
+
+
 WHERE = """([view, joint]) => {
   const { stage } = app, side = stage.sides[view], views = stage.views.length;
   const { positions } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
@@ -641,6 +701,21 @@ def test_two_clicks_on_bodies_pair_their_joints(solved):
     row.locator("select").select_option("")
     wait(" --map clap.map.json")
     assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": None}
+
+
+def test_a_rest_pose_is_given_and_taken_back(solved):
+    from playwright.sync_api import expect
+
+    tab, wait = solved
+    tab.locator("#who > summary").click()
+    tab.set_input_files("[data-testid=rest]", SAMPLES / "walk.bvh")
+    wait(" --map clap.map.json")
+    assert json.loads(taken(tab, tab.locator("[data-take=map]")))["rest"].keys() >= {"Hips", "RightWrist"}
+    tab.get_by_test_id("no-rest").click()
+    wait()
+    expect(tab.get_by_test_id("no-rest")).to_be_hidden()
+    tab.set_input_files("[data-testid=rest]", {"name": "bad.bvh", "mimeType": "text/plain", "buffer": b"nonsense"})
+    expect(tab.locator("#trouble")).to_contain_text("bad.bvh")
 
 
 def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):

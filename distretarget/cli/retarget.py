@@ -137,7 +137,8 @@ def retarget_command(
     source_file, target_file = read_source(source, recipe_files.skeleton_path), read_input(target)
     recipe = recipe_files.read()
     if project and not recipe_files.map_path:
-        recipe = replace(recipe, map_file=replace(recipe.map_file, pairs=dict(project.order.pairs)))
+        map_file = project.order.map_file
+        recipe = replace(recipe, map_file=replace(map_file, rest=recipe.map_file.rest or map_file.rest))
     usual = project.order.contacts if project else NO_CONTACTS
     contacts = load_contacts(contacts_path) if contacts_path else usual
     _check_order(source_file, target_file, output)

@@ -11,7 +11,7 @@ import numpy as np
 from distretarget.body.body import Body
 from distretarget.errors import FileError, MapError, MotionError, SkeletonFileError, difference, entry_place
 from distretarget.io.files import read_text
-from distretarget.io.input_file import load_file
+from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node, on_lines, parse_json
 from distretarget.io.motion_file import parse_motion
 from distretarget.matching.matching import Matching
@@ -70,16 +70,17 @@ def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile
         BvhError: `rest` is no valid BVH file.
     """
     map_file = parse_map(read_text(path), path) if path else MapFile({}, "")
-    return replace(map_file, rest=_first_frame(rest)) if rest else map_file
+    return replace(map_file, rest=rest_pose_in(load_file(rest))) if rest else map_file
 
 
-def _first_frame(path: str | Path) -> RestPose:
-    motion, _ = parse_motion(load_file(path))
+def rest_pose_in(file: InputFile) -> RestPose:
+    """Return the pose of the first frame of a file; a FileError if there is none, or nobody stands in it."""
+    motion, _ = parse_motion(file)
     if not len(motion):
-        raise FileError(path, "has no frames, expected one in which the body stands")
+        raise FileError(file.path, "has no frames, expected one in which the body stands")
     skeleton = motion.skeleton
     rotations = {skeleton.keys[joint]: motion.rotations[0, joint].round(DIGITS).tolist() for joint in skeleton.joints}
-    rest = RestPose(rotations, path)
+    rest = RestPose(rotations, file.path)
     rest.on(skeleton)
     return rest
 

@@ -8,10 +8,11 @@ import threading
 import uuid
 import zipfile
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from pathlib import PurePath
 
 from distretarget.contact_entries import ContactList
@@ -118,8 +119,7 @@ class Done:
             case "contacts":
                 return names.of_kind("contacts.json"), contacts_to_json(self.order.contacts).encode()
             case "map":
-                pairs = json.dumps(dict(self.order.pairs), indent=2, ensure_ascii=False)
-                return names.of_kind("map.json"), f"{pairs}\n".encode()
+                return names.of_kind("map.json"), self.order.map_json.encode()
             case "project":
                 hashes = (self.source.hash, self._character.hash)
                 return names.of_kind("project.json"), project_to_json(self.order, names, hashes).encode()
@@ -134,7 +134,7 @@ class Done:
 
     def _zip(self) -> bytes:
         names = self.names
-        kinds = ["project", *["contacts"] * bool(self.order.contacts.entries), *["map"] * bool(self.order.pairs)]
+        kinds = ["project", *["contacts"] * bool(self.order.contacts.entries), *["map"] * self.order.has_map]
         needed = dict(map(self.file, kinds))
         needed |= {names.clip: self.source.content, names.character: self._character.content}
         needed["command.txt"] = f"{names.command(self.order)}\n".encode()
@@ -237,6 +237,22 @@ class Bench:
             while len(self._done) > KEPT:
                 self._done.popitem(last=False)
         return done
+
+    def zipped(self, orders: Sequence[Order], tab: str = "") -> tuple[str, bytes]:
+        """Return the name and the content of a zip of the results of several orders; one that has the name of another
+        gets a number.
+        """
+        content, names = io.BytesIO(), set[str]()
+        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+            for order in orders:
+                done = self.carry_out(order, tab)
+                name, result = done.file(done.format)
+                path = PurePath(name)
+                unique = (path.with_stem(f"{path.stem}{number or ''}") for number in count())
+                name = next(str(each) for each in unique if str(each).casefold() not in names)
+                names.add(name.casefold())
+                archive.writestr(name, result)
+        return "clips.zip", content.getvalue()
 
     def end(self) -> None:
         """End what is carried out now as soon as may be."""

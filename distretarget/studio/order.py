@@ -15,7 +15,8 @@ from distretarget.io.contacts_file import contacts_to_json, parse_contacts
 from distretarget.io.files import hash_of_file, read_text
 from distretarget.io.input_file import InputFile
 from distretarget.io.json_node import on_lines, parse_json
-from distretarget.io.map_json import MapFile
+from distretarget.io.map_json import HEADER as MAP_HEADER
+from distretarget.io.map_json import MapFile, parse_map
 from distretarget.io.motion_writer import OutputSettings
 from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import NO_EDITS, Edits
@@ -24,7 +25,8 @@ from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 HEADER: dict[str, object] = {"format": "distretarget-project", "version": 1}
 ROLES = ("clip", "character")
 LONGEST = 100  # of the part of a name that results take from a file's [bytes]
-HOW = ("animation", "fps", "edits", "options", "in_place", "contacts", "map")  # the fields of an order but its files
+# the fields of an order but its files
+HOW = ("animation", "fps", "edits", "options", "in_place", "contacts", "map", "rest")
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Order:
         fps: the frame rate at which the clip is sampled [frames/s]; None for its own.
         edits, options, in_place: as in the command line.
         contacts: entries of a contact file.
-        pairs: the joints that drive those of the character, as in a map file.
+        map_file: the joints that drive those of the character, and how the body of the clip stands.
         format: the ending of what is to be taken away; None for the character's usual one.
     """
 
@@ -50,23 +52,22 @@ class Order:
     options: Options
     in_place: bool
     contacts: ContactList
-    pairs: tuple[tuple[str, str | None], ...]
+    map_file: MapFile
     format: str | None
     key: str  # what it was made from
 
     @classmethod
-    def of(cls, given: Mapping[str, Any], path: str | Path = "contacts.json") -> Order:
+    def of(cls, given: Mapping[str, Any], path: Path | None = None) -> Order:
         """Return the order that the page sent, or that is in the file `path`; a SettingsError, FileError or
         SkeletonFileError where it has no sense.
         """
         known = {*ROLES, *HOW, "format"}
         if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {*ROLES}:
             raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
-        entries, pairs = given.get("contacts") or [], given.get("map") or {}
+        entries = given.get("contacts") or []
         text = json.dumps({"format": "distretarget-contacts", "version": 1, "contacts": entries})
-        named = isinstance(pairs, Mapping) and all(isinstance(driver, str | None) for driver in pairs.values())
-        if not named or not all(isinstance(given.get(name), str | None) for name in ("animation", "format")):
-            raise SettingsError("the map, the animation and the format of an order are names")
+        if not all(isinstance(given.get(name), str | None) for name in ("animation", "format")):
+            raise SettingsError("the animation and the format of an order are names")
         if not isinstance(given.get("fps"), int | float | None):
             raise SettingsError("the frame rate of an order is a number")
         try:
@@ -81,8 +82,8 @@ class Order:
             edits=edits,
             options=options,
             in_place=bool(given.get("in_place")),
-            contacts=parse_contacts(text, path) if entries else NO_CONTACTS,
-            pairs=tuple(pairs.items()),
+            contacts=parse_contacts(text, path or "contacts.json") if entries else NO_CONTACTS,
+            map_file=parse_map(_map_text(given), path or "map.json"),
             format=given.get("format"),
             key=json.dumps(given, sort_keys=True),
         )
@@ -95,8 +96,18 @@ class Order:
     @property
     def recipe(self) -> Recipe:
         """The same for a conversion."""
-        writing, pairs = OutputSettings(in_place=self.in_place), MapFile(dict(self.pairs), "map.json")
-        return Recipe(self.options, pairs, self.animation, self.fps, writing=writing, edits=self.edits)
+        writing = OutputSettings(in_place=self.in_place)
+        return Recipe(self.options, self.map_file, self.animation, self.fps, writing=writing, edits=self.edits)
+
+    @property
+    def has_map(self) -> bool:
+        """Whether its command needs a map file."""
+        return bool(self.map_file.pairs) or self.map_file.rest is not None
+
+    @property
+    def map_json(self) -> str:
+        """The text of that file."""
+        return f"{on_lines(json.loads(_map_text(json.loads(self.key))), 2)}\n"
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -154,8 +165,14 @@ class Names:
             flag = f"--{name.replace('_', '-')}"
             words += [flag] if value is True else [flag, str(value)]
         words += ["--contacts", _as_argument(self.of_kind("contacts.json"))] if order.contacts.entries else []
-        words += ["--map", _as_argument(self.of_kind("map.json"))] if order.pairs else []
+        words += ["--map", _as_argument(self.of_kind("map.json"))] if order.has_map else []
         return shlex.join(words)
+
+
+def _map_text(given: Mapping[str, Any]) -> str:
+    """The text of a map file, of what the page sent."""
+    pairs = given.get("map") or {}
+    return json.dumps(MAP_HEADER | {"map": pairs, "rest": given["rest"]} if given.get("rest") else pairs)
 
 
 def _stem(name: str) -> str:

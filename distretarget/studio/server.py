@@ -17,6 +17,8 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 
 from distretarget.errors import DistretargetError, FileError, SettingsError
+from distretarget.io.input_file import InputFile
+from distretarget.io.map_json import rest_pose_in
 from distretarget.report.page import html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
@@ -69,12 +71,15 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
 
     async def drop(request: Request) -> Response:
         content = await _body(request, LARGEST)
-        name = unquote(request.headers.get("x-name", "file"))
-        return JSONResponse(await anyio.to_thread.run_sync(bench.add, name, content))
+        return JSONResponse(await anyio.to_thread.run_sync(bench.add, _name(request), content))
 
     async def try_sample(request: Request) -> Response:
         name = request.path_params["name"]
         return JSONResponse(await anyio.to_thread.run_sync(lambda: bench.add(name, sample(name))))
+
+    async def rest_pose(request: Request) -> Response:
+        file = InputFile(await _body(request, LARGEST), _name(request), has_folder=False)
+        return JSONResponse(dict((await anyio.to_thread.run_sync(rest_pose_in, file)).rotations))
 
     async def solve(request: Request) -> Response:
         times = [time.perf_counter()]
@@ -96,14 +101,18 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         return HTMLResponse(html_page("framed", "The player", {}))
 
     async def take(request: Request) -> Response:
-        done = await _done(request)
-        name, content = await anyio.to_thread.run_sync(done.file, request.path_params["kind"])
+        if request.path_params["kind"] == "all":
+            given = await _given(request)
+            orders = [Order.of(each) for each in (given if isinstance(given, list) else [given])]
+            name, content = await anyio.to_thread.run_sync(bench.zipped, orders, _tab(request))
+        else:
+            done = await _done(request)
+            name, content = await anyio.to_thread.run_sync(done.file, request.path_params["kind"])
         return Response(content, media_type="application/octet-stream", headers={"X-Name": json.dumps(name)[1:-1]})
 
     async def _done(request: Request) -> Done:
-        order = Order.of(_parsed(await _body(request, LARGEST_ORDER)))
-        tab = request.headers.get("x-tab", "")[:LONGEST_TAB]
-        return await anyio.to_thread.run_sync(bench.carry_out, order, tab)
+        order = Order.of(await _given(request))
+        return await anyio.to_thread.run_sync(bench.carry_out, order, _tab(request))
 
     def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:
@@ -130,6 +139,7 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         ("files", drop, "POST"),
         ("files", dropped, "GET"),
         ("samples/{name}", try_sample, "POST"),
+        ("rest", rest_pose, "POST"),
         ("solve", solve, "POST"),
         ("player", player, "GET"),
         ("take/{kind}", take, "POST"),
@@ -158,9 +168,20 @@ async def _body(request: Request, largest: int) -> bytes:
     return bytes(content)
 
 
-def _parsed(content: bytes) -> Any:
+def _name(request: Request) -> str:
+    """What a file is called."""
+    return unquote(request.headers.get("x-name", "file"))
+
+
+def _tab(request: Request) -> str:
+    """What the tab of the browser calls itself."""
+    return request.headers.get("x-tab", "")[:LONGEST_TAB]
+
+
+async def _given(request: Request) -> Any:
+    """The JSON of a request."""
     try:
-        return json.loads(content)
+        return json.loads(await _body(request, LARGEST_ORDER))
     except (ValueError, RecursionError):
         raise SettingsError("an order is no JSON") from None
 

@@ -7,9 +7,10 @@ const EDITS = { start: "", end: "", speed: 1, turn: 0, mirror: false, loop: fals
 const OPTIONS = { supports: "hold", skin: "auto", objective: "contact", root_follows: "" };
 const TAB = crypto.randomUUID(); // a later order of the same tab takes the place of one that is not done
 const AROUND = 0.25; // how long a contact that is clicked holds before and after [s]
-const START = { clip: null, character: null, animation: null, fps: null, in_place: false, contacts: [], map: {}, format: null, edits: {}, options: {} };
+const START = { clip: null, character: null, animation: null, fps: null, in_place: false, contacts: [], map: {}, rest: null, format: null, edits: {}, options: {} };
 
 const known = new Map(); // what each file is, by its number
+const left = new Map(); // the last order of each clip, by its key
 let order = structuredClone(START);
 let past = [];
 let future = [];
@@ -59,10 +60,9 @@ function take(about, role) {
     place.textContent = `${about.name} has no ${role === "clip" ? "motion" : "character"}.`;
     return;
   }
-  const change = { [role]: about.id };
-  if (role === "clip") Object.assign(change, { animation: about.animations.length > 1 ? about.animations[0] : null, contacts: [] });
-  if (role === "character") Object.assign(change, { map: {}, format: null });
-  set(change);
+  about.isClip ||= role === "clip";
+  if (role === "clip") set(ofClip(clipsIn(about)[0]));
+  else set({ character: about.id, map: {}, format: null });
 }
 
 async function solve() {
@@ -86,13 +86,29 @@ async function solve() {
 
 async function download(kind) {
   try {
-    const response = await ask(`take/${kind}`, JSON.stringify(order));
-    const name = JSON.parse(`"${response.headers.get("X-Name")}"`);
-    keep(await response.blob(), name);
-    saved = true;
+    await save(await ask(`take/${kind}`, JSON.stringify(order)));
   } catch (error) {
     trouble(error.message);
   }
+}
+
+/** Saves all clips on the character, each as it was left, with what is set for all. */
+async function downloadAll() {
+  const before = $("state").textContent;
+  state("zipping");
+  try {
+    const orders = clips().map((clip) => ({ ...order, ...ofClip(clip) }));
+    await save(await ask("take/all", JSON.stringify(orders), { "X-Tab": `${TAB}-all` })); // a change overtakes it not
+    trouble("");
+  } catch (error) {
+    trouble(error.message);
+  }
+  if ($("state").textContent === "zipping") state(before);
+}
+
+async function save(response) {
+  keep(await response.blob(), JSON.parse(`"${response.headers.get("X-Name")}"`));
+  saved = true;
 }
 
 function keep(blob, name) {
@@ -108,12 +124,25 @@ function keep(blob, name) {
 function set(change) {
   const next = { ...order, ...change };
   if (JSON.stringify(next) === JSON.stringify(order)) return;
+  if (order.clip) left.set(keyOf(order), order);
   past.push(order);
   future = [];
   order = next;
   saved = false;
   show();
   solve();
+}
+
+/** The clips that can be shown: each animation of each file. */
+const clips = () => [...known.values()].filter((about) => about.isClip).flatMap(clipsIn);
+const clipsIn = ({ id, animations }) => (animations.length > 1 ? animations : [null]).map((animation) => ({ clip: id, animation }));
+const nameOf = ({ clip, animation }) => (animation === null ? known.get(clip).name : `${known.get(clip).name}: ${animation}`);
+const keyOf = ({ clip, animation }) => `${clip} ${animation}`;
+
+/** What an order says of a clip alone: as it was left, if it was shown before. */
+function ofClip(clip) {
+  const { contacts, edits } = keyOf(clip) === keyOf(order) ? order : left.get(keyOf(clip)) ?? { contacts: [], edits: {} };
+  return { ...clip, contacts, edits };
 }
 
 function step(from, to) {
@@ -157,9 +186,9 @@ function show() {
     $(`${role}-what`).classList.remove("wrong");
     $(`${role}-what`).textContent = `${about.name}${frames}`;
   }
-  const names = known.get(order.clip)?.animations ?? [];
-  $("animation-row").hidden = names.length < 2;
-  $("animation").replaceChildren(...names.map((name) => new Option(name, name, false, name === order.animation)));
+  const all = clips();
+  $("clips-row").hidden = $("all").hidden = all.length < 2;
+  $("clips").replaceChildren(...all.map((clip, number) => new Option(nameOf(clip), number, false, keyOf(clip) === keyOf(order))));
   for (const [name, usual] of Object.entries(EDITS)) {
     const field = $(name);
     const value = order.edits[name] ?? usual;
@@ -169,6 +198,7 @@ function show() {
   for (const [name, usual] of Object.entries(OPTIONS)) $(name).value = order.options[name] ?? usual;
   $("in_place").checked = order.in_place;
   $("fps").value = order.fps ?? "";
+  $("no-rest").hidden = !order.rest;
   for (const [name, orders] of [["undo", past], ["redo", future]]) {
     if (!orders.length) $(name).blur(); // a button that is disabled would keep the keys to itself
     $(name).disabled = !orders.length;
@@ -295,7 +325,7 @@ function pair([joint, drives]) {
   row.dataset.driven = joint;
   const choice = document.createElement("select");
   row.onclick = choice.onfocus = () => driver || showPair(drives, joint);
-  choice.append(new Option("nothing", ""), ...Array.from(new Set(done.drivers), (name) => new Option(name, name)));
+  choice.append(new Option("nothing", ""), ...Array.from(new Set([...done.drivers, drives].filter(Boolean)), (name) => new Option(name, name)));
   choice.value = drives ?? "";
   choice.setAttribute("aria-label", `what drives ${joint}`);
   choice.onchange = () => set({ map: { ...order.map, [joint]: choice.value || null } });
@@ -316,7 +346,7 @@ for (const name of ["mirror", "loop"]) $(name).onchange = (event) => edit(name, 
 for (const name of Object.keys(OPTIONS)) $(name).onchange = (event) => option(name, event.target.value);
 $("fps").onchange = (event) => set({ fps: Number(event.target.value) || null });
 $("in_place").onchange = (event) => set({ in_place: event.target.checked });
-$("animation").onchange = (event) => set({ animation: event.target.value, contacts: [] });
+$("clips").onchange = (event) => set(ofClip(clips()[event.target.value]));
 for (const button of document.querySelectorAll("[data-sample]")) button.onclick = () => sample(button.dataset.sample);
 $("try").onclick = () => ["clap.bvh", "hero.glb"].forEach(sample);
 $("undo").onclick = () => step(past, future);
@@ -328,12 +358,23 @@ $("who").ontoggle = () => {
 $("format").onchange = (event) => set({ format: event.target.value });
 $("download").onclick = () => download($("format").value);
 for (const button of document.querySelectorAll("[data-take]")) button.onclick = () => download(button.dataset.take);
+$("all").onclick = downloadAll;
 $("copy").onclick = () => navigator.clipboard.writeText(done.command);
 $("make").onclick = () => change([...order.contacts, written()]);
 $("change").onclick = () => change(replaced(order.contacts, chosen, written()));
 $("kind").onchange = showKind;
 $("pick").onclick = () => pick($("pick").getAttribute("aria-pressed") !== "true");
 $("save").onclick = () => download("project");
+$("rest").onchange = async (event) => {
+  const [file] = event.target.files;
+  try {
+    set({ rest: await (await ask("rest", file, { "X-Name": encodeURIComponent(file.name) })).json() });
+  } catch (error) {
+    trouble(error.message);
+  }
+  event.target.value = "";
+};
+$("no-rest").onclick = () => set({ rest: null });
 /** Opens a JSON file of a format; `take` says what is wrong with it, if anything is. */
 const opens = (id, format, what, take) => {
   $(id).onchange = async (event) => {
