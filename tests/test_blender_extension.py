@@ -135,9 +135,9 @@ settings.clip, settings.start, scene.render.fps = sys.argv[4], 11, 60
 status = said(bpy.ops.distretarget.retarget)
 (result,) = results
 worst = max(measured(armature))
-end({"status": status, "worst": worst, "skinned": skinned(armature), "actions": sorted(each.name for each in bpy.data.actions),
-     "range": list(armature.animation_data.action.frame_range), "verdict": settings.verdict,
-     "frames": len(result.places)})
+end({"status": status, "worst": worst, "skinned": skinned(armature),
+     "actions": sorted(each.name for each in bpy.data.actions), "verdict": settings.verdict,
+     "range": list(armature.animation_data.action.frame_range), "frames": len(result.places)})
 """
 
 WRONG = """

@@ -1,6 +1,6 @@
-"""Limbs that reach for what is asked: arms, or legs among themselves, close what is left between two parts of a body.
+"""Limbs that reach for what constraints say: arms, or legs among themselves, close what is left between two parts.
 
-The solver brings parts near each other, with trunk and all limbs; then limbs bend until what is asked is met. Arms
+The solver brings parts near each other, with trunk and all limbs; then limbs bend until the constraints are met. Arms
 that would meet inside the trunk are brought out of it first, forwards.
 """
 
@@ -48,12 +48,12 @@ class Reaching:
         """The skin of the body; an average one of a stick figure."""
         return self.skins.target if self.skins else BodySkin.of(self.body, average_for(self.body).on(self.body))
 
-    def ways(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array]:
+    def displacements(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array]:
         """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file
         units], times the weights; and the largest of these, (frames, limbs).
         """
         constraints, limbs = self.constraints, self.skin.limbs
-        ways, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
+        displacements, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
         for constraint, weight in zip(constraints, weights, strict=True):
             moving = _moving(constraints, constraint, self.supports, limbs) if weight.any() else []
             if moving:
@@ -61,15 +61,15 @@ class Reaching:
                 way, total = weight[:, None] * constraints.clip.unit * off, sum(free for _, _, free, _ in moving)
                 for number, sign, free, share in moving:
                     part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
-                    ways[:, number] += (sign / share * part * free)[:, None] * way
+                    displacements[:, number] += (sign / share * part * free)[:, None] * way
                     firmness[:, number] = np.maximum(firmness[:, number], weight * (part > 0.0))
-        return ways, firmness
+        return displacements, firmness
 
     def reached(self, motion: Motion, weights: Sequence[Array], steady: float) -> Motion:
         """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others. What
         limbs do is averaged over the time `steady` before and after each frame [s].
         """
-        return self._moved(motion, self.ways(motion, weights)[0], steady)
+        return self._moved(motion, self.displacements(motion, weights)[0], steady)
 
     def brought_out(self, motion: Motion, weights: Sequence[Array]) -> Motion:
         """Return a motion in which arms that touch something are brought out of the trunk, forwards."""
@@ -88,11 +88,11 @@ class Reaching:
                         moved[:, number] += (free * weight * far)[:, None] * clip.unit * front
         return self._moved(motion, moved, 0.0)
 
-    def _moved(self, motion: Motion, ways: Array, steady: float) -> Motion:
+    def _moved(self, motion: Motion, displacements: Array, steady: float) -> Motion:
         """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
         clip, limbs, poles = self.constraints.clip, self.skin.limbs, self._poles(motion)
-        ways = clip.averaged(ways, steady) * (self.constraints.share > 0.0)[:, None, None]
-        displaced = [reaching(motion, limb, ways[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
+        displacements = clip.averaged(displacements, steady) * (self.constraints.share > 0.0)[:, None, None]
+        displaced = [reaching(motion, limb, displacements[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
         return _bent_in_steps(motion, limbs, clip.averaged(np.stack(displaced, axis=1), steady))
 
     def _poles(self, motion: Motion) -> Array:
@@ -167,11 +167,11 @@ def _way_out(skin: BodySkin, posed: Array, parts: Numbers, front: Array) -> Arra
     return np.where(clear.any(axis=1), STEPS[clear.argmax(axis=1)], 0.0)
 
 
-# ---- directions that are asked for: head, hands and feet turned as the source's, or with their front to a direction
+# ---- directions that constraints keep: head, hands and feet turned as the source's, or with their front to a direction
 
 
 def with_looks(posed: Motion, constraints: Constraints, body: Body) -> Motion:
-    """Return a motion of the target's body with parts turned as asked for, and all that they carry with them."""
+    """Return a motion of the target's body with parts turned as constraints say, and all that they carry with them."""
     clip = constraints.clip
     for constraint in constraints:
         if isinstance(constraint.entry, Look):

@@ -1,6 +1,7 @@
-"""What is asked for as springs and supports: contacts, distances and planted parts, and by how much these are off.
+"""User constraints as springs and supports: contacts, distances and planted parts, and by how much they are off.
 
-A spring brings its joints the share s of the way from the rotation copy to what is asked, however stiff the body:
+A spring brings its joints the share s of the way from the rotation copy to what its constraint says, however stiff the
+body:
 
     A = (M (1 - s) / s + I / k)^-1,
 
@@ -37,22 +38,22 @@ LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [b
 def with_constraints(
     supports: Supports,
     constraints: Constraints,
-    ways: Sequence[Array | None],
+    offsets: Sequence[Array | None],
     skins: Skins | None,
     undersides: Undersides | None,
 ) -> Supports:
-    """Return supports with what is asked for; `skins` and `undersides` are None for bodies without thickness.
+    """Return supports with those of user constraints; `skins` and `undersides` are None for bodies without thickness.
 
-    `ways`, (frames, 3) each [body units], are what is to be between the joints of each constraint, where that is known.
+    `offsets`, (frames, 3) each [body units], are what is to be between the joints of each constraint, if that is known.
     """
     springs, clip = [supports.user_springs], constraints.clip
-    for constraint, way in zip(constraints, ways, strict=True):
+    for constraint, offset in zip(constraints, offsets, strict=True):
         firmness, pair = constraints.firmness(constraint), constraint.pair
         if pair is not None:
-            if way is None:
+            if offset is None:
                 now = between(clip.copy, pair, clip)
-                way = now + off_by(constraints, constraint, clip.copy, supports, skins)
-            springs.append(_spring(clip, pair, clip.averaged(way, BETWEEN_SPAN), firmness))
+                offset = now + off_by(constraints, constraint, clip.copy, supports, skins)
+            springs.append(_spring(clip, pair, clip.averaged(offset, BETWEEN_SPAN), firmness))
         elif isinstance(constraint.entry, Plant) and not constraint.entry.keep:
             let_go = firmness[:, None] * np.isin(supports.joints, constraint.joints[0])
             supports = replace(supports, weights=supports.weights * (1.0 - let_go))
@@ -85,17 +86,17 @@ def off_by(
         assert constraint.carrier is not None
         return _resting_way(clip, constraint, constraint.carrier, motion, pair, skins) - now
     if isinstance(entry, Contact):
-        if skins is not None and (asked := gap_between(constraints, constraint, skins)):
-            return _to_gap(clip, constraint, motion, skins.target, *asked)
+        if skins is not None and (between_skins := gap_between(constraints, constraint, skins)):
+            return _to_gap(clip, constraint, motion, skins.target, *between_skins)
         if entry.gap and entry.gap != "source":
             now = _nearest_way(motion, constraint.joints) / clip.unit
     far = lengths(now)
     direction = np.where(far[:, None] > LEAST_LENGTH, normalised(now), clip.up)
-    return np.asarray((_asked_length(constraints, entry, pair) - far)[:, None] * direction)
+    return np.asarray((_length_to_reach(constraints, entry, pair) - far)[:, None] * direction)
 
 
-def _asked_length(constraints: Constraints, entry: Entry, pair: tuple[int, int]) -> Array | float:
-    """The distance of the joints of a pair that is asked for, of all frames or (frames,) [body units]."""
+def _length_to_reach(constraints: Constraints, entry: Entry, pair: tuple[int, int]) -> Array | float:
+    """The distance that the joints of a pair are brought to, of all frames or (frames,) [body units]."""
     if isinstance(entry, Distance):
         return constraints.length(entry.value)
     if isinstance(entry, Contact) and entry.gap != "source":
@@ -111,10 +112,10 @@ def eased_gap(constraints: Constraints, constraint: Constraint, skins: Skins, mo
     """Return the gap that a contact asks for, from that in a motion as it sets in, and back to it as it lets go; None
     where it asks for none between skins.
     """
-    asked = gap_between(constraints, constraint, skins)
-    if asked is None:
+    between_skins = gap_between(constraints, constraint, skins)
+    if between_skins is None:
         return None
-    on, gap = asked
+    on, gap = between_skins
     own, _ = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
     return SkinGap(
         on, (1.0 - constraint.weight) * np.maximum(own, 0.0) + constraint.weight * gap, np.sqrt(constraint.weight)

@@ -54,7 +54,7 @@ class Constraint:
     weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
     lead: int  # it sets in and lets go over so many frames
     carrier: Carrier | None  # what a part is planted on
-    pair: tuple[int, int] | None  # the two joints between which something is asked; None where the world is the other
+    pair: tuple[int, int] | None  # the two joints that it is between; None where the world is the other
 
     @property
     def drops(self) -> bool:
@@ -133,7 +133,7 @@ class Constraints:
 
     @property
     def share(self) -> Array:
-        """(frames,), the weight of the solution with all that is asked for, 0 to 1, in its blend with that without."""
+        """(frames,), the weight of the solution with all constraints, 0 to 1, in its blend with that without."""
         return np.asarray(np.max([np.zeros(len(self.clip)), *(constraint.weight for constraint in self)], axis=0))
 
     def firmness(self, constraint: Constraint) -> Array:

@@ -27,10 +27,10 @@ from distretarget.numerics.vectors import Array, Numbers
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.paper_terms import (
-    AskedDistances,
     PaperFrames,
     PaperTerms,
     Stress,
+    UserDistances,
     no_distances,
     solve_paper_frames,
     solve_points,
@@ -54,13 +54,13 @@ class Postures:
 
 
 def solve_paper(
-    clip: Clip, progress: Progress = ignore_progress, asked: AskedDistances | None = None
+    clip: Clip, progress: Progress = ignore_progress, set_by_user: UserDistances | None = None
 ) -> tuple[Poses, Postures]:
     """Minimise Eq. (2) in every frame of a clip: over free points, and then over the rotations of rigid bones.
-    `progress` is called with numbers of solved frames; `asked` are distances in place of the source's.
+    `progress` is called with numbers of solved frames; `set_by_user` are distances in place of the source's.
     """
-    postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions, asked)
-    return solve_poses(clip, _fitted_poses(clip, postures), progress, asked), postures
+    postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions, set_by_user)
+    return solve_poses(clip, _fitted_poses(clip, postures), progress, set_by_user), postures
 
 
 def _fitted_poses(clip: Clip, postures: Postures) -> Array:
@@ -73,7 +73,7 @@ def _fitted_poses(clip: Clip, postures: Postures) -> Array:
     return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
-def find_distances(contacts: ContactList, constraints: Constraints) -> AskedDistances:
+def find_distances(contacts: ContactList, constraints: Constraints) -> UserDistances:
     """Return the distances of a contact list; a ContactsError for other entries, or joints that nothing drives."""
     problem, rows, weights = constraints.clip.distances, [], []
     for constraint in constraints:
@@ -88,7 +88,7 @@ def find_distances(contacts: ContactList, constraints: Constraints) -> AskedDist
     first, second, *values = zip(*rows, strict=True)
     delta, pi, own = (np.array(each, float) for each in values)
     weight = np.stack(weights, axis=1)
-    return AskedDistances(np.array(first, np.intp), np.array(second, np.intp), delta, pi, own, weight)
+    return UserDistances(np.array(first, np.intp), np.array(second, np.intp), delta, pi, own, weight)
 
 
 def _point(contacts: ContactList, entry: Distance, joint: int, clip: Clip) -> int:
@@ -102,12 +102,12 @@ def _point(contacts: ContactList, entry: Distance, joint: int, clip: Clip) -> in
 
 
 def solve_postures(
-    problem: DistanceProblem, source: Array, copy: Array, asked: AskedDistances | None = None
+    problem: DistanceProblem, source: Array, copy: Array, set_by_user: UserDistances | None = None
 ) -> Postures:
     """Minimise Eq. (2) in every frame. `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3),
-    are the positions of the source and of its rotation copy [file units]; `asked` replaces distances of the source.
+    are the positions of the source and of its rotation copy [file units]; `set_by_user` replaces distances of it.
     """
-    asked = asked or no_distances(len(copy))
+    set_by_user = set_by_user or no_distances(len(copy))
     points = copy[:, problem.targets]
     centroids = points.mean(axis=1, keepdims=True)
     C = columns((points - centroids) / problem.body_size)
@@ -120,7 +120,16 @@ def solve_postures(
     for block in blocks_of(len(C)):
         x, solved = filled(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
         solve_points(
-            filled(S[block]), x, ratio, stress, asked.of_frames(block), solved, block.start, log, gradient, scratch
+            filled(S[block]),
+            x,
+            ratio,
+            stress,
+            set_by_user.of_frames(block),
+            solved,
+            block.start,
+            log,
+            gradient,
+            scratch,
         )
         X[block] = solved[:, :, : len(problem)]
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
@@ -158,12 +167,12 @@ class Posed(NamedTuple):
 
 
 def solve_poses(
-    clip: Clip | Posed, guess: Array, progress: Progress = ignore_progress, asked: AskedDistances | None = None
+    clip: Clip | Posed, guess: Array, progress: Progress = ignore_progress, set_by_user: UserDistances | None = None
 ) -> Poses:
-    """Minimise Eq. (2) over the rotations in every frame of a clip; `progress` and `asked` as in `solve_paper`.
+    """Minimise Eq. (2) over the rotations in every frame of a clip; `progress` and `set_by_user` as in `solve_paper`.
     `guess`, (frames, parts + 1, 3), is the start pose of a frame unless the previous frames give a better one.
     """
-    asked = asked or no_distances(len(clip.copy))
+    set_by_user = set_by_user or no_distances(len(clip.copy))
     distances, unit = clip.distances, clip.distances.body_size
     parts = int(clip.parts.max()) + 1
     stiffness = np.append(np.full(parts, PART_STIFFNESS), ROOT_STIFFNESS)
@@ -172,10 +181,10 @@ def solve_poses(
     S = np.ascontiguousarray(clip.source.positions[:, distances.sources].transpose(0, 2, 1))
     v, log = np.zeros((len(clip.copy), parts + 1, 3)), np.zeros((4, len(clip.copy)))
     terms, work = _terms(distances), Workspace.of(body)
-    springs = _springs_of(asked, terms)
+    springs = _springs_of(set_by_user, terms)
     for block in blocks_of(len(clip.copy)):
         copy = CopiedBones(bones[block], root[block])
-        given = PaperFrames(S[block], guess[block], distances.ratio, terms, asked.of_frames(block), springs)
+        given = PaperFrames(S[block], guess[block], distances.ratio, terms, set_by_user.of_frames(block), springs)
         solve_paper_frames(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)
         progress(block.stop - block.start)
     v[:, -1] *= unit
@@ -193,8 +202,8 @@ def _terms(distances: DistanceProblem) -> PaperTerms:
     return PaperTerms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
 
 
-def _springs_of(asked: AskedDistances, terms: PaperTerms) -> Numbers:
-    """(asked,), the spring of each asked pair; -1 for none."""
-    a, b = np.sort(terms.points[np.stack([asked.u, asked.v])], axis=0)
+def _springs_of(set_by_user: UserDistances, terms: PaperTerms) -> Numbers:
+    """(pairs,), the spring of each pair whose distance a user sets; -1 for none."""
+    a, b = np.sort(terms.points[np.stack([set_by_user.u, set_by_user.v])], axis=0)
     on = (terms.springs.a == a[:, None]) & (terms.springs.b == b[:, None])
     return np.where(on.any(axis=1), on.argmax(axis=1), -1) if on.size else np.full(len(a), -1)

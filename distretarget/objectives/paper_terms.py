@@ -18,34 +18,34 @@ POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direc
 POINT_ITERATIONS = 2000  # at most, per frame
 
 
-class AskedDistances(NamedTuple):
-    """Pairs of points whose distances are asked for: they replace delta and pi, Eq. (2)."""
+class UserDistances(NamedTuple):
+    """Pairs of points whose distances a user sets: they replace delta and pi, Eq. (2)."""
 
     u: I1  # (pairs,), the first point
     v: I1  # (pairs,), the second point
     delta: F1  # (pairs,), their distance [body sizes]
     pi: F1  # (pairs,), their priority
-    own: F1  # (pairs,), their priority where nothing is asked
-    weight: F2  # (frames, pairs), 1 where it is asked for, blended to 0
+    own: F1  # (pairs,), their priority where the user sets none
+    weight: F2  # (frames, pairs), 1 where the user sets it, blended to 0
 
-    def of_frames(self, frames: slice) -> AskedDistances:
+    def of_frames(self, frames: slice) -> UserDistances:
         """Return those of some frames."""
         return self._replace(weight=self.weight[frames])
 
 
-def no_distances(frames: int) -> AskedDistances:
+def no_distances(frames: int) -> UserDistances:
     """Return no pairs."""
     none, nothing = np.zeros(0, np.intp), np.zeros(0)
-    return AskedDistances(none, none, nothing, nothing, nothing, np.zeros((frames, 0)))
+    return UserDistances(none, none, nothing, nothing, nothing, np.zeros((frames, 0)))
 
 
 @inlined()
-def _put_distances(asked: AskedDistances, frame: int, delta: Array, pi: Array) -> None:
-    """Put what is asked in a frame in the place of target distances and priorities, (points, columns)."""
-    for n in range(len(asked.u)):
-        u, v, w = asked.u[n], asked.v[n], asked.weight[frame, n]
-        value = delta[u, v] + w * (asked.delta[n] - delta[u, v])
-        priority = asked.own[n] + w * (asked.pi[n] - asked.own[n])
+def _put_distances(set_by_user: UserDistances, frame: int, delta: Array, pi: Array) -> None:
+    """Put the distances that a user sets in a frame into target distances and priorities, (points, columns)."""
+    for n in range(len(set_by_user.u)):
+        u, v, w = set_by_user.u[n], set_by_user.v[n], set_by_user.weight[frame, n]
+        value = delta[u, v] + w * (set_by_user.delta[n] - delta[u, v])
+        priority = set_by_user.own[n] + w * (set_by_user.pi[n] - set_by_user.own[n])
         delta[u, v] = delta[v, u] = value
         pi[u, v] = pi[v, u] = priority
 
@@ -71,7 +71,7 @@ def solve_points(
     starts: F3,
     ratio: F2,
     problem: Stress,
-    asked: AskedDistances,
+    set_by_user: UserDistances,
     solved: Out[F3],
     first: int,
     log: Out[F2],
@@ -82,7 +82,7 @@ def solve_points(
     for t in range(len(source)):
         copy_to(solved[t], starts[t])
         target_distances(source[t], ratio, problem.delta)
-        _put_distances(asked, t, problem.delta, problem.pi)
+        _put_distances(set_by_user, t, problem.delta, problem.pi)
         sigma = _objective(solved[t], problem, gradient)
         minimum = _minimise(solved[t], sigma, gradient, problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
         record(minimum, log, first + t)
@@ -107,8 +107,8 @@ class PaperFrames(NamedTuple):
     guess: F3  # (frames, parts + 1, 3), the start pose of each frame
     ratio: F2  # (points, points), tau2 / tau1 [body sizes / source file unit]
     terms: PaperTerms  # those of one frame, scratch
-    asked: AskedDistances  # distances in place of the source's
-    springs: I1  # (asked,), the spring of each of them
+    set_by_user: UserDistances  # distances in place of the source's
+    springs: I1  # (pairs,), the spring of each of them
 
 
 @inlined(fastmath=True)
@@ -142,10 +142,10 @@ def _pair_springs(scratch: Scratch, terms: PaperTerms) -> tuple[FrameSprings, in
 def _terms_of(given: PaperFrames, frame: int, start: Array) -> PaperTerms:
     copy_to(start, given.guess[frame])
     target_distances(given.source[frame], given.ratio, given.terms.delta)
-    _put_distances(given.asked, frame, given.terms.delta, given.terms.pi)
+    _put_distances(given.set_by_user, frame, given.terms.delta, given.terms.pi)
     for n in range(len(given.springs)):
         if given.springs[n] >= 0:
-            given.terms.priorities[given.springs[n]] = given.terms.pi[given.asked.u[n], given.asked.v[n]]
+            given.terms.priorities[given.springs[n]] = given.terms.pi[given.set_by_user.u[n], given.set_by_user.v[n]]
     return given.terms
 
 

@@ -1,4 +1,4 @@
-"""A performer as the user asks: with contacts dropped and made, parts planted and directions kept.
+"""A performer with user constraints: contacts dropped and made, parts planted and directions kept.
 
 The motion with all constraints is blended into the motion without: the difference, a rotation of each joint and an
 offset of the root, is added with a weight that rises before a constraint and falls after it. Before and after the
@@ -31,16 +31,16 @@ from distretarget.objectives.supports import Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
 
-Ways = Sequence[Array | None]
+Offsets = Sequence[Array | None]
 
 NOTICED = 0.003  # what is farther off than this is told [heights]
-SMOOTHING = 0.1  # what is asked changes is averaged over this time before and after [s]
+SMOOTHING = 0.1  # what constraints change is averaged over this time before and after [s]
 ROUNDS = 2  # in which what is between parts is found
 # Without skin limbs close what is left, averaged over these times before and after [s], until all is nearer than `MET`
 # [heights], or until what is left does not become less.
 CLOSING = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
 MET = 0.002
-EARLY = 0.3  # with skin motions are blended in the frames that are as asked by less than this share
+EARLY = 0.3  # with skin motions are blended in the frames in which constraints have less than this share
 TURNS = 4  # with skin it is solved so many times at most
 GOES_ON = 0.1  # beyond its frames a difference goes on changing as at their end for about this time [s]
 SLOPE = 0.05  # how fast it changes there is measured over this time [s]
@@ -48,11 +48,11 @@ LEAST = 1e-12  # angles are no smaller [rad]
 
 
 @dataclass(frozen=True, eq=False)
-class Unasked:
-    """A performer's poses without what a user asks for, but without the contacts that are dropped, and their motion."""
+class Unconstrained:
+    """A performer's poses without user constraints, but without the contacts that are dropped, and their motion."""
 
     poses: Poses
-    motion: Motion  # with limbs bent as the performer's skin asks
+    motion: Motion  # with limbs bent so that skin is kept apart and contacts closed
 
 
 def dropping(performer: Performer, constraints: Constraints) -> Performer:
@@ -60,39 +60,43 @@ def dropping(performer: Performer, constraints: Constraints) -> Performer:
     return replace(performer, clip=replace(performer.clip, drops=constraints.dropped)) if constraints else performer
 
 
-def constrained(performer: Performer, constraints: Constraints, ways: Ways = ()) -> Performer:
-    """Return a performer as a user asks, in all frames in which what is asked sets in, holds or lets go."""
+def constrain(performer: Performer, constraints: Constraints, offsets: Offsets = ()) -> Performer:
+    """Return a performer with user constraints, in all frames in which they set in, hold or let go; `offsets` as
+    `constraint_springs.with_constraints`.
+    """
     made, match = constraints.made, performer.match
-    ways = ways or [None] * len(made)
-    supports = with_constraints(performer.supports, made, ways, match.skins, match.undersides)
+    offsets = offsets or [None] * len(made)
+    supports = with_constraints(performer.supports, made, offsets, match.skins, match.undersides)
     return replace(dropping(performer, constraints), supports=supports)
 
 
-def constrained_result(free: Performer, unasked: Unasked, constraints: Constraints, mapper: Mapper) -> RetargetResult:
-    """Solve a clip as a user asks, and return its result; `unasked` is the performer without what is made.
+def constrained_result(
+    free: Performer, unconstrained: Unconstrained, constraints: Constraints, mapper: Mapper
+) -> RetargetResult:
+    """Solve a clip with user constraints, and return its result; `unconstrained` is it without those that are made.
 
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
-    made, poses, asked = constraints.made, unasked.poses, constrained(free, constraints)
-    held = _held(asked, poses, mapper)
+    made, poses, bound = constraints.made, unconstrained.poses, constrain(free, constraints)
+    held = _held(bound, poses, mapper)
     for _ in range(1, ROUNDS):
-        closed = _closed(asked, asked.posed(held), made)
-        ways = [between(closed, constraint.pair, asked.clip) if constraint.pair else None for constraint in made]
-        asked = constrained(free, constraints, ways)
-        held = _held(asked, poses, mapper)
+        closed = _closed(bound, bound.posed(held), made)
+        offsets = [between(closed, constraint.pair, bound.clip) if constraint.pair else None for constraint in made]
+        bound = constrain(free, constraints, offsets)
+        held = _held(bound, poses, mapper)
     log = np.where(made.share > 0.0, held.log, poses.log)
     whole = free.match.skins is not None and not made.rest_on_body
-    led = asked.posed(_with_arms(held, poses, free) if whole else held)
+    led = bound.posed(_with_arms(held, poses, free) if whole else held)
     led = layered([made], free.posed(poses), led) if whole else led
-    posed = layered([made], unasked.motion, met(asked, led, made), whole)
-    asked = replace(asked, supports=constrained_supports(free.supports, asked.supports, made.share))
-    return replace(asked.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(asked, made, posed)))
+    posed = layered([made], unconstrained.motion, met(bound, led, made), whole)
+    bound = replace(bound, supports=blended_supports(free.supports, bound.supports, made.share))
+    return replace(bound.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(bound, made, posed)))
 
 
-def _held(asked: Performer, poses: Poses, mapper: Mapper) -> Poses:
-    """The poses of a performer as asked, changed steadily from those `poses` without what is made."""
-    held = solve_contact(asked.clip, asked.supports, asked.settings, mapper=mapper)
-    return replace(held, v=poses.v + _steady(asked, held.v - poses.v))
+def _held(performer: Performer, poses: Poses, mapper: Mapper) -> Poses:
+    """The poses of a performer with constraints, changed steadily from those `poses` without them."""
+    held = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper)
+    return replace(held, v=poses.v + _steady(performer, held.v - poses.v))
 
 
 def _with_arms(held: Poses, poses: Poses, performer: Performer) -> Poses:
@@ -108,76 +112,76 @@ def _with_arms(held: Poses, poses: Poses, performer: Performer) -> Poses:
 
 
 def _steady(performer: Performer, change: Array) -> Array:
-    """What is asked changes poses by, (frames, parts + 1, 3), averaged over time where nothing rests below a part."""
+    """What constraints change poses by, (frames, parts + 1, 3), averaged over time where nothing rests below a part."""
     held = held_parts(performer.clip, performer.supports, performer.settings)
     held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
     return held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
 
 
-def constrained_supports(free: Supports, asked: Supports, share: Array) -> Supports:
-    """Return supports as asked where the share, (frames,), is 1, and as they are `free` where it is 0."""
-    own, share = np.zeros_like(asked.weights), share[:, None]
+def blended_supports(free: Supports, bound: Supports, share: Array) -> Supports:
+    """Return supports with those of constraints where the share, (frames,), is 1, and `free` ones where it is 0."""
+    own, share = np.zeros_like(bound.weights), share[:, None]
     own[:, : len(free.joints)] = free.weights
-    return replace(asked, weights=(1.0 - share) * own + share * asked.weights)
+    return replace(bound, weights=(1.0 - share) * own + share * bound.weights)
 
 
-def met(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
-    """Return a motion with its limbs and looks as a user asks. Skin stays outside: limbs bend out of it and to what is
-    asked for in one solve; what that leaves is asked for on top in the next, as in the method of multipliers. Where
-    parts are to rest on the body itself, they do, whatever skin they enter. Other frames are not solved.
+def met(performer: Performer, motion: Motion, constraints: Constraints) -> Motion:
+    """Return a motion that meets constraints. Skin stays outside: limbs bend out of it and to where constraints bring
+    them in one solve; what that leaves is added to it in the next, as in the method of multipliers. Where parts are to
+    rest on the body itself, they do, whatever skin they enter. Other frames are not solved.
     """
-    skins, body, wanted = asked.match.skins, asked.match.matching.target, constraints.share > 0.0
+    skins, body, wanted = performer.match.skins, performer.match.matching.target, constraints.share > 0.0
     if skins is None or constraints.rest_on_body:
-        closed = asked.with_own_skin(_closed(asked, motion, constraints), wanted=wanted)
-        return _closed(asked, closed, constraints)  # what averages, and skin, have left
-    limbs, weights = _reaching(asked, constraints), [constraint.weight for constraint in constraints]
+        closed = performer.with_own_skin(_closed(performer, motion, constraints), wanted=wanted)
+        return _closed(performer, closed, constraints)  # what averages, and skin, have left
+    limbs, weights = _reaching(performer, constraints), [constraint.weight for constraint in constraints]
     before = limbs.brought_out(with_looks(motion, constraints, body), weights)
     before = limbs.reached(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
-    ways, ties = limbs.ways(before, places)
+    displacements, ties = limbs.displacements(before, places)
     best, least = before, np.inf
     for _ in range(TURNS):
-        now = asked.with_own_skin(before, Reach(ways / body.unit, ties, tuple(filter(None, gaps))), wanted)
-        left = _farthest(asked, constraints, now)
+        now = performer.with_own_skin(before, Reach(displacements / body.unit, ties, tuple(filter(None, gaps))), wanted)
+        left = _farthest(performer, constraints, now)
         if left < least:
             best, least = now, left
         if left <= MET * body.height or not ties.any():
             break
-        ways += (ties == 1.0)[..., None] * limbs.ways(now, places)[0]
+        displacements += (ties == 1.0)[..., None] * limbs.displacements(now, places)[0]
     return with_looks(best, constraints, body)
 
 
-def _closed(asked: Performer, motion: Motion, constraints: Constraints) -> Motion:
-    """A motion with its limbs and looks as a user asks, whatever skin they enter."""
-    limbs, weights, body = _reaching(asked, constraints), constraints.all_firmness, asked.match.matching.target
+def _closed(performer: Performer, motion: Motion, constraints: Constraints) -> Motion:
+    """A motion that meets constraints, whatever skin its limbs enter."""
+    limbs, weights, body = _reaching(performer, constraints), constraints.all_firmness, performer.match.matching.target
     motion = limbs.brought_out(with_looks(motion, constraints, body), weights)
     left, last = np.inf, np.inf
     for steady in CLOSING:
         motion, last = limbs.reached(motion, weights, steady), left
-        left = _farthest(asked, constraints, motion)
+        left = _farthest(performer, constraints, motion)
         if left <= MET * body.height or left >= last:
             break
     return with_looks(motion, constraints, body)
 
 
-def _reaching(asked: Performer, constraints: Constraints) -> Reaching:
-    """The limbs of a performer, which reach for what is asked."""
-    return Reaching(constraints, asked.supports, asked.match.matching.target, asked.match.skins)
+def _reaching(performer: Performer, constraints: Constraints) -> Reaching:
+    """The limbs of a performer, which reach for what is performer."""
+    return Reaching(constraints, performer.supports, performer.match.matching.target, performer.match.skins)
 
 
 def _farthest(performer: Performer, constraints: Constraints, posed: Motion) -> float:
-    """How far a motion is off what is asked, at most [file units]."""
+    """How far a motion is off its constraints, at most [file units]."""
     return float(max((off.max() for _, off in _off(performer, constraints, posed)), default=0.0))
 
 
 def unmet(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[str]:
-    """Yield how far off what is asked is in a motion, for what is not met; `performer` is as asked."""
+    """Yield for each constraint of a performer that a motion does not meet how far it is off."""
     for constraint, off in _off(performer, constraints, posed):
         if off.max() > NOTICED * performer.match.matching.target.height:
             name, worst = " - ".join(constraint.entry.named), int(off.argmax())
             cm = centimetres(performer.clip.unit) * off[worst]
-            yield f"{name} misses what was asked for by up to {cm:.1f} cm, at frame {worst}"
+            yield f"{name} is missed by up to {cm:.1f} cm, at frame {worst}"
 
 
 def _off(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[tuple[Constraint, Array]]:
@@ -188,14 +192,14 @@ def _off(performer: Performer, constraints: Constraints, posed: Motion) -> Itera
         yield constraint, np.where(constraint.frames & (constraint.weight == 1.0), off, 0.0)
 
 
-def layered(asked: Sequence[Constraints], without: Motion, held: Motion, whole: bool = False) -> Motion:
+def layered(several: Sequence[Constraints], without: Motion, held: Motion, whole: bool = False) -> Motion:
     """Return the motion `held` in the frames of all constraints, blended into that `without` them as they set in and
     let go; where it is the `whole`, which sets in and lets go by itself, in the first and last frames of that.
     """
-    constraints = [constraint for each in asked for constraint in each]
+    constraints = [constraint for each in several for constraint in each]
     lead = np.max([constraint.lead * constraint.frames for constraint in constraints], axis=0)
-    share = np.max([smoothstep(each.share / EARLY) if whole else each.share * each.on for each in asked], axis=0)
-    shots = np.sum([each.clip.shots for each in asked], axis=0)  # a new shot at the cuts of any performer
+    share = np.max([smoothstep(each.share / EARLY) if whole else each.share * each.on for each in several], axis=0)
+    shots = np.sum([each.clip.shots for each in several], axis=0)  # a new shot at the cuts of any performer
     return _blended(without, held, share, lead, shots)
 
 
@@ -220,12 +224,12 @@ def _blended(without: Motion, held: Motion, share: Array, lead: Numbers, shots: 
 
 
 def _added(without: Motion, held: Motion, share: Array, lead: Numbers) -> Array:
-    """(frames, joints + 1, 3), the rotation vectors of joints [rad], and last the way of the root, that are added to
+    """(frames, joints + 1, 3), the rotation vectors of joints [rad], and last the offset of the root, that are added to
     the frames of one shot.
     """
     turns = (_quaternions(without.rotations).inv() * _quaternions(held.rotations)).as_rotvec()
-    ways = held.root_positions - without.root_positions
-    differ = np.concatenate([turns.reshape(len(ways), -1, 3), ways[:, None]], axis=1)
+    offsets = held.root_positions - without.root_positions
+    differ = np.concatenate([turns.reshape(len(offsets), -1, 3), offsets[:, None]], axis=1)
     added, spans = share[:, None, None] * differ, spans_of(share > 0.0).tolist()
     slope, goes_on = round(SLOPE / without.frame_time), GOES_ON / without.frame_time
 

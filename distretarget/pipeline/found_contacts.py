@@ -89,23 +89,23 @@ def contacts_of(baseline: Baseline) -> ContactList:
 def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedContact, ...]:
     """Return what was found in the source of a result, and what the user dropped and added, by their first frames."""
     clip = Clip.of(result.matching, RootScale.even(result.root_scale))
-    said = [(entry, frames_of(result.asked, clip, entry)) for entry in result.asked if entry.acts]
+    entries = [(entry, frames_of(result.contact_list, clip, entry)) for entry in result.contact_list if entry.acts]
     marked = []
-    for entry, on in said:
+    for entry, on in entries:
         if getattr(entry, "keep", True):
             marked += [MarkedContact(each, "added") for each in _spans(entry, on)]
     for entry in found:
         on = np.zeros(len(clip), bool)
         on[slice(int(entry.frames[0]), int(entry.frames[1]) + 1) if entry.frames else slice(None)] = True
-        gone = on & np.any([~on & on, *(at for each, at in said if _lets_go(each, entry))], axis=0)
+        gone = on & np.any([~on & on, *(at for each, at in entries if _lets_go(each, entry))], axis=0)
         marked += [MarkedContact(each, "dropped") for each in _spans(entry, gone)]
         marked += [MarkedContact(each, "found") for each in _spans(entry, on & ~gone)]
     return tuple(sorted(marked, key=lambda each: each.entry.frames or (0, 0)))
 
 
-def _lets_go(said: Entry, found: Entry) -> bool:
+def _lets_go(entry: Entry, found: Entry) -> bool:
     """Whether an entry of the user drops what was found."""
-    return type(said) is type(found) and said.parts == found.parts and not getattr(said, "keep", True)
+    return type(entry) is type(found) and entry.parts == found.parts and not getattr(entry, "keep", True)
 
 
 def _spans(entry: Entry, on: NDArray[np.bool_]) -> Iterator[Entry]:

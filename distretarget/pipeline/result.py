@@ -118,8 +118,8 @@ class RetargetResult:
         supports: the joints that rest on the world, and their places; empty where all are free, as with the paper's
             objective.
         postures: the paper's solved points; None for the contact objective.
-        asked: what the user said of contacts.
-        unmet: what of that could be met in part only, a line each.
+        contact_list: the entries of the contact file that it was made with.
+        unmet: which of these are met in part only, a line each.
     """
 
     baseline: Baseline
@@ -128,7 +128,7 @@ class RetargetResult:
     effort: Effort
     supports: Supports
     postures: Postures | None
-    asked: ContactList = NO_CONTACTS
+    contact_list: ContactList = NO_CONTACTS
     unmet: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -251,7 +251,7 @@ class RetargetResult:
     def verdict(self) -> str:
         """What was kept and what changed, in a plain sentence, with the names of metrics over their limits."""
         text = verdict(self.metrics, self.tracks)
-        return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
+        return f"{text} Constraints met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
     def labels(self) -> dict[str, NDArray[Any]]:

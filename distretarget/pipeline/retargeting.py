@@ -22,7 +22,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import find_distances, solve_paper
-from distretarget.pipeline.constrained_motion import Unasked, constrained_result, dropping, layered, unmet
+from distretarget.pipeline.constrained_motion import Unconstrained, constrained_result, dropping, layered, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -89,44 +89,46 @@ def retarget(
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A clip on its target with all that does not depend on what a user asks of contacts, for several results of it.
+    """A clip on its target with all that does not depend on user constraints, for several results of it.
 
     Attributes:
         performer: source and target, with what rests in the source.
         options: as in `retarget`.
-        unasked: the clip as it is without what a user asks; None until it is `once_solved`.
+        unconstrained: its solution without user constraints; None until it is `once_solved`.
     """
 
     performer: Performer
     options: Options
-    unasked: Unasked | None = None
+    unconstrained: Unconstrained | None = None
 
     def solved(
         self, contacts: ContactList = NO_CONTACTS, mapper: Mapper = in_threads, progress: Progress = ignore_progress
     ) -> RetargetResult:
-        """Return the result with what is asked of contacts; parameters and errors as in `retarget`."""
+        """Return the result with user constraints; parameters and errors as in `retarget`."""
         performer = self.performer
         blend = performer.settings.blend
         constraints = Constraints.of(contacts, performer.clip, performer.match.matching.target, blend)
         if self.options.objective == "paper":
             return _by_paper(performer, contacts, constraints, progress)
         free = dropping(performer, constraints.drops)
-        unasked = self.unasked if self.unasked and free is performer else _unasked(free, mapper, progress)
+        unconstrained = (
+            self.unconstrained if self.unconstrained and free is performer else _unconstrained(free, mapper, progress)
+        )
         if not constraints.made:
-            return replace(free.result(unasked.poses, posed=unasked.motion), asked=contacts)
-        return replace(constrained_result(free, unasked, constraints, mapper), asked=contacts)
+            return replace(free.result(unconstrained.poses, posed=unconstrained.motion), contact_list=contacts)
+        return replace(constrained_result(free, unconstrained, constraints, mapper), contact_list=contacts)
 
     def once_solved(self, progress: Progress = ignore_progress) -> Prepared:
-        """Return the same, solved without what a user asks of contacts, as far as the objective has use for it."""
+        """Return the same, solved without user constraints, as far as the objective has use for it."""
         if self.options.objective == "paper":
             return self
-        return replace(self, unasked=_unasked(self.performer, in_threads, progress))
+        return replace(self, unconstrained=_unconstrained(self.performer, in_threads, progress))
 
 
-def _unasked(performer: Performer, mapper: Mapper, progress: Progress) -> Unasked:
+def _unconstrained(performer: Performer, mapper: Mapper, progress: Progress) -> Unconstrained:
     poses = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
     performer.clip.copy.forget()  # turning the copy by the poses takes no positions
-    return Unasked(poses, performer.with_own_skin(performer.posed(poses)))
+    return Unconstrained(poses, performer.with_own_skin(performer.posed(poses)))
 
 
 def prepare(
@@ -150,15 +152,15 @@ def prepare(
 def _by_paper(
     performer: Performer, contacts: ContactList, constraints: Constraints, progress: Progress
 ) -> RetargetResult:
-    """The result of the paper's objective, with the distances that are asked for."""
+    """The result of the paper's objective, with the distances that a user sets."""
     distances = find_distances(contacts, constraints) if constraints else None
     poses, postures = solve_paper(performer.clip, progress)
     if distances is None:
         return performer.result(poses, postures)
-    asked, postures = solve_paper(performer.clip, asked=distances)
-    posed = layered([constraints], performer.posed(poses), performer.posed(asked))
-    result = performer.result(asked, postures, posed=posed)
-    return replace(result, asked=contacts, unmet=tuple(unmet(performer, constraints, posed)))
+    held, postures = solve_paper(performer.clip, set_by_user=distances)
+    posed = layered([constraints], performer.posed(poses), performer.posed(held))
+    result = performer.result(held, postures, posed=posed)
+    return replace(result, contact_list=contacts, unmet=tuple(unmet(performer, constraints, posed)))
 
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:

@@ -157,8 +157,8 @@ def retarget_scene(
     stances = _of_each("rests", rests, None, count, Motion, NoneType)
     modes = _of_each("skin", None if isinstance(skin, str) else skin, skin, count, str)
     thick = _of_each("builds", builds, OWN_BUILDS, count, Builds)
-    asked = _of_each("contacts", contacts, NO_CONTACTS, count, ContactList)
-    counts = [*map(len, (sources, targets, maps, stances, modes, thick, asked))]
+    contact_lists = _of_each("contacts", contacts, NO_CONTACTS, count, ContactList)
+    counts = [*map(len, (sources, targets, maps, stances, modes, thick, contact_lists))]
     if not sources or len({*counts}) > 1:
         numbers = "{} sources, {} targets, {} maps, {} rest poses, {} skins, {} builds and {} contact lists"
         raise SettingsError(f"{numbers.format(*counts)}; expected one for each source")
@@ -180,12 +180,12 @@ def retarget_scene(
         for performer, height in zip(performers, heights, strict=True)
     ]
     company = skins_in_company(performers, modes)
-    solved = solve_scene(prepared, placed, company, asked, mapper, progress)
+    solved = solve_scene(prepared, placed, company, contact_lists, mapper, progress)
     results, touching = list[RetargetResult](), solved.contacts
-    each = zip(touching.performers, solved.poses, solved.motions, asked, solved.unmet, strict=True)
-    for number, (one, pose, posed, said, found) in enumerate(each):
+    each = zip(touching.performers, solved.poses, solved.motions, contact_lists, solved.unmet, strict=True)
+    for number, (one, pose, posed, entries, unmet) in enumerate(each):
         with _performer(number):
-            results.append(replace(one.result(pose, posed=posed), asked=said, unmet=found))
+            results.append(replace(one.result(pose, posed=posed), contact_list=entries, unmet=unmet))
     motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
     moved = zip(placed, touching.placements(motions), touching.placements(copies), strict=True)
     return SceneResult(

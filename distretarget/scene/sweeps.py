@@ -37,7 +37,7 @@ from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.constraints import Carrier, Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import STIFFNESS, Supports
-from distretarget.pipeline.constrained_motion import constrained, constrained_supports, dropping, layered, met, unmet
+from distretarget.pipeline.constrained_motion import blended_supports, constrain, dropping, layered, met, unmet
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.contacts import SceneContacts, common_shots, copy_on_path, find_scene_contacts, moved_by
 from distretarget.scene.props import PlacedProp, Placement, nearest_on_bones
@@ -207,26 +207,26 @@ class SolvedScene:
     motions: Sequence[Motion]  # of each performer, with its limbs bent as skins ask
     sweeps: int  # how many times all performers were solved
     gap_error: float  # the mean difference between gaps and what they should be [leg lengths]
-    unmet: Sequence[tuple[str, ...]]  # of each performer, what was asked of it and could be met in part only
+    unmet: Sequence[tuple[str, ...]]  # the constraints of each performer that are met in part only
 
 
 def solve_scene(
     performers: Sequence[Performer],
     props: Sequence[PlacedProp],
     skins: Sequence[Skins | None],
-    asked: Sequence[ContactList],
+    contact_lists: Sequence[ContactList],
     mapper: Mapper,
     progress: Callable[[int], object],
 ) -> SolvedScene:
-    """Solve a scene. `asked` has the contacts that are asked of each performer; `skins` the surface of each that
-    collides with other performers. Raises a ContactsError if what is asked does not suit the clip.
+    """Solve a scene. `contact_lists` has those of each performer; `skins` the surface of each that
+    collides with other performers. Raises a ContactsError if an entry does not suit the clip.
     """
 
     def constraints_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Constraints]:
         others = _carriers(performers, motions, props, places)
         return [
             Constraints.of(contacts, one.clip, one.match.matching.target, one.settings.blend, others)
-            for contacts, one in zip(asked, performers, strict=True)
+            for contacts, one in zip(contact_lists, performers, strict=True)
         ]
 
     def solved(contacts: SceneContacts) -> SolvedScene:
@@ -242,7 +242,7 @@ def solve_scene(
         return free
     found = constraints_of(free.motions, free.contacts.placements(free.motions))
     changed = zip(free.contacts.performers, found, strict=True)
-    held = solved(replace(free.contacts, performers=tuple(constrained(*each) for each in changed)))
+    held = solved(replace(free.contacts, performers=tuple(constrain(*each) for each in changed)))
     made, share = (
         [constraints.made for constraints in found],
         np.max([constraints.share for constraints in found], axis=0),
@@ -252,7 +252,7 @@ def solve_scene(
     for one, alone, without, motion, constraints in each:
         motion = met(one, motion, constraints) if constraints else motion
         motions.append(layered(made, without, motion))
-        shown.append(replace(one, supports=constrained_supports(alone.supports, one.supports, share)))
+        shown.append(replace(one, supports=blended_supports(alone.supports, one.supports, share)))
         told.append(tuple(unmet(one, constraints, motions[-1])))
     contacts = replace(free.contacts, performers=tuple(shown))
     return replace(free, contacts=contacts, motions=motions, unmet=told)

@@ -205,8 +205,8 @@ def test_what_cannot_be_reached_is_met_in_part_and_told(walk, child, walked):
     skeleton = walked.motion.skeleton
     longest = skeleton.paths_from(skeleton.index("LeftKnee"))[skeleton.index("RightKnee")]
     far = asked(walk, child, Distance(distance=("LeftKnee", "RightKnee"), value=float(longest), frames=FRAMES))
-    assert any("LeftKnee - RightKnee misses what was asked for by up to" in warning for warning in far.warnings)
-    assert "What is asked is met in part: LeftKnee - RightKnee misses what was asked for by up to" in far.verdict
+    assert any("LeftKnee - RightKnee is missed by up to" in warning for warning in far.warnings)
+    assert "Constraints met in part: LeftKnee - RightKnee is missed by up to" in far.verdict
 
 
 def test_a_distance_is_kept(walk, child):
