@@ -47,7 +47,10 @@ HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose 
 UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
 RIGHT_ANGLED = np.radians(40.0)  # a median within this of right angles is at right angles [rad]
 CLEAR_BEND = 0.2  # a limb whose mean bend is larger than this shows its bend axis [sine]
-RIGHT_ANGLES = np.asarray(Rotation.create_group("O").as_matrix())  # (24, 3, 3), all turns by right angles
+# (6, 4, 3, 3), all turns by right angles: by the axes that change places, and the ends to which they then point.
+RIGHT_ANGLES = np.array(
+    sorted(np.rint(Rotation.create_group("O").as_matrix()), key=lambda turn: abs(turn).tolist())
+).reshape(6, 4, 3, 3)
 
 
 def stands_at_rest(rest: Directions) -> bool:
@@ -252,9 +255,11 @@ def _neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> Array:
     animated = any(farthest[joint] > ANIMATED for joint in anatomy.joints(*hinges))
     held = {joint for role, joint in anatomy.roles.items() if role.endswith(HELD)} | {*anatomy.neck}
     for joints in _built_alike(anatomy, len(neutral)):
-        if not animated or farthest[joints].max() >= STILL or held.intersection(joints):
-            unturned = _angles(neutral[joints]).mean() < UNTURNED
-            neutral[joints] = np.eye(3) if unturned else _squared(neutral[joints]) if built else neutral[joints]
+        fixed = animated and farthest[joints].max() < STILL and not held.intersection(joints)
+        if not fixed and _angles(neutral[joints]).mean() < UNTURNED:
+            neutral[joints] = np.eye(3)
+        elif not fixed and built:
+            neutral[joints] = _squared(neutral[joints])
     for joint, hangs in _collar_bones(anatomy, motion):
         neutral[joint] = _medians(local[hangs if hangs.any() else ~hangs, joint, None])[0][0]
     return neutral
@@ -329,7 +334,6 @@ def _right_angled(turns: Array) -> Array:
     """The turns by right angles nearest to the rotations of joints that are built alike, (joints, 3, 3): all bring the
     same axis onto the same, as mirror images do, but maybe to its other end.
     """
-    lines = np.abs(RIGHT_ANGLES)
-    nearest = lines[np.argmax((lines * np.abs(turns).sum(axis=0)).sum(axis=(1, 2)))]
-    alike = RIGHT_ANGLES[(lines == nearest).all(axis=(1, 2))]
-    return np.asarray(alike[np.argmax(np.einsum("jab,kab->jk", turns, alike), axis=1)])
+    cosines = np.einsum("jab,lsab->jls", turns, RIGHT_ANGLES)
+    lines = np.argmax(cosines.max(axis=-1).sum(axis=0))
+    return np.asarray(RIGHT_ANGLES[lines, np.argmax(cosines[:, lines], axis=-1)])
