@@ -34,6 +34,7 @@ from zoo import LYING, MEMBERS, member, on_member, on_twin
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.batch.summary import largest_spread, role_rotations
 from distretarget.matching.matching import match
+from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.movement import shared_bones
 from distretarget.numerics.vectors import angles_between, level
 
@@ -41,6 +42,9 @@ Array = NDArray[np.float64]
 Row = tuple[str, str, str]
 
 ONTO = ("mixamo", "xsens")  # the targets of rigs that lie
+HELD = ("cmu_mb/05_06.bvh", "cmu_mb/05_12.bvh", "cmu_daz/13_18.bvh", "animated_drawings/wave_hello.bvh")
+"""Clips that hold hands, head, elbows or a leg turned all the time, as if the rig were built so."""
+TILTS = ("head_tilt", "heading", "sole_tilt")
 FOLDERS = ("cmu_mb", "cmu_daz")  # of the corpus, with the same motions on two bodies
 SAME_MOTIONS = ("02_01", "02_03", "02_04", "03_01", "05_03", "05_06", "06_15", "08_07", "09_01", "12_01")
 NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
@@ -51,18 +55,21 @@ NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
 
 def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float]]:
     """How far clips of a member that lies, retargeted, are from the same of its twin in T-pose: the head's axis up, on
-    average over frames [degrees]. And the largest angle between the alignments of the clips with a target [degrees].
+    average over frames [degrees], and whether they have warnings of `TILTS` that their twins have not. And the largest
+    angle between the alignments of the clips with a target [degrees].
     """
     sources = [on_member(name, read_bvh(clip)[:frames]) for clip in clips]
     twins = [on_twin(name, read_bvh(clip)[:frames]) for clip in clips]
-    heads, spreads = [], []
+    heads, spreads, warned = [], [], []
     for target in map(member, ONTO):
         alignments = [role_rotations(match(Body.of_motion(source), Body.of(target))) for source in sources]
         spreads.append(largest_spread(np.array(alignments))[0])
         for source, twin in zip(sources, twins, strict=True):
-            ups = [_head_up(retarget(motion, target)) for motion in (source, twin)]
-            heads.append(float(np.degrees(angles_between(*ups)).mean()))
-    return {"heads": heads, "spreads": spreads}
+            results = [retarget(motion, target) for motion in (source, twin)]
+            heads.append(float(np.degrees(angles_between(*map(_head_up, results))).mean()))
+            own, of_twin = ({key for key in TILTS if BY_KEY[key].over_limit(each.metrics)} for each in results)
+            warned.append(float(bool(own - of_twin)))
+    return {"heads": heads, "spreads": spreads, "warned": warned}
 
 
 def _head_up(result: RetargetResult) -> Array:
@@ -155,6 +162,9 @@ def lying_rows(found: Sequence[dict[str, list[float]]]) -> Iterator[Row]:
     yield "rigs that lie: head's axis up off its standing twin's, degrees, mean / largest", text, "15"
     text = several(np.max([each["spreads"] for each in found], axis=0), ".0f")
     yield f"rigs that lie: alignment between clips, largest, degrees, onto {' / '.join(ONTO)}", text, "8"
+    warned = np.concatenate([each["warned"] for each in found])
+    text = f"{warned.sum():.0f} of {len(warned)}"
+    yield "rigs that lie: runs with a warning of head or feet that their standing twins' have not", text, "0"
 
 
 def answer_rows(known: dict[tuple[str, str], list[dict[str, list[float]]]]) -> Iterator[Row]:
@@ -181,7 +191,8 @@ def equivalent_rows(same: Sequence[dict[str, tuple[float, float]]]) -> Iterator[
 def main(corpus: Path, frames: int, page: Path | None) -> None:
     """Measure, print, and write the table if a page is given."""
     clips = list(found([*SAMPLE_CLIPS, *CLIPS], corpus).values())
-    stand = [clip for clip in clips[::2] if Body.of_motion(read_bvh(clip)[:1]).stands_at_rest]
+    some = {*clips[::2], *found(HELD, corpus).values()}
+    stand = [clip for clip in sorted(some) if Body.of_motion(read_bvh(clip)[:1]).stands_at_rest]
     rigs = [name for name, each in MEMBERS.items() if each.pose in LYING and not each.builds]
     both = [clip for clip in SAME_MOTIONS if all((corpus / folder / f"{clip}.bvh").is_file() for folder in FOLDERS)]
     ways = [FOLDERS, FOLDERS[::-1]] if both else []

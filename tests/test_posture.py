@@ -1,17 +1,20 @@
 """Metrics of how head, palms and feet are held, on postures that are known by construction."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bodies import SAMPLES, matched, person, posed
 from scipy.spatial.transform import Rotation
-from skeleton_edits import in_axes
-from zoo import member, on_member
+from skeleton_edits import in_axes, with_offset
+from zoo import member, on_member, on_twin
 
 from distretarget import Body, read_bvh, retarget
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
 
-PERSON = person()
+TOES = 0.125 * np.array([0.0, -np.sin(np.radians(20)), np.cos(np.radians(20))])  # below the ankle, as those of people
+PERSON = with_offset(person(), [person().index(f"{side}Toe") for side in ("Left", "Right")], TOES)
 LEG = 0.435 + 0.453
 UP = np.array([0.0, 1.0, 0.0])
 X, Y, Z = np.eye(3)
@@ -80,7 +83,7 @@ def test_the_same_motion_on_a_rig_whose_rest_pose_is_a_jumble_has_no_fault(seed)
 
 @pytest.mark.parametrize("seed", JUMBLED)
 def test_a_fault_is_seen_on_such_a_rig_as_well(seed):
-    """The head's axis is found from gravity, not from the alignment, which may have the fault."""
+    """The head's axis is found from the neck, not from the alignment, which may have the fault."""
     source = in_axes(standing(), random_axes(PERSON, seed))
     found = posture(source, standing({"Head": 100 * Z}))
     assert found["head_tilt"] == pytest.approx(100.0, abs=1e-6)
@@ -88,10 +91,61 @@ def test_a_fault_is_seen_on_such_a_rig_as_well(seed):
 
 
 def test_a_head_that_nods_about_its_mean_is_measured_from_the_mean():
-    """On a rig that does not stand, what the head does on average is up."""
+    """On a rig that neither stands nor is built along its bones, what the head does on average is up."""
     nod = 20 * np.sin(np.linspace(0, 2 * np.pi, 31))[:30, None] * X
     source = in_axes(standing({"Head": nod}), random_axes(PERSON, 0))
     assert posture(source, standing({"Head": nod})) == pytest.approx({"palm_turn": None}, abs=0.5)
+
+
+def bent(turns, sample="clap"):
+    """A sample clip with joints turned by angles about axes in all frames [degrees]."""
+    clip = read_bvh(SAMPLES / f"{sample}.bvh")[:60]
+    rotations = np.array(clip.rotations)
+    for name, turn in turns.items():
+        joint = clip.skeleton.index(name)
+        rotations[:, joint] = (
+            Rotation.from_quat(rotations[:, joint]) * Rotation.from_rotvec(turn, degrees=True)
+        ).as_quat()
+    return replace(clip, rotations=rotations)
+
+
+lying = pytest.mark.parametrize("rig", ["lafan1", "character_creator", "bandai_lying"])
+
+
+@lying
+@pytest.mark.parametrize(
+    ("turns", "key"),
+    [
+        ({"Neck": 25 * X, "Head": 30 * X}, "head_tilt"),
+        ({"Neck": 20 * Y, "Head": 10 * Y}, "heading"),
+        ({"LeftAnkle": 25 * Z}, "sole_tilt"),
+    ],
+)
+def test_what_a_whole_clip_holds_bent_is_no_fault_on_a_rig_that_lies(rig, turns, key):
+    """A dancer looks down or aside, and stands on the edge of a foot; the twin's motion is the known answer."""
+    clip = bent(turns)
+    assert posture(on_member(rig, clip), on_twin(rig, clip)).get(key, 0.0) == pytest.approx(0.0, abs=5.0)
+
+
+@lying
+@pytest.mark.parametrize(
+    ("held", "fault", "found"),
+    [
+        ({"Neck": 25 * X, "Head": 30 * X}, {"Head": 60 * X}, {"head_tilt": 30.0}),
+        ({"Neck": 20 * Y}, {"Head": 60 * Y}, {"heading": 60 / 3}),
+        ({"LeftAnkle": 15 * Z}, {"LeftAnkle": 35 * Z}, {"sole_tilt": 20 / 2}),
+    ],
+)
+def test_a_fault_in_such_a_clip_is_seen_all_the_same(rig, held, fault, found):
+    motions = on_member(rig, bent(held)), on_twin(rig, bent({**held, **fault}))
+    measured = posture(*motions)
+    assert {key: measured[key] for key in found} == pytest.approx(found, abs=2.0)
+
+
+@lying
+def test_a_head_that_hangs_from_an_upright_neck_in_all_frames_is_not_measured(rig):
+    clip = bent({"Head": 60 * X})
+    assert posture(on_member(rig, clip), on_twin(rig, clip))["head_tilt"] is None
 
 
 def test_a_head_that_stays_bent_is_measured_from_a_rest_pose_that_stands():

@@ -112,12 +112,18 @@ def bent(motion, turns):
 
 @cache
 def clips_of_one_person():
-    """The samples, and clips in which the body never stands, or head and wrists are turned in all frames."""
+    """The samples, and clips in which the body never stands, or head, wrists, one wrist or one straight leg are turned
+    in all frames, or elbows bend backwards.
+    """
     walk, squat, clap = (read_bvh(SAMPLES / f"{name}.bvh")[::3] for name in ("walk", "squat", "clap"))
     clips = [read_bvh(path)[::3] for path in CLIPS]
     clips.append(bent(walk, {"Head": [0.8, 0.0, 0.0], "Wrist": [0.7, 0.5, 0.0]}))
     crouch = {"Hip": [-0.5, 0.0, 0.0], "Knee": [0.9, 0.0, 0.0], "Ankle": [-0.4, 0.0, 0.0], "Chest": [0.3, 0.2, 0.0]}
     clips.append(bent(squat, crouch))
+    clips.append(bent(walk, {"LeftWrist": [1.4, 0.0, 0.0]}))
+    turned_out = {"Knee": [-0.2, 0.0, 0.0], "RightHip": [0.0, -0.9, 0.0], "RightAnkle": [0.0, 0.9, 0.0]}
+    clips.append(bent(clap, turned_out))
+    clips.append(bent(walk, {"LeftElbow": [0.0, 1.5, 0.0], "RightElbow": [0.0, -1.5, 0.0]}))
     clips.append(moved(clap, Rotation.from_euler("y", 70, degrees=True)))
     clips.append(walk[20:24])
     return clips

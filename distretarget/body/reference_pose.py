@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy, side_and_part
 from distretarget.body.axes import PARALLEL, SQUARE, Directions, axes_of, direction, nearest_axis, upright
 from distretarget.body.conventions import leans_of
 from distretarget.body.limbs import foot_bone
@@ -47,7 +47,10 @@ HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose 
 UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
 RIGHT_ANGLED = np.radians(40.0)  # a median within this of right angles is at right angles [rad]
 CLEAR_BEND = 0.2  # a limb whose mean bend is larger than this shows its bend axis [sine]
-RIGHT_ANGLES = np.asarray(Rotation.create_group("O").as_matrix())  # (24, 3, 3), all turns by right angles
+# (6, 4, 3, 3), all turns by right angles: by the axes that change places, and the ends to which they then point.
+RIGHT_ANGLES = np.array(
+    sorted(np.rint(Rotation.create_group("O").as_matrix()), key=lambda turn: abs(turn).tolist())
+).reshape(6, 4, 3, 3)
 
 
 def stands_at_rest(rest: Directions) -> bool:
@@ -84,7 +87,7 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
     built = built if 2 * len(built) > len(bones) else set()  # in another rig it is chance
     bends = bend_axes(anatomy, shown) if shown else {}
-    neutral = _neutral_turns(anatomy, shown, built=bool(built)) if shown else [np.eye(3)] * len(skeleton)
+    neutral = _neutral_turns(anatomy, shown, built=bool(built)) if shown else np.tile(np.eye(3), (len(skeleton), 1, 1))
     known, leans = _carriers_and_hips(skeleton, rest, shown), _leans(anatomy)
     turns: list[Array] = []
     for joint, parent in enumerate(skeleton.parents.tolist()):
@@ -235,29 +238,38 @@ def _against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
     """(3, 3), how a joint that carries the body is turned in a T-pose: its median against the trunk, right-angled."""
     trunk = Directions(anatomy, motion.positions).axes
     turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
-    return _right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0][0])
+    return np.asarray(_right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0])[0])
 
 
-def _neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> list[Array]:
+def _neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> Array:
     """The rotation of each joint against its parent while it is neutral, (3, 3).
 
     A joint that is not animated is neutral as it is, unless it is a hand or of the head, which a clip may hold still. A
     collar bone is neutral as it is on the whole while its arm hangs. Other joints are neutral when they are not turned,
-    or at right angles in a rig that is `built` along its bones, if that is near; else as they are on the whole.
+    or at right angles in a rig that is `built` along its bones, if that is near; else as they are on the whole. Left
+    and right joints decide together, so that a hand or leg that one clip holds turned counts half.
     """
     local = Rotation.from_quat(motion.rotations).as_matrix()
-    medians, farthest = _medians(local)
+    neutral, farthest = _medians(local)
     hinges = (side + part for side in SIDES for part in LOWER_BONES)
     animated = any(farthest[joint] > ANIMATED for joint in anatomy.joints(*hinges))
     held = {joint for role, joint in anatomy.roles.items() if role.endswith(HELD)} | {*anatomy.neck}
-    neutral = []
-    for joint, turn in enumerate(medians):
-        fixed = animated and farthest[joint] < STILL and joint not in held
-        unturned = not fixed and _angle(turn) < UNTURNED
-        neutral.append(np.eye(3) if unturned else _squared(turn) if built and not fixed else turn)
+    for joints in _built_alike(anatomy, len(neutral)):
+        fixed = animated and farthest[joints].max() < STILL and not held.intersection(joints)
+        if not fixed and _angles(neutral[joints]).mean() < UNTURNED:
+            neutral[joints] = np.eye(3)
+        elif not fixed and built:
+            neutral[joints] = _squared(neutral[joints])
     for joint, hangs in _collar_bones(anatomy, motion):
         neutral[joint] = _medians(local[hangs if hangs.any() else ~hangs, joint, None])[0][0]
     return neutral
+
+
+def _built_alike(anatomy: Anatomy, count: int) -> Iterator[list[int]]:
+    """The left and the right joint of each part of the body, which rigs build as mirror images; all others alone."""
+    pairs = [anatomy.pair(part) for side, part in map(side_and_part, anatomy.roles) if side == SIDES[0]]
+    yield from filter(None, pairs)
+    yield from ([joint] for joint in {*range(count)}.difference(*pairs))
 
 
 def _collar_bones(anatomy: Anatomy, motion: Motion) -> Iterator[tuple[int, Flags]]:
@@ -271,10 +283,11 @@ def _collar_bones(anatomy: Anatomy, motion: Motion) -> Iterator[tuple[int, Flags
 
 def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
     """Return the axes, (3,), about which elbows and knees bend, by the joints of limbs, each in the joint's own axes:
-    the mean over the frames. Limbs that hardly bend have none; but where a knee is straight, the plane of shin and foot
-    shows its axis. An ankle has the axis of its knee.
+    the mean over the frames. Limbs that hardly bend have none, nor have arms that on the whole bend backwards; but
+    where a knee is straight, the plane of shin and foot shows its axis. An ankle has the axis of its knee.
     """
     axes: dict[int, Array] = {}
+    forward = Directions(anatomy, motion.positions).axes[..., 2]
     for side in SIDES:
         for limb in (ARM[1:], LEG):
             ends = list(_bones_of(anatomy, side, limb))
@@ -282,6 +295,8 @@ def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
                 continue
             upper, lower, *feet = (direction(motion.positions, *bone) for bone in ends)
             across = [cross(upper, lower), *(cross(foot, lower) for foot in feet)]
+            if limb != LEG and (across[0] * cross(upper, forward)).sum() < 0.0:
+                continue
             for joint in [joint for joint, _ in ends[:2]] + [ends[1][1]] * (limb == LEG):
                 to_joint = Rotation.from_quat(motion.world_rotations_of(joint)).inv()
                 means = [to_joint.apply(each).mean(axis=0) for each in across]
@@ -302,17 +317,23 @@ def _medians(turns: Array) -> tuple[Array, Array]:
     return medians, away.max(axis=0)
 
 
-def _angle(turn: Array) -> float:
-    """The angle of a rotation (3, 3) [rad]."""
-    return float(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
+def _angles(turns: Array) -> Array:
+    """The angles of rotations (..., 3, 3) [rad]."""
+    return np.asarray(np.arccos(np.clip((np.trace(turns, axis1=-2, axis2=-1) - 1.0) / 2.0, -1.0, 1.0)))
 
 
-def _squared(turn: Array) -> Array:
-    """The turn by right angles that is nearest to a rotation, (3, 3), if it is near; else the rotation."""
-    nearest = _right_angled(turn)
-    return nearest if _angle(nearest.T @ turn) < RIGHT_ANGLED else turn
+def _squared(turns: Array) -> Array:
+    """The turns by right angles of joints that are built alike, (joints, 3, 3), if they are near to their rotations on
+    average; else the rotations.
+    """
+    nearest = _right_angled(turns)
+    return nearest if _angles(nearest.swapaxes(-1, -2) @ turns).mean() < RIGHT_ANGLED else turns
 
 
-def _right_angled(turn: Array) -> Array:
-    """The turn by right angles, (3, 3), that is nearest to a rotation."""
-    return np.asarray(RIGHT_ANGLES[np.argmax((RIGHT_ANGLES * turn).sum(axis=(1, 2)))])
+def _right_angled(turns: Array) -> Array:
+    """The turns by right angles nearest to the rotations of joints that are built alike, (joints, 3, 3): all bring the
+    same axis onto the same, as mirror images do, but maybe to its other end.
+    """
+    cosines = np.einsum("jab,lsab->jls", turns, RIGHT_ANGLES)
+    lines = np.argmax(cosines.max(axis=-1).sum(axis=0))
+    return np.asarray(RIGHT_ANGLES[lines, np.argmax(cosines[:, lines], axis=-1)])

@@ -1,8 +1,8 @@
 """How head, palms and feet are held and how far the legs are spread, in a result against its source.
 
 Nothing here takes the alignment of the two bodies, by which results are made. The axes of head and soles come from
-gravity: in a rest pose in which a person can stand, else over the frames of the body's own motion. All else comes from
-the positions of joints.
+gravity in a rest pose in which a person can stand; else, over the frames of the body's own motion, those of the head
+from the neck and where the body faces, and those of soles from gravity. All else comes from the positions of joints.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
-from distretarget.body.axes import axis_vector, direction
+from distretarget.body.axes import axis_vector, direction, nearest_axis
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.matching.matching import Matching
@@ -25,7 +25,9 @@ from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, level, normalised
 
 MEANT = 20  # axes are taken from the mean of no fewer frames
-UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
+ON_AXIS = np.cos(np.radians(15))  # a joint with a bone this near to one of its axes is built along it [cosine]
+NEAR = np.cos(np.radians(35))  # what a motion shows on average means an axis of a joint that is this near [cosine]
+FLAT = np.sin(np.radians([5, 40]))  # a flat foot points downwards by an angle between these [sine]
 STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
 
@@ -130,16 +132,28 @@ def _trunk_axes(positions: Array, ends: Sequence[int]) -> Array:
 
 
 def _head_axes(body: Body, head: int) -> Axes:
-    """The axes up and forward of a head: in the rest pose if it stands, else on average while the trunk is upright."""
+    """The axes up and forward of a head: in the rest pose if it stands, else as the neck points and the body faces on
+    average. In a rig that is built along the neck, they are axes of its joints, up that of the neck: these are taken if
+    they are near, so that a head that is bent or turned in the whole motion does not change them, else none.
+    """
     if body.up_at_rest:
         return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
-    if body.moving is None:
+    if body.motion is None or body.moving is None or len(body.motion) < MEANT:
         return UNKNOWN
-    return _mean_axes(body, head, np.asarray(body.moving.trunk @ body.up_vector > UPRIGHT))
+    neck = body.skeleton.parents[head]
+    turns = Rotation.from_quat(body.motion.world_rotations_of(head)).inv()
+    up = normalised(turns.apply(direction(body.motion.positions, neck, head)).sum(axis=0))
+    forward = turns.apply(body.moving.axes[:, :, 2]).sum(axis=0)
+    along = _axis_near(direction(body.rest.positions, neck, head), ON_AXIS)
+    if not along.any():
+        return up, normalised(level(forward, up))
+    return along * (along @ up > NEAR), _axis_near(level(forward, along), NEAR)
 
 
 def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
-    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average."""
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average. On a
+    rig that is built along the foot, up is across a near axis of the ankle: a foot on its edge does not change it.
+    """
     if leg.toe == leg.ankle:
         return UNKNOWN
     if body.up_at_rest:
@@ -148,8 +162,19 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
         return UNKNOWN
-    rests = feet_rest(body.motion, [leg], length, body.up_vector)
-    return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
+    rests = feet_rest(body.motion, [leg], length, body.up_vector).all(axis=1)
+    heights = direction(body.motion.positions, leg.toe, leg.ankle) @ body.up_vector
+    rests &= (FLAT[0] < heights) & (heights < FLAT[1])
+    up, forward = _mean_axes(body, leg.ankle, rests)
+    bone = direction(body.rest.positions, leg.ankle, leg.toe)
+    built = _axis_near(bone, ON_AXIS).any()
+    return normalised(level(up, _axis_near(cross(bone, up), NEAR) * built)), forward
+
+
+def _axis_near(direction: Array, least: float) -> Array:
+    """The axis of a joint, (3,), whose cosine with a direction in its axes is larger than `least`; zero if none is."""
+    axis, cosine = nearest_axis(normalised(direction))
+    return axis_vector(axis) * (cosine > least)
 
 
 def _along_foot(body: Body, leg: Leg, up: Array) -> Array:
