@@ -14,9 +14,10 @@ from distretarget.body.segments import find_segments
 from distretarget.measure.hanging import hangs
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, PartFrames, difference, find_part_frames
-from distretarget.measure.skin_depths import LIMBS, PARTS, Patches, Solids, find_depths
+from distretarget.measure.skin_depths import LIMBS, PARTS, Patches, find_depths
 from distretarget.measure.skin_places import PLACE_OF
 from distretarget.measure.skin_shapes import SkinPoints, one_by_one, patches_of, points_of_capsules, points_of_mesh
+from distretarget.measure.solid_depths import Solids
 from distretarget.measure.solids import solids_of_capsules, solids_of_mesh
 from distretarget.measure.touch_times import around, off_times
 from distretarget.motion import Motion

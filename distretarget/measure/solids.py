@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from distretarget.measure.skin_depths import Solids
+from distretarget.measure.solid_depths import Solids
 from distretarget.measure.surface_distances import distances_on_lattice
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.skeleton import Skeleton

@@ -1,0 +1,298 @@
+"""How deep a point is inside the parts of a posed body, by their inside in the bind pose. Compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from distretarget.measure.surface_distances import squared_distance
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.quaternions import turned
+from distretarget.numerics.vectors import F1, F2, I1, I2
+
+PASSES = 4  # in which a point is brought back to the bind pose
+RIGID = 0.999  # share of a joint from which on nothing else moves a point
+
+
+class Solids(NamedTuple):
+    """The inside of a body, in groups of what one joint moves most of one segment: capsules, or a part of a mesh."""
+
+    # (groups + 1, 4), joint and segment of each, its first capsule, and its lattice or -1; the last is their end
+    groups: I2
+    balls: F2  # (groups, 4), one around each: centre relative to the joint, and radius [file units]
+    boxes: F2  # (groups, 6), one around each: its lowest and its highest corner relative to the joint [file units]
+    # (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius where it
+    # begins, the change of the radius along it, and how far along it, over a point's distance to the axis, the nearest
+    # ball is off the point's foot
+    capsules: F2
+    lattices: F2  # (lattices, 4), the place of the first node in the bind pose, and the spacing [file units]
+    sizes: I2  # (lattices, 4), the numbers of nodes along x, y and z, and the first node
+    distances: F1  # (nodes,), from the skin, negative inside [file units]
+    nearest: I1  # (nodes,), the triangle nearest to each; -1 where the skin is far
+    triangles: I2  # (triangles, 3), the vertices of each
+    vertices: F2  # (vertices, 3), in the bind pose [file units]
+    joints: I2  # (vertices, 4), those that move each most, the strongest first
+    weights: F2  # (vertices, 4), their shares, which sum to 1
+    segments: I1  # (vertices,), the segment of each, -1 for none
+    rest: F2  # (joints, 3), the places of the joints in the bind pose [file units]
+
+    def of_second_body(self, joints: int) -> Solids:
+        """Return the same on joints that are numbered behind as many others."""
+        groups, rest = self.groups.copy(), np.concatenate([np.zeros((joints, 3)), self.rest])
+        groups[:-1, 0] += joints
+        return self._replace(groups=groups, joints=self.joints + joints, rest=rest)
+
+
+class Posed(NamedTuple):
+    """A frame of a body, and scratch."""
+
+    places: F2  # (joints, 3), of the joints
+    moves: F2  # (joints, 12), how each moves what is near it in the bind pose: a matrix, row by row, and a shift
+    balls: F2  # (groups, 4), one around each group of a solid
+    blended: F1  # (12,), how what is near a vertex moves
+    corners: F2  # (3, 3), of a triangle
+
+    @classmethod
+    def of(cls, joints: int, body: Solids) -> Posed:
+        """Room for a frame of so many joints."""
+        return cls(*(np.empty(shape) for shape in ((joints, 3), (joints, 12), (len(body.balls), 4), 12, (3, 3))))
+
+
+@inlined()
+def pose(posed, body, x, q):  # type: ignore[no-untyped-def]
+    """Write a frame, whose joints are at x, (joints, 3), with the world rotations q, (joints, 4)."""
+    for joint in range(len(x)):
+        m = posed.moves[joint]
+        for column in range(3):
+            u, v = 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0
+            turn = q[joint]
+            m[column], m[3 + column], m[6 + column] = turned(turn[0], turn[1], turn[2], turn[3], u, v, 1.0 - u - v)
+        for row in range(3):
+            posed.places[joint, row] = m[9 + row] = x[joint, row]
+            if joint < len(body.rest):
+                o = body.rest[joint]
+                m[9 + row] -= m[3 * row] * o[0] + m[3 * row + 1] * o[1] + m[3 * row + 2] * o[2]
+    for group in range(len(posed.balls)):
+        set_ball(posed, body.groups[group, 0], body.balls[group], posed.balls[group])
+
+
+@inlined()
+def placed(posed, joint, v):  # type: ignore[no-untyped-def]
+    """The place of v, relative to a joint."""
+    m, x = posed.moves[joint], posed.places[joint]
+    return (
+        x[0] + m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
+        x[1] + m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
+        x[2] + m[6] * v[0] + m[7] * v[1] + m[8] * v[2],
+    )
+
+
+@inlined()
+def relative(posed, joint, a, b, c):  # type: ignore[no-untyped-def]
+    """The place a b c relative to a joint."""
+    m, x = posed.moves[joint], posed.places[joint]
+    u, v, w = a - x[0], b - x[1], c - x[2]
+    return m[0] * u + m[3] * v + m[6] * w, m[1] * u + m[4] * v + m[7] * w, m[2] * u + m[5] * v + m[8] * w
+
+
+@inlined()
+def set_ball(posed, joint, ball, to):  # type: ignore[no-untyped-def]
+    """Write the place of a ball relative to a joint."""
+    to[0], to[1], to[2] = placed(posed, joint, ball)
+    to[3] = ball[3]
+
+
+@inlined()
+def apart(ball, other):  # type: ignore[no-untyped-def]
+    """The squared distance of the centres of two balls."""
+    a, b, c = ball[0] - other[0], ball[1] - other[1], ball[2] - other[2]
+    return a * a + b * b + c * c
+
+
+@inlined()
+def _in_capsules(capsules, first, end, i, j, k):  # type: ignore[no-untyped-def]
+    """How deep the point i j k is in some capsules."""
+    deepest = -np.inf
+    for m in range(first, end):
+        e = capsules[m]
+        u, v, w = i - e[0], j - e[1], k - e[2]
+        squared, radius = u * u + v * v + w * w, e[7]
+        if e[6] > 0.0:
+            along = u * e[3] + v * e[4] + w * e[5]
+            off = max(squared - along * along, 0.0)
+            foot = min(max(along + e[9] * np.sqrt(off), 0.0), e[6])
+            squared, radius = off + (along - foot) * (along - foot), radius + e[8] * foot
+        deepest = max(deepest, radius - np.sqrt(squared))
+    return deepest
+
+
+@inlined()
+def _node(lattice, axis, size, place):  # type: ignore[no-untyped-def]
+    """The node before a place along an axis of a lattice, how far beyond it the place is, in spacings, and how far off
+    the lattice it is, in file units.
+    """
+    at = (place - lattice[axis]) / lattice[3]
+    within = min(max(at, 0.0), size[axis] - 1.0)
+    node = min(int(within), size[axis] - 2)
+    return node, within - node, (at - within) * lattice[3]
+
+
+@inlined()
+def _on_lattice(body, number, i, j, k):  # type: ignore[no-untyped-def]
+    """The distance of the place i j k in the bind pose from the skin of a solid, and the vertex that is nearest; -1
+    where the skin is far.
+    """
+    lattice, size, d = body.lattices[number], body.sizes[number], body.distances
+    l, s, u = _node(lattice, 0, size, i)
+    m, t, v = _node(lattice, 1, size, j)
+    n, r, w = _node(lattice, 2, size, k)
+    first, row, layer = size[3] + (l * size[1] + m) * size[2] + n, size[2], size[1] * size[2]
+    distance, node = 0.0, first
+    for corner in range(2):
+        share = s if corner else 1.0 - s
+        low, high = (1.0 - r) * d[node] + r * d[node + 1], (1.0 - r) * d[node + row] + r * d[node + row + 1]
+        distance += share * ((1.0 - t) * low + t * high)
+        node += layer
+    off = u * u + v * v + w * w
+    if off > 0.0:
+        distance = np.sqrt(off + max(distance, 0.0) * max(distance, 0.0))
+    triangle = body.nearest[first + (layer if s >= 0.5 else 0) + (row if t >= 0.5 else 0) + (1 if r >= 0.5 else 0)]
+    vertex, least = -1, np.inf
+    for corner in range(3 if triangle >= 0 else 0):
+        place = body.vertices[body.triangles[triangle, corner]]
+        squared = (place[0] - i) * (place[0] - i) + (place[1] - j) * (place[1] - j) + (place[2] - k) * (place[2] - k)
+        if squared < least:
+            vertex, least = body.triangles[triangle, corner], squared
+    return distance, vertex
+
+
+@inlined()
+def _blend(posed, body, vertex):  # type: ignore[no-untyped-def]
+    """Write how what is near a vertex in the bind pose moves, as `Posed.moves`."""
+    for i in range(12):
+        posed.blended[i] = 0.0
+    for n in range(4):
+        share = body.weights[vertex, n]
+        if share > 0.0:
+            m = posed.moves[body.joints[vertex, n]]
+            for i in range(12):
+                posed.blended[i] += share * m[i]
+
+
+@inlined()
+def _alike(body, vertex, other):  # type: ignore[no-untyped-def]
+    """Whether one joint alone moves two vertices."""
+    alone = body.weights[vertex, 0] > RIGID and body.weights[other, 0] > RIGID
+    return alone and body.joints[vertex, 0] == body.joints[other, 0]
+
+
+@inlined()
+def _unblended(m, a, b, c):  # type: ignore[no-untyped-def]
+    """The place that a matrix and a shift move to a b c; far off where the matrix is flat."""
+    u, v, w = a - m[9], b - m[10], c - m[11]
+    d, e, f = m[4] * m[8] - m[5] * m[7], m[5] * m[6] - m[3] * m[8], m[3] * m[7] - m[4] * m[6]
+    determinant = m[0] * d + m[1] * e + m[2] * f
+    if abs(determinant) < 1e-3:
+        return np.inf, np.inf, np.inf
+    s = 1.0 / determinant
+    return (
+        s * (d * u + (m[2] * m[7] - m[1] * m[8]) * v + (m[1] * m[5] - m[2] * m[4]) * w),
+        s * (e * u + (m[0] * m[8] - m[2] * m[6]) * v + (m[2] * m[3] - m[0] * m[5]) * w),
+        s * (f * u + (m[1] * m[6] - m[0] * m[7]) * v + (m[0] * m[4] - m[1] * m[3]) * w),
+    )
+
+
+@inlined()
+def depth_of(posed, body, group, by, a, b, c):  # type: ignore[no-untyped-def]
+    """How deep the point a b c is in a group, the segment that it is in, its place in the bind pose, the vertex that is
+    nearest there, or -1, and how far off the place may be.
+
+    What moves a point of a mesh is not known before its place in the bind pose is: it is found by repetition, as the
+    skin's joints nearest to the place before would have it; first as the vertex `by` or, without one, -1, as the
+    group's joint would. What is then left of the way counts as apart.
+    """
+    joint, lattice = body.groups[group, 0], body.groups[group, 3]
+    rest = body.rest[joint]
+    if by < 0:
+        i, j, k = relative(posed, joint, a, b, c)
+        i, j, k = i + rest[0], j + rest[1], k + rest[2]
+    else:
+        _blend(posed, body, by)
+        i, j, k = _unblended(posed.blended, a, b, c)
+    if lattice < 0:
+        i, j, k = i - rest[0], j - rest[1], k - rest[2]
+        deep = _in_capsules(body.capsules, body.groups[group, 2], body.groups[group + 1, 2], i, j, k)
+        return deep, body.groups[group, 1], i + rest[0], j + rest[1], k + rest[2], -1, 0.0
+    distance, vertex = _on_lattice(body, lattice, i, j, k)
+    if by < 0 and vertex >= 0 and body.joints[vertex, 0] == joint and body.weights[vertex, 0] > RIGID:
+        by = vertex
+    left = 0.0
+    for _ in range(PASSES):
+        if vertex < 0 or vertex == by or (by >= 0 and _alike(body, vertex, by)):
+            left = 0.0
+            break
+        _blend(posed, body, vertex)
+        l, m, n = _unblended(posed.blended, a, b, c)
+        left = np.sqrt((l - i) * (l - i) + (m - j) * (m - j) + (n - k) * (n - k))
+        if not left < np.inf:
+            vertex = -1
+            break
+        i, j, k, by = l, m, n, vertex
+        distance, vertex = _on_lattice(body, lattice, i, j, k)
+    if vertex < 0:
+        return -np.inf, -1, i, j, k, -1, np.inf
+    return -distance - left, body.segments[vertex], i, j, k, vertex, left
+
+
+@inlined()
+def _write_vertex(posed, body, vertex, to):  # type: ignore[no-untyped-def]
+    """Write the place of a vertex."""
+    v = body.vertices[vertex]
+    to[0] = to[1] = to[2] = 0.0
+    for influence in range(4):
+        share = body.weights[vertex, influence]
+        if share > 0.0:
+            m = posed.moves[body.joints[vertex, influence]]
+            for axis in range(3):
+                row = 3 * axis
+                to[axis] += share * (m[row] * v[0] + m[row + 1] * v[1] + m[row + 2] * v[2] + m[9 + axis])
+
+
+@inlined()
+def _to_triangles(posed, body, lattice, deep, i, j, k, a, b, c):  # type: ignore[no-untyped-def]
+    """How deep the point a b c, whose place in the bind pose is i j k, is by the triangles nearest to the nodes of a
+    lattice around this place, as they are posed; inside if `deep` is positive.
+    """
+    origin, size, corners = body.lattices[lattice], body.sizes[lattice], posed.corners
+    l, _s, _u = _node(origin, 0, size, i)
+    m, _t, _v = _node(origin, 1, size, j)
+    n, _r, _w = _node(origin, 2, size, k)
+    first, least, before = size[3] + (l * size[1] + m) * size[2] + n, np.inf, -1
+    for corner in range(8):
+        node = first + (corner & 1) * size[1] * size[2] + (corner >> 1 & 1) * size[2] + (corner >> 2)
+        triangle = body.nearest[node]
+        if triangle < 0 or triangle == before:
+            continue
+        before = triangle
+        for corner_of in range(3):
+            _write_vertex(posed, body, body.triangles[triangle, corner_of], corners[corner_of])
+        least = min(least, squared_distance(corners[0], corners[1], corners[2], a, b, c))
+    return np.sqrt(least) if deep > 0.0 else -np.sqrt(least)
+
+
+@inlined()
+def depth_by_triangles(posed, body, group, deep, place, at):  # type: ignore[no-untyped-def]
+    """How deep a point is by triangles, as `_to_triangles`; if inside, by those around its places in the bind pose from
+    all groups, as where skin folds the nearest is not the one that it is inside of. The point is `at`, its place in the
+    bind pose from its group is `place`, where it is `deep`.
+    """
+    lattice, a, b, c = body.groups[group, 3], at[0], at[1], at[2]
+    exact = _to_triangles(posed, body, lattice, deep, place[0], place[1], place[2], a, b, c)
+    for other in range(len(body.groups) - 1 if exact > 0.0 else 0):
+        limit = posed.balls[other, 3] + exact
+        if other != group and body.groups[other, 3] == lattice and apart(posed.balls[other], at) < limit * limit:
+            _deep, _on, i, j, k, vertex, _left = depth_of(posed, body, other, -1, a, b, c)
+            if vertex >= 0:
+                exact = min(exact, _to_triangles(posed, body, lattice, 1.0, i, j, k, a, b, c))
+    return exact
