@@ -140,7 +140,7 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
         return np.zeros(len(clip))
     places = feet.places[:, ::2]
     higher = _over_source(clip, places, [pair.source.ankle for pair in clip.legs])
-    lifts = [_heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
+    lifts = [heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
     rests, flat = feet.weights[:, ::2], 1.0 / (1.0 + np.abs(lifts).T / (ROLL * clip.leg_lengths[0]))
     usual = np.mean([pair.target_sole.ankle - clip.scale.height * pair.source_sole.ankle for pair in clip.legs])
     on_mesh = undersides is not None and undersides.feet_have_mesh
@@ -175,7 +175,7 @@ def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:
     return np.asarray((places - clip.scale.places(clip.source.positions[:, joints], clip.up)) @ clip.up)
 
 
-def _heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
+def heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
     """(frames,), how much higher over the lowest joint of the foot the ankle is than on the flat sole [file units]."""
     heights = heights_of(motion.positions, sole.joints, up)
     return np.asarray(heights[:, 0] - heights.min(axis=1) - sole.ankle)
@@ -216,14 +216,14 @@ def _on_mesh(
     `rests`, (frames, 2) each, is how much ankle and toe of the source rest; `sources` and `copies` are feet by joints.
     """
     scale, up, feet = clip.scale.height, clip.up, []
-    for height, pair, source, copy in zip(_sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
-        own = _lowest_of_foot(clip.copy, pair.target.ankle, pair.target_sole, up, undersides) + undersides.soles[1]
+    for height, pair, source, copy in zip(sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
+        own = lowest_of_foot(clip.copy, pair.target.ankle, pair.target_sole, up, undersides) + undersides.soles[1]
         rise = scale * (height - source.toe @ up) + copy.toe @ up - own
         feet.append(replace(copy, below=scale * source.below + clip.averaged(rise, SPEED_SPAN)))
     return feet
 
 
-def _lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, undersides: Undersides) -> Array:
+def lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, undersides: Undersides) -> Array:
     """(frames,), the height of the lowest point of a target's foot [file units]. A foot without a heel stands on its
     toes with nothing below the ankle. It has its heel there, level with the sole, also while the toes lift: to bring
     its skin down then would let hips and ankle drop at each step.
@@ -236,7 +236,7 @@ def _lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, underside
     return np.minimum(lowest, heel)
 
 
-def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
+def sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
     """(frames, legs), how high the source's soles belong [source file units]; `rests` as in `_on_mesh`."""
     heights, steady_heights, length = [], [], clip.leg_lengths[0]
     steady = partial(_steadied_offset, reach=round(SPEED_SPAN / clip.frame_time))

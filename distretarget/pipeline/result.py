@@ -249,8 +249,8 @@ class RetargetResult:
 
     @cached_property
     def verdict(self) -> str:
-        """What was kept and what changed, in a plain sentence, with the names of metrics over their limits; of a body that
-        cannot turn only that.
+        """What was kept and what changed, in a plain sentence, with the names of metrics over their limits; of a body
+        that cannot turn only that.
         """
         text = "".join(f"T{line[1:]}." for line in self._lost_turn()) or verdict(self.metrics, self.tracks)
         return f"{text} What is asked is met in part: {'; '.join(self.unmet)}." if self.unmet else text
