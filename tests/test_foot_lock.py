@@ -8,13 +8,13 @@ from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import ContactSettings, Options, Skeleton, load_target, read_bvh, retarget
-from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
+from distretarget.baseline.rotation_copy import SINK, RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.body.resting import REST_SPEED
 from distretarget.matching.matching import match
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
+from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
 from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import match_performer
 
@@ -264,6 +264,31 @@ def test_a_first_frame_in_another_posture_says_nothing_of_the_rest():
     left = [target.names[joint].startswith("Left") for joint in stance.joints]
     np.testing.assert_allclose(stance.weights[0], 1.0)
     np.testing.assert_allclose(stance.weights[1:, left], 0.0)
+
+
+@pytest.mark.parametrize(("rise", "weight"), [(0.0, 1.0), (0.4, 1.0), (0.75, 0.5), (1.0, 0.0), (3.0, 0.0)])
+def test_feet_that_straight_legs_do_not_reach_leave_the_floor(rise, weight):
+    clip = Clip.of(matched(standing(person()), person()), RootScale.even(1.0))
+    risen = clip.raised(np.full((40, 1), rise * SINK * LEG) * UP)
+    np.testing.assert_allclose(feet_within_reach(risen, find_foot_lock(clip)).weights, weight, atol=1e-9)
+
+
+def test_feet_leave_smoothly_and_on_their_own():
+    clip = Clip.of(matched(standing(person(), 80), person()), RootScale.even(1.0))
+    feet, rise = find_foot_lock(clip), np.where(np.arange(80) == 40, SINK * LEG, 0.0)
+    weights = feet_within_reach(clip.raised(np.outer(rise, UP)), feet).weights
+    assert weights[40].max() == 0.0
+    assert np.abs(np.diff(weights, axis=0)).max() < 0.15
+    np.testing.assert_array_equal(weights[[20, 60]], 1.0)
+    lower = feet.places - np.array([0, 0, SINK * LEG, SINK * LEG])[None, :, None] * UP
+    weights = feet_within_reach(clip, replace(feet, places=lower)).weights
+    np.testing.assert_allclose(weights, np.tile([1.0, 1.0, 0.0, 0.0], (80, 1)))
+
+
+def test_hips_of_a_cartwheel_are_not_held_by_short_legs():
+    result = retarget(read_bvh(SAMPLES / "supports" / "cartwheel.bvh"), load_target(SAMPLES / "child.json"))
+    copy, own = (result.metrics[side]["hips_acceleration"] for side in ("rotation_copy", "result"))
+    assert own < 3.5 * copy  # 5.0 if feet stay on the floor
 
 
 def with_hips(body, factor):

@@ -29,6 +29,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from distretarget.baseline.rotation_copy import SINK
 from distretarget.body.limbs import Leg
 from distretarget.body.resting import REST_SPEED, feet_resting
 from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_height
@@ -37,7 +38,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, steadied
+from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, smoothstep, steadied
 from distretarget.numerics.vectors import Array, Flags, lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
@@ -168,6 +169,22 @@ def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
         return -smoothed(mean[:, None], total, ROOT_BLEND / clip.frame_time)[:, 0]
 
     return by_shot(lower, clip.shots, higher, rests)
+
+
+def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
+    """Return the supports without feet that legs do not reach from the hips' final path: they leave the floor smoothly
+    where legs are too short for them by half of `SINK` to all of it, so that hips sink no deeper to them. A body on its
+    hands goes where its arms take it; short legs that held on to the floor would pull it down and let go with a jolt.
+    """
+    if not clip.legs:
+        return supports
+    hips = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs]))
+    reaches = lengths(hips - supports.places[:, : supports.feet : 2]) / clip.leg_lengths[1]
+    rests = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2) > 0.0
+    gone = clip.widened(rests * smoothstep(2.0 * (reaches - 1.0) / SINK - 1.0), BLEND)
+    weights = supports.weights.copy()
+    weights[:, : supports.feet] *= 1.0 - np.repeat(gone, 2, axis=1)
+    return replace(supports, weights=weights)
 
 
 def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:
