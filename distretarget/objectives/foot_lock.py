@@ -39,7 +39,7 @@ from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, smoothstep, spans_of, steadied
-from distretarget.numerics.vectors import Array, Flags, lengths, level
+from distretarget.numerics.vectors import Array, Flags, lengths, level, normalised
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
 
@@ -172,24 +172,25 @@ def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
 
 
 def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
-    """Return the supports without feet that legs do not reach from the hips' final path: they leave the floor smoothly
-    while a leg is too short for it by half of `SINK` to all of it, more than in the median frame of that rest: a body
-    on its hands goes where its arms take it, and short legs that held on to the floor meanwhile would pull it down and
+    """Return the supports with feet that legs do not reach from the hips' final path as near to their places as they
+    do: smoothly while a leg is too short by half of `SINK` to all of it, more than in the median frame of that rest. A
+    body on its hands goes where its arms take it; short legs that held on to the floor meanwhile would pull it down and
     let it go with a jolt. A body that is too short for its rests all along, as in a push-up, is only stretched.
     """
     if not clip.legs:
         return supports
-    hips = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs]))
-    short = np.maximum(lengths(hips - supports.places[:, : supports.feet : 2]) / clip.leg_lengths[1] - 1.0, 0.0)
+    hips, length = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs])), clip.leg_lengths[1]
+    legs = hips - supports.places[:, : supports.feet : 2]
+    beyond = np.maximum(lengths(legs) - length, 0.0)
     rests = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2) > 0.0
+    short = np.where(rests, beyond, 0.0) / length
     for of_leg, resting in zip(short.T, rests.T, strict=True):
-        of_leg[~resting] = 0.0
         for first, end in spans_of(resting):
             of_leg[first:end] -= np.median(of_leg[first:end])
     gone = clip.widened(smoothstep(2.0 * short / SINK - 1.0), BLEND)
-    weights = supports.weights.copy()
-    weights[:, : supports.feet] *= 1.0 - np.repeat(gone, 2, axis=1)
-    return replace(supports, weights=weights)
+    places = supports.places.copy()
+    places[:, : supports.feet] += np.repeat((gone * beyond)[..., None] * normalised(legs), 2, axis=1)
+    return replace(supports, places=places)
 
 
 def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:
