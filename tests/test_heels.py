@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bodies import lengthened, matched, person, posed
 
-from distretarget import retarget
+from distretarget import Options, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.heels import with_low_heels
@@ -57,3 +57,8 @@ def test_a_foot_that_does_not_rest_stays():
 def test_hips_over_one_foot_on_its_toes_and_a_flat_one_are_nearer_to_the_sources_height():
     metrics = retarget(on_toes(0.5), lengthened(person(), {"Toe": 2.0})).metrics["result"]
     assert metrics["hips_height_largest"] < 1.5  # 4.6 if the long foot points down as far as the source's
+
+
+def test_feet_that_are_free_keep_the_sources_rotation():
+    result = retarget(on_toes(0.5), lengthened(person(), {"Toe": 2.0}), Options(supports="free"))
+    np.testing.assert_allclose(lift(result.motion), lift(result.rotation_copy), atol=1e-6)

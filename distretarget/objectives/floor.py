@@ -80,8 +80,8 @@ def find_floor_springs(
 
     The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
     it as the source's joint, scaled, but at most `REST_HEIGHT`, and `flesh` as high as its skin asks; an undriven joint
-    may be as low as the floor; where the skin is known, its skin as low as the soles. The parts
-    of a region share `STIFFNESS` (`_shares`). `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
+    may be as low as the floor; where the skin is known, its skin as low as the soles. The parts of a
+    region share `STIFFNESS` (`_shares`). `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
     """
     if not clip.legs:
         return no_floor(len(clip))

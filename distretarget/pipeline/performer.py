@@ -167,7 +167,7 @@ class Performer:
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
         undersides = self.match.undersides
-        clip = with_low_heels(self.clip, undersides)
+        clip = self.clip if options.supports == "free" else with_low_heels(self.clip, undersides)
         feet = find_foot_lock(clip, undersides)
         clip = clip.raised(np.outer(hips_rise(clip, feet, undersides), clip.up))
         supports = feet
