@@ -59,15 +59,23 @@ def test_the_floor_does_not_jump_with_a_body_that_does(frames):
     assert rise.max() < REST_HEIGHT * clip.leg_lengths[1] + 1e-9
 
 
-def test_joints_of_a_region_share_the_stiffness_of_the_floor():
-    """A hand with twenty finger joints is pushed up no harder than one without, and no firmer than the body rests."""
+def test_parts_of_a_region_share_the_stiffness_of_the_floor():
+    """A hand with twenty finger joints is pushed up no harder than one without, and no firmer than the body rests; but
+    each knuckle of its palm as hard as all of them, since the palm may lie on one.
+    """
     clip, _ = floor_of(CRAWL, "rigs/unreal_t.json")
     weights = np.linspace(0.0, 1.0, len(clip))
     floor = find_floor_springs(clip, np.stack([weights, 0.5 * weights], axis=1))
-    regions = clip.regions.of_joint[floor.joints]
-    assert np.bincount(regions).max() > 10
+    regions, parts = clip.regions.of_joint[floor.joints], clip.parts[clip.skeleton.parents[floor.joints]]
+    loose = np.isin(parts, clip.loose_parts)
     for region in np.unique(regions):
-        np.testing.assert_allclose(floor.stiffness[:, regions == region].sum(axis=1), STIFFNESS * weights)
+        own = (regions == region) & ~loose
+        firmest = [floor.stiffness[:, own & (parts == part)].max(axis=1) for part in np.unique(parts[own])]
+        np.testing.assert_allclose(np.sum(firmest, axis=0), STIFFNESS * weights)
+        fingers = floor.stiffness[:, (regions == region) & loose]
+        assert (fingers.sum(axis=1) <= STIFFNESS * weights).all()
+    palm = next(part for part in parts if (parts == part).sum() >= 5 and part not in clip.loose_parts)
+    np.testing.assert_allclose(floor.stiffness[:, parts == palm].sum(axis=1), (parts == palm).sum() * 250.0 * weights)
 
 
 def test_joints_are_near_the_floor_where_the_root_takes_them():

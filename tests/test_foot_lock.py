@@ -8,13 +8,13 @@ from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import ContactSettings, Options, Skeleton, load_target, read_bvh, retarget
-from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
+from distretarget.baseline.rotation_copy import SINK, RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.body.resting import REST_SPEED
 from distretarget.matching.matching import match
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
+from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
 from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import match_performer
 
@@ -264,6 +264,35 @@ def test_a_first_frame_in_another_posture_says_nothing_of_the_rest():
     left = [target.names[joint].startswith("Left") for joint in stance.joints]
     np.testing.assert_allclose(stance.weights[0], 1.0)
     np.testing.assert_allclose(stance.weights[1:, left], 0.0)
+
+
+@pytest.mark.parametrize(("rise", "share"), [(0.0, 0.0), (0.4, 0.0), (0.75, 0.5), (1.0, 1.0), (3.0, 1.0)])
+@pytest.mark.parametrize("moments", [30, 50])
+def test_feet_that_legs_do_not_reach_for_a_while_rest_as_near_as_they_do(rise, share, moments):
+    """For less than half of the rest, that is; where legs are too short most of the time, feet stay."""
+    clip = Clip.of(matched(standing(person(), 80), person()), RootScale.even(1.0))
+    feet, rises = find_foot_lock(clip), np.outer(rise * SINK * LEG * (np.arange(80) < moments), UP)
+    moved = feet_within_reach(clip.raised(rises), feet).places - feet.places
+    expected = share * rises if moments < 40 else 0.0 * rises
+    np.testing.assert_allclose(moved, np.repeat(expected[:, None], 4, axis=1), atol=1e-9)
+
+
+def test_feet_leave_their_places_smoothly_and_each_on_its_own():
+    clip = Clip.of(matched(standing(person(), 80), person()), RootScale.even(1.0))
+    feet, time = find_foot_lock(clip), np.arange(80)
+    lower = np.outer(SINK * LEG * np.exp(-(((time - 40) / 8) ** 2)), UP)[:, None] * np.array([0, 0, 1, 1])[:, None]
+    moved = feet_within_reach(clip, replace(feet, places=feet.places - lower)).places - feet.places + lower
+    np.testing.assert_allclose(moved[40], lower[40], atol=1e-5)
+    np.testing.assert_array_equal(moved[:, :2], 0.0)
+    assert moved.min() > -1e-9
+    assert (moved <= lower + 1e-9).all()
+    assert np.abs(np.diff(moved, axis=0)).max() < 0.15 * SINK * LEG
+
+
+def test_hips_of_a_cartwheel_are_not_held_by_short_legs():
+    result = retarget(read_bvh(SAMPLES / "supports" / "cartwheel.bvh"), load_target(SAMPLES / "child.json"))
+    copy, own = (result.metrics[side]["hips_acceleration"] for side in ("rotation_copy", "result"))
+    assert own < 3.5 * copy  # 5.0 if feet stay on the floor
 
 
 def with_hips(body, factor):

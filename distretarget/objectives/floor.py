@@ -18,7 +18,7 @@ from distretarget.numerics.vectors import Array, Numbers, level
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import Supports
 
-STIFFNESS = 500.0  # k, shared by the joints of a region
+STIFFNESS = 500.0  # k, shared by the parts of a region
 NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
 ROOT_BLEND = 0.2  # the root rises over about twice this time, and sinks back over as long [s]
 FLOOR_SPAN = 0.16  # the floor of a frame is the lowest within this time before and after it [s]
@@ -80,8 +80,8 @@ def find_floor_springs(
 
     The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
     it as the source's joint, scaled, but at most `REST_HEIGHT`, and `flesh` as high as its skin asks; an undriven joint
-    may be as low as the floor; where the skin is known, its skin as low as the soles. n joints of a region, such as a
-    hand, get 1/n of `STIFFNESS` each. `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
+    may be as low as the floor; where the skin is known, its skin as low as the soles. The parts of a
+    region share `STIFFNESS` (`_shares`). `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
     """
     if not clip.legs:
         return no_floor(len(clip))
@@ -104,9 +104,21 @@ def find_floor_springs(
         below = undersides.target.below(clip.copy[frames], joints[free], up)
         lowest[np.ix_(frames, free)] += below - undersides.soles[1]
     joints, lowest = joints[near], lowest[:, near]
-    _, region, count = np.unique(clip.regions.of_joint[joints], return_inverse=True, return_counts=True)
-    stiffness = STIFFNESS * weight[:, None] / count[region]
+    stiffness = STIFFNESS * weight[:, None] / _shares(clip, joints)
     return FloorSprings(joints, np.ascontiguousarray(lowest / clip.unit), stiffness, up)
+
+
+def _shares(clip: Clip, joints: Numbers) -> Array:
+    """(joints,), the number of shares of `STIFFNESS` of which each joint gets one: as many as parts carry joints of its
+    region, since a part may lie on any one of them, as a palm on the knuckle of its little finger. Fingers that only
+    the floor moves give way: each of their joints counts.
+    """
+    regions, parts = clip.regions.of_joint[joints], clip.parts[clip.skeleton.parents[joints]]
+    loose, shares = np.isin(parts, clip.loose_parts), np.empty(len(joints))
+    for region in np.unique(regions):
+        own = regions == region
+        shares[own] = np.where(loose[own], own.sum(), len(np.unique(parts[own & ~loose])))
+    return shares
 
 
 def _height_of_floor(clip: Clip) -> Array:

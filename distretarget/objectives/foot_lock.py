@@ -29,6 +29,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from distretarget.baseline.rotation_copy import SINK
 from distretarget.body.limbs import Leg
 from distretarget.body.resting import REST_SPEED, feet_resting
 from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_height
@@ -37,8 +38,8 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, steadied
-from distretarget.numerics.vectors import Array, Flags, lengths, level
+from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, smoothstep, spans_of, steadied
+from distretarget.numerics.vectors import Array, Flags, lengths, level, normalised
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
 
@@ -140,7 +141,7 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
         return np.zeros(len(clip))
     places = feet.places[:, ::2]
     higher = _over_source(clip, places, [pair.source.ankle for pair in clip.legs])
-    lifts = [_heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
+    lifts = [heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
     rests, flat = feet.weights[:, ::2], 1.0 / (1.0 + np.abs(lifts).T / (ROLL * clip.leg_lengths[0]))
     usual = np.mean([pair.target_sole.ankle - clip.scale.height * pair.source_sole.ankle for pair in clip.legs])
     on_mesh = undersides is not None and undersides.feet_have_mesh
@@ -170,12 +171,34 @@ def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
     return by_shot(lower, clip.shots, higher, rests)
 
 
+def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
+    """Return the supports with feet that legs do not reach from the hips' final path as near to their places as they
+    do: smoothly while a leg is too short by half of `SINK` to all of it, more than in the median frame of that rest. A
+    body on its hands goes where its arms take it; short legs that held on to the floor meanwhile would pull it down and
+    let it go with a jolt. A body that is too short for its rests all along, as in a push-up, is only stretched.
+    """
+    if not clip.legs:
+        return supports
+    hips, length = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs])), clip.leg_lengths[1]
+    legs = hips - supports.places[:, : supports.feet : 2]
+    beyond = np.maximum(lengths(legs) - length, 0.0)
+    rests = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2) > 0.0
+    short = np.where(rests, beyond, 0.0) / length
+    for of_leg, resting in zip(short.T, rests.T, strict=True):
+        for first, end in spans_of(resting):
+            of_leg[first:end] -= np.median(of_leg[first:end])
+    gone = clip.widened(smoothstep(2.0 * short / SINK - 1.0), BLEND)
+    places = supports.places.copy()
+    places[:, : supports.feet] += np.repeat((gone * beyond)[..., None] * normalised(legs), 2, axis=1)
+    return replace(supports, places=places)
+
+
 def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:
     """(frames, joints), how much higher places, (frames, joints, 3), are than joints of the source, scaled."""
     return np.asarray((places - clip.scale.places(clip.source.positions[:, joints], clip.up)) @ clip.up)
 
 
-def _heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
+def heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
     """(frames,), how much higher over the lowest joint of the foot the ankle is than on the flat sole [file units]."""
     heights = heights_of(motion.positions, sole.joints, up)
     return np.asarray(heights[:, 0] - heights.min(axis=1) - sole.ankle)
@@ -216,14 +239,14 @@ def _on_mesh(
     `rests`, (frames, 2) each, is how much ankle and toe of the source rest; `sources` and `copies` are feet by joints.
     """
     scale, up, feet = clip.scale.height, clip.up, []
-    for height, pair, source, copy in zip(_sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
-        own = _lowest_of_foot(clip.copy, pair.target.ankle, pair.target_sole, up, undersides) + undersides.soles[1]
+    for height, pair, source, copy in zip(sole_levels(clip, rests).T, clip.legs, sources, copies, strict=True):
+        own = lowest_of_foot(clip.copy, pair.target.ankle, pair.target_sole, up, undersides) + undersides.soles[1]
         rise = scale * (height - source.toe @ up) + copy.toe @ up - own
         feet.append(replace(copy, below=scale * source.below + clip.averaged(rise, SPEED_SPAN)))
     return feet
 
 
-def _lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, undersides: Undersides) -> Array:
+def lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, undersides: Undersides) -> Array:
     """(frames,), the height of the lowest point of a target's foot [file units]. A foot without a heel stands on its
     toes with nothing below the ankle. It has its heel there, level with the sole, also while the toes lift: to bring
     its skin down then would let hips and ankle drop at each step.
@@ -236,7 +259,7 @@ def _lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, underside
     return np.minimum(lowest, heel)
 
 
-def _sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
+def sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
     """(frames, legs), how high the source's soles belong [source file units]; `rests` as in `_on_mesh`."""
     heights, steady_heights, length = [], [], clip.leg_lengths[0]
     steady = partial(_steadied_offset, reach=round(SPEED_SPAN / clip.frame_time))

@@ -26,7 +26,8 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_flesh, find_floor_springs, rise_of_flesh
-from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
+from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
+from distretarget.objectives.heels import with_low_heels
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.skin import Reach, with_skin
@@ -166,8 +167,9 @@ class Performer:
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
         undersides = self.match.undersides
-        feet = find_foot_lock(self.clip, undersides)
-        clip = self.clip.raised(np.outer(hips_rise(self.clip, feet, undersides), self.clip.up))
+        clip = self.clip if options.supports == "free" else with_low_heels(self.clip, undersides)
+        feet = find_foot_lock(clip, undersides)
+        clip = clip.raised(np.outer(hips_rise(clip, feet, undersides), clip.up))
         supports = feet
         if options.supports == "hold":
             if resting := find_resting_joints(clip, feet, options.environment, undersides):
@@ -175,6 +177,7 @@ class Performer:
                 supports = with_resting_joints(clip, feet, resting)
             flesh = find_flesh(clip, supports.weights, undersides)
             clip = clip.raised(np.outer(rise_of_flesh(clip, supports, flesh), clip.up))
+            supports = feet_within_reach(clip, supports)
             supports = replace(supports, floor=find_floor_springs(clip, supports.weights, undersides, flesh))
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)

@@ -249,8 +249,10 @@ class RetargetResult:
 
     @cached_property
     def verdict(self) -> str:
-        """What was kept and what changed, in a plain sentence, with the names of metrics over their limits."""
-        text = verdict(self.metrics, self.tracks)
+        """What was kept and what changed, in a plain sentence, with the names of metrics over their limits; of a body
+        that cannot turn only that.
+        """
+        text = "".join(f"T{line[1:]}." for line in self._lost_turn()) or verdict(self.metrics, self.tracks)
         return f"{text} Constraints met in part: {'; '.join(self.unmet)}." if self.unmet else text
 
     @property
@@ -285,17 +287,17 @@ class RetargetResult:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings, one line each: what is odd in the bodies first, since it explains the others: metrics over their
-        limits, and resting joints that do not reach their places.
+        limits, and resting joints that do not reach their places. These are left out where the body cannot turn: they
+        only follow from it.
         """
+        lost_turn = (*self._lost_turn(),)
+        odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides())
+        return (*odd, *(() if lost_turn else self._consequences()), *self.unmet)
+
+    def _consequences(self) -> Iterator[str]:
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
-        return (
-            *self._lost_path(),
-            *self._lost_turn(),
-            *self._exchanged_sides(),
-            *limit_warnings(self.metrics, self.tracks, causes.of),
-            *self._missed_places(causes),
-            *self.unmet,
-        )
+        yield from limit_warnings(self.metrics, self.tracks, causes.of)
+        yield from self._missed_places(causes)
 
     def _lost_path(self) -> Iterator[str]:
         travels = len(self.source) > 0 and np.ptp(self.source.root_positions, axis=0).any()

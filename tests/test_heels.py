@@ -1,0 +1,64 @@
+"""Heels: how far those of long feet lift while they rest."""
+
+import numpy as np
+import pytest
+from bodies import lengthened, matched, person, posed
+
+from distretarget import Options, retarget
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.heels import with_low_heels
+
+LEG, FOOT, TOES = 0.435 + 0.453, 0.125, 0.06
+ROLL = 0.05 * LEG
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def on_toes(angle, path=None):
+    """A person whose left foot points down by an angle [rad]."""
+    path = np.zeros((40, 3)) if path is None else path
+    return posed(person(), {"LeftAnkle": np.array([angle, 0.0, 0.0])}, path + (LEG + 0.1) * UP)
+
+
+def lift(motion):
+    """How much higher than the toe the left ankle is."""
+    ankle, toe = (motion.positions[:, motion.skeleton.index(f"Left{name}")] for name in ("Ankle", "Toe"))
+    return (ankle - toe) @ UP
+
+
+def clip_of(source, factor):
+    return Clip.of(matched(source, lengthened(person(), {"Toe": factor})), RootScale.even(1.0))
+
+
+def test_the_heel_of_a_foot_twice_as_long_lifts_less():
+    angle = 0.5
+    share = 1.0 - ((FOOT + TOES) * np.sin(angle) + ROLL) / ((2 * FOOT + TOES) * np.sin(angle) + ROLL)
+    expected = 2 * FOOT * np.sin(angle * (1.0 - share * np.cos(angle)))
+    clip = clip_of(on_toes(angle), 2.0)
+    np.testing.assert_allclose(lift(clip.copy), 2 * FOOT * np.sin(angle))
+    np.testing.assert_allclose(lift(with_low_heels(clip).copy), expected)
+    others = [joint for joint, name in enumerate(clip.skeleton.names) if not name.startswith("LeftToe")]
+    np.testing.assert_allclose(
+        with_low_heels(clip).copy.positions[:, others], clip.copy.positions[:, others], atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(("factor", "angle"), [(1.0, 0.5), (0.6, 0.5), (2.0, 0.0), (2.0, -0.3)])
+def test_feet_that_are_no_longer_and_feet_that_lift_no_heel_stay(factor, angle):
+    clip = clip_of(on_toes(angle), factor)
+    np.testing.assert_allclose(with_low_heels(clip).copy.positions, clip.copy.positions, atol=1e-9)
+
+
+def test_a_foot_that_does_not_rest_stays():
+    clip = clip_of(on_toes(0.5, np.outer(0.05 * np.arange(40), [0.0, 0.0, 1.0])), 2.0)
+    assert with_low_heels(clip) is clip
+
+
+def test_hips_over_one_foot_on_its_toes_and_a_flat_one_are_nearer_to_the_sources_height():
+    metrics = retarget(on_toes(0.5), lengthened(person(), {"Toe": 2.0})).metrics["result"]
+    assert metrics["hips_height_largest"] < 1.5  # 4.6 if the long foot points down as far as the source's
+
+
+def test_feet_that_are_free_keep_the_sources_rotation():
+    result = retarget(on_toes(0.5), lengthened(person(), {"Toe": 2.0}), Options(supports="free"))
+    np.testing.assert_allclose(lift(result.motion), lift(result.rotation_copy), atol=1e-6)
