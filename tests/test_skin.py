@@ -30,10 +30,15 @@ UPRIGHT = Rotation.identity()
 REST = Motion(PERSON, PERSON.rest_positions[:1], PERSON.unturned[None], "0.0333333")
 
 
-def bending(body=PERSON, world=UPRIGHT):
-    """The left elbow bends until the hand is at the hips, or in them; `world` turns all."""
+def bending(body=PERSON, world=UPRIGHT, forwards=0.0):
+    """The left elbow bends until the hand is at the hips, or in them; `world` turns all, and an angle [degrees] the arm
+    forwards, about the line from shoulder to hips.
+    """
     rotations = np.tile(body.unturned, (len(BENDS), 1, 1))
-    rotations[:, ROLES["leftUpperArm"]] = Rotation.from_euler("Z", -60, degrees=True).as_quat()
+    line = normalised(body.rest_positions[ROLES["leftUpperArm"]] - body.rest_positions[ROLES["hips"]])
+    turn = Rotation.from_rotvec(np.radians(-forwards) * line)
+    upper = turn * Rotation.from_euler("Z", -60, degrees=True)
+    rotations[:, ROLES["leftUpperArm"]] = upper.as_quat()
     rotations[:, ROLES["leftLowerArm"]] = Rotation.from_euler("Z", -BENDS[:, None], degrees=True).as_quat()
     rotations[:, 0] = world.as_quat()
     return Motion(body, np.tile(body.rest_positions[0], (len(rotations), 1)), rotations, "0.0333333")
@@ -323,7 +328,7 @@ def test_a_hand_that_comes_before_the_forearm_of_the_source_is_early():
     """In the source a forearm lies on the belly, in the result the hand of the same arm, three frames longer at both
     ends and a little off it.
     """
-    motion = bending()
+    motion = bending(forwards=80.0)
     gaps = -100 / BODY.height * known_depths(motion)
     on = int(np.flatnonzero(gaps < 0)[0])
     off = on - 3  # bent enough not to hang

@@ -36,19 +36,21 @@ def hangs(body: Body, positions: Array, arm: Arm) -> Flags:
         off = np.minimum(off, angles_between(elbow - shoulder, positions[:, hips].mean(axis=1) - shoulder))
     hanging = off + angles_between(elbow - shoulder, wrist - elbow) <= HANGS
     if hips and len(body.arms) == 2:
-        hanging &= _beside(body, positions, arm)
+        hanging &= beside(body, positions, [*body.skeleton.subtree(arm.wrist)])
     return np.asarray(hanging)
 
 
-def _beside(body: Body, positions: Array, arm: Arm) -> Flags:
-    """(frames,), whether a hand is beside the trunk, and not in front of it or behind it."""
+def beside(body: Body, positions: Array, joints: list[int]) -> Flags:
+    """(frames,), whether the middle of joints is beside the trunk, and not in front of it or behind it; `positions` as
+    for `hangs`, of a body with hips and two arms.
+    """
     left, right = (positions[:, each.shoulder] for each in body.arms)
     pelvis = positions[:, _hips(body)].mean(axis=1)
-    hand = positions[:, body.skeleton.subtree(arm.wrist)].mean(axis=1) - pelvis
+    off = positions[:, joints].mean(axis=1) - pelvis
     trunk = normalised(0.5 * (left + right) - pelvis)
     across = normalised(left - right)
     forwards = cross(across, trunk)
-    aside, forward = (np.abs((hand * axis).sum(axis=1)) for axis in (across, forwards))
+    aside, forward = (np.abs((off * axis).sum(axis=1)) for axis in (across, forwards))
     return np.asarray(aside >= np.tan(ASIDE) * forward)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.hanging import hangs
+from distretarget.measure.hanging import beside, hangs
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, PartFrames, difference, find_part_frames
 from distretarget.measure.skin_depths import LIMBS, PARTS, Patches, find_depths
@@ -352,12 +352,14 @@ def _of_first(of_parts: Array) -> Array:
 
 
 def _hanging(motion: Motion, body: Body) -> Flags:
-    """(frames, limbs), whether the arm of each limb hangs."""
+    """(frames, limbs), whether the arm of each hand hangs, and whether each forearm is beside the trunk, where it is as
+    well while the elbow is bent.
+    """
     hanging = np.zeros((len(motion), len(LIMBS)), bool)
-    for side in SIDES:
-        hand = body.anatomy.roles.get(f"{side}Hand") if body.anatomy else None
-        for arm in body.arms:
-            if arm.wrist == hand:
-                own = [limb.startswith(side) for limb in LIMBS]
-                hanging[:, own] = hangs(body, motion.positions, arm)[:, None]
+    for side, arm in product(SIDES, body.arms):
+        if body.anatomy and body.anatomy.roles.get(f"{side}Hand") == arm.wrist:
+            hand, forearm = (LIMBS.index(f"{side} {part}") for part in ("hand", "forearm"))
+            hanging[:, hand] = hanging[:, forearm] = hangs(body, motion.positions, arm)
+            if body.legs and len(body.arms) == len(SIDES):
+                hanging[:, forearm] = beside(body, motion.positions, [arm.elbow, arm.wrist])
     return hanging

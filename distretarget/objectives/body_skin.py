@@ -85,6 +85,14 @@ class BodySkin:
             unit=body.unit,
         )
 
+    @property
+    def can_touch(self) -> Flags:
+        """(joints, joints), whether the parts of the body that two joints belong to can touch."""
+        of_parts = np.zeros((len(SEGMENTS) + 1,) * 2, bool)  # the last is that of joints of no part
+        first, second = self.balls.pairs.T
+        of_parts[first, second] = of_parts[second, first] = True
+        return np.asarray(of_parts[np.ix_(self.of_joint, self.of_joint)])
+
     def between(self, one: Numbers | Flags, other: Numbers | Flags) -> Numbers:
         """Return the pairs of segments of two parts of the body, given by their joints."""
         a, b = (np.setdiff1d(self.of_joint[joints], [-1]) for joints in (one, other))

@@ -63,8 +63,8 @@ class Clip:
     target_legs: Legs | None  # the target's own legs, driven or not; None where it has none
     source_skeleton: Skeleton  # the source's joints with rigid bones
     hanging: Array | None  # (source joints, 3), `Body.hanging` of the source [source file units]
-    # (frames, source joints), how far the arm that each joint belongs to is raised or bent, or its hand put in front of
-    # the trunk or behind it, 0 to 1; 0 for other joints
+    # (frames, source joints), how far each joint of an arm is where it is on purpose, 0 to 1: those of hands while the
+    # arm is raised or bent, and all that is put in front of the trunk or behind it; 0 for other joints
     raised_arms: Array
     pelvis: int  # the target's joint where its legs branch off, if it has a driver; else the first that has one
     drivers: Numbers  # (joints,), the source joint that drives each target joint; -1 for none
@@ -75,6 +75,7 @@ class Clip:
     roots: Numbers  # (joints,), the topmost joint of the rigid part that each joint belongs to
     parts: Numbers  # (joints,), the rigid part that carries the bones below each joint
     drops: tuple[Drop, ...] = ()  # contacts that the user drops
+    by_skin: Flags | None = None  # (joints, joints), whose contacts are those of skins; None without skin
 
     @classmethod
     def of(cls, matching: Matching, scale: RootScale) -> Clip:
@@ -165,14 +166,16 @@ class Clip:
 
 def _raised_arms(body: Body, motion: Motion) -> Array:
     """`Clip.raised_arms` of a body in a motion."""
-    x, hips = motion.positions, [leg.hip for leg in body.legs or ()]
+    x, hips, shoulders = motion.positions, [leg.hip for leg in body.legs or ()], [arm.shoulder for arm in body.arms]
     values = np.zeros((len(motion), len(body.skeleton)))
     for arm in body.arms:
-        of_arm = raised(x, arm, hips, body.up_vector)
-        if hips and len(body.arms) == 2:
-            hand = [*body.skeleton.subtree(arm.wrist)]
-            of_arm = np.maximum(of_arm, before(x, hand, [arm.shoulder for arm in body.arms], hips))
-        values[:, body.skeleton.subtree(arm.shoulder)] = of_arm[:, None]
+        below, hand = body.skeleton.subtree(arm.shoulder), body.skeleton.subtree(arm.wrist)
+        values[:, below] = raised(x, arm, hips, body.up_vector)[:, None]
+        if hips and len(shoulders) == 2:
+            of_hand = before(x, [*hand], shoulders, hips)[:, None]
+            values[:, hand] = np.maximum(values[:, hand], of_hand)
+            forearm = np.setdiff1d(below, hand)
+            values[:, forearm] = before(x, [arm.elbow, arm.wrist], shoulders, hips)[:, None]
     return values
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -32,6 +32,11 @@ class CandidatePairs:
     ratio: Array  # (pairs,), tau2 / tau1 [body units / source file unit]
     hanging: Array  # (pairs,), D in the source with hanging arms; infinite where that is not known
     passing: Flags  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
+
+    def without(self, some: Flags) -> CandidatePairs:
+        """Return the pairs but those of some joints, (joints, joints)."""
+        kept = ~some[self.a, self.b]
+        return CandidatePairs(*(getattr(self, field.name)[kept] for field in fields(self)))
 
 
 def candidate_pairs(
@@ -81,8 +86,9 @@ class ContactSearch:
         source = np.take(clip.source.positions, distances.sources, axis=1)
         copy = np.take(clip.copy.positions, distances.targets, axis=1)
         copy /= clip.unit
+        pairs = candidate_pairs(distances, clip.regions, clip.target_legs, clip.unit, clip.hanging, points)
         return cls(
-            pairs=candidate_pairs(distances, clip.regions, clip.target_legs, clip.unit, clip.hanging, points),
+            pairs=pairs if clip.by_skin is None else pairs.without(clip.by_skin),
             source=source,
             copy=copy,
             shots=clip.shots,

@@ -11,10 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
+from distretarget.body.anatomy import SIDES
 from distretarget.ik.limb_bends import FADES, TAU, bends
 from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
@@ -39,7 +41,7 @@ from distretarget.skin.tangents import Displaced
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
 ROUNDS = 2  # the mesh is looked at so many times, as other places of it may be nearest once limbs have moved
 BY_USER = 4.0  # contacts that a user asks for are firmer than others by this factor
-REACH = 0.06  # what is farther apart than this in the result is not brought to touch [body units]
+REACH = 0.12  # what is farther apart than this in the result is not brought to touch [body units]
 
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
 # armpit.
@@ -130,7 +132,7 @@ def _displaced(clip: Clip, skins: Skins, posed: Motion, free: Array, first: int,
     near = partial(nearer_than_capsules, pairs=balls.pairs, first=first)
     gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
-    firmness = touching * _meant(clip, body, spots)
+    firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
@@ -235,23 +237,40 @@ def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
     return np.where(IS_HARD[parts[:, 0]], 0.0, np.maximum(flesh.sum(axis=1), -in_source))
 
 
+def _with_hands(spots: Spots, near: Array, touching: Array) -> Array:
+    """(frames, spots), how far spots touch, with forearms near what their hands touch, as the two meet at the wrist."""
+    touching = touching.copy()
+    for side, place in product(SIDES, np.unique(spots.places)):
+        hand, forearm = (
+            np.flatnonzero((spots.limbs == SEGMENTS.index(f"{side} {part}")) & (spots.places == place))
+            for part in ("hand", "forearm")
+        )
+        if hand.size:
+            touching[:, forearm] = np.maximum(touching[:, forearm], np.minimum(near[:, forearm], touching[:, hand]))
+    return touching
+
+
 def _meant(clip: Clip, body: BodySkin, spots: Spots) -> Array:
-    """(frames, spots), how much each is meant to be touched, 0 to 1: by an arm as far as it is raised or bent, or its
-    hand put in front of the trunk or behind it, as one that hangs beside the trunk is near it anyway; and none that is
-    dropped.
+    """(frames, spots), how much each is meant to be touched, 0 to 1: by parts of arms as far as they are where they are
+    on purpose (`Clip.raised_arms`), as those beside the trunk are near it anyway; other arms always.
     """
-    of_joint, sources = body.of_joint, clip.distances.sources
-    of_point, arms = of_joint[clip.distances.targets], PLACE[:-1][IS_ARM]
+    of_point, sources = body.of_joint[clip.distances.targets], clip.distances.sources
     meant = np.ones((len(clip), len(spots.limbs)))
+    for spot in np.flatnonzero(~np.isin(spots.places, PLACE[:-1][IS_ARM])):
+        meant[:, spot] = clip.raised_arms[:, sources[of_point == spots.limbs[spot]]].max(axis=1, initial=0.0)
+    return meant
+
+
+def _kept(clip: Clip, body: BodySkin, spots: Spots) -> Array:
+    """(frames, spots), 0 where a contact is dropped, else 1."""
+    kept = np.ones((len(clip), len(spots.limbs)))
     for spot, (limb, place) in enumerate(zip(spots.limbs, spots.places, strict=True)):
-        if place not in arms:
-            meant[:, spot] = clip.raised_arms[:, sources[of_point == limb]].max(axis=1, initial=0.0)
-        ends = np.flatnonzero(of_joint == limb), np.flatnonzero(PLACE[of_joint] == place)
+        ends = np.flatnonzero(body.of_joint == limb), np.flatnonzero(PLACE[body.of_joint] == place)
         for drop in clip.drops:
             if any(
                 np.isin(a, one).any() and np.isin(b, other).any()
                 for a, b in (ends, ends[::-1])
                 for one, other in [drop.parts]
             ):
-                meant[drop.frames, spot] = 0.0
-    return meant
+                kept[drop.frames, spot] = 0.0
+    return kept

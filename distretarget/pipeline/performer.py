@@ -77,6 +77,7 @@ class Match:
         """
         engine_root = find_engine_root(self.matching, scale, options.root_follows)
         clip = Clip.of(self.matching, scale)
+        clip = replace(clip, by_skin=self.skins.target.can_touch) if self.skins else clip
         baseline = Baseline(
             source=clip.source,
             rotation_copy=self.in_file(along_channels(engine_root.placed(clip.copy), self.matching.body_joints)),
