@@ -96,7 +96,7 @@ class Clip:
             target_legs=body.legs,
             source_skeleton=source.skeleton,
             hanging=source.hanging,
-            raised_arms=_raised_arms(source, motion),
+            raised_arms=raised_arms(source, motion),
             pelvis=matching.pelvis,
             drivers=matching.drivers,
             regions=matching.regions,
@@ -164,7 +164,7 @@ class Clip:
         return np.flatnonzero(self.drivers >= 0)
 
 
-def _raised_arms(body: Body, motion: Motion) -> Array:
+def raised_arms(body: Body, motion: Motion) -> Array:
     """`Clip.raised_arms` of a body in a motion."""
     x, hips, shoulders = motion.positions, [leg.hip for leg in body.legs or ()], [arm.shoulder for arm in body.arms]
     values = np.zeros((len(motion), len(body.skeleton)))
