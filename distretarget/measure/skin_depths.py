@@ -19,7 +19,7 @@ from distretarget.measure.solid_depths import (
     set_ball,
 )
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import B3, F1, F2, F3, F4, I1, I2, I3, Array, Flags
+from distretarget.numerics.vectors import B3, F1, F2, F3, F4, I1, I2, I3, Array, Flags, Numbers
 from distretarget.skin.capsules import SEGMENTS
 
 PARTS = SEGMENTS[: SEGMENTS.index("head") + 1]  # whose skin may be inside others: arms, legs and head
@@ -56,12 +56,12 @@ class Search(NamedTuple):
     last: I3
 
     @classmethod
-    def of(cls, patches: Patches, body: Solids) -> Search:
-        """Room for the parts of a body."""
-        parts, groups, segments = len(patches.parts) - 1, len(body.balls), len(SEGMENTS)
+    def of(cls, patches: Patches, body: Solids, of_place: Numbers) -> Search:
+        """Room for the parts of a body; `of_place`, (segments,), is the place of each segment."""
+        parts, groups, segments = len(patches.parts) - 1, len(body.balls), len(of_place)
         near, last = np.empty((groups, 2), np.intp), np.full((parts, segments, 2), -1, np.intp)
         balls = np.empty((len(patches.balls), 4))
-        return cls(PLACE_OF, np.empty(segments), near, np.empty((groups, 4)), np.zeros(4), balls, np.zeros(4), last)
+        return cls(of_place, np.empty(segments), near, np.empty((groups, 4)), np.zeros(4), balls, np.zeros(4), last)
 
 
 def find_depths(
@@ -87,7 +87,7 @@ def find_depths(
     depths = np.array(np.broadcast_to(-reach, shape), order="C")
     inside, places = np.zeros(len(depths)), np.full((*shape, 3), np.nan)
     alone = np.zeros(shape, bool) if alone is None else alone
-    room = Posed.of(x.shape[1], solids), Search.of(patches, solids)
+    room = Posed.of(x.shape[1], solids), Search.of(patches, solids, PLACE_OF)
     _find(x, q, patches, solids, grazing, alone, *room, depths, places, inside)
     return np.where(depths == np.inf, -np.inf, depths), places, inside
 
