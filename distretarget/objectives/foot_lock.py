@@ -172,10 +172,11 @@ def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
 
 
 def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
-    """Return the supports with feet that legs do not reach from the hips' final path as near to their places as they
-    do: smoothly while a leg is too short by half of `SINK` to all of it, more than in the median frame of that rest. A
-    body on its hands goes where its arms take it; short legs that held on to the floor meanwhile would pull it down and
-    let it go with a jolt. A body that is too short for its rests all along, as in a push-up, is only stretched.
+    """Return the supports with feet where legs reach: a place that is too far from the hips' final path moves to the
+    nearest point that the straight leg reaches. It begins to move where the leg is too short by half of `SINK`, beyond
+    the median frame of the same rest, and has moved all the way at `SINK`. Without this, short legs pull a body down
+    that its hands lift, and let it go with a jolt. Legs that are too short in all of a rest, as in a push-up, are only
+    stretched.
     """
     if not clip.legs:
         return supports

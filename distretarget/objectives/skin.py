@@ -251,8 +251,9 @@ def _with_hands(spots: Spots, near: Array, touching: Array) -> Array:
 
 
 def _meant(clip: Clip, body: BodySkin, spots: Spots) -> Array:
-    """(frames, spots), how much each is meant to be touched, 0 to 1: by parts of arms as far as they are where they are
-    on purpose (`Clip.raised_arms`), as those beside the trunk are near it anyway; other arms always.
+    """(frames, spots), how much each is meant to be touched, 0 to 1: by a hand or forearm as far as `Clip.raised_arms`
+    says that it is there on purpose, since one that hangs beside the trunk is near it anyway. Arms always mean to touch
+    each other.
     """
     of_point, sources = body.of_joint[clip.distances.targets], clip.distances.sources
     meant = np.ones((len(clip), len(spots.limbs)))

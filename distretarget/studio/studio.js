@@ -98,7 +98,7 @@ async function downloadAll() {
   state("zipping");
   try {
     const orders = clips().map((clip) => ({ ...order, ...ofClip(clip) }));
-    await save(await ask("take/all", JSON.stringify(orders), { "X-Tab": `${TAB}-all` })); // a change overtakes it not
+    await save(await ask("take/all", JSON.stringify(orders), { "X-Tab": `${TAB}-all` })); // a change does not overtake it
     trouble("");
   } catch (error) {
     trouble(error.message);
