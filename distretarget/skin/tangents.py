@@ -15,7 +15,7 @@ from distretarget.numerics.vectors import B1, F1, F2, F3, I1, I2, Array, clear
 from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, place
 from distretarget.skin.capsules import LEAST
 
-MARGIN = 0.005  # gaps that are larger have no tangent [body units]
+MARGIN = 0.005  # gaps that are larger, also without displacements, have no tangent [body units]
 GIVES = 0.18  # compliance of a push, so that limbs without room to leave a body are not pushed on and on
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
@@ -68,14 +68,31 @@ def find_gaps(balls, displaced, placed, free, d, soft, rows):  # type: ignore[no
     """Write the tangents of the gaps of a frame at displacements d, (limbs, 2, 3); return how many there are."""
     count = 0
     for pair in range(len(balls.pairs)):
-        far, both = MARGIN - soft[pair], displaced.mutual[pair]
-        for meeting in range(find_meetings(balls, pair, far, placed)):
+        both, far = displaced.mutual[pair], MARGIN - soft[pair]
+        for meeting in range(find_meetings(balls, pair, far + _way(balls, displaced, pair, d), placed)):
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
             gap, t, x, y, z = gap_of(balls, ball, capsule, placed)
-            if gap < far and _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
+            if _is_movable(balls, displaced, ball, capsule, t, both, free, rows, count):
                 _write(rows, count, x, y, z, gap + soft[pair], GIVES, 0.0, d)
-                count += 1
+                if min(gap + soft[pair], rows.values[count]) < MARGIN:
+                    count += 1
     return count
+
+
+@inlined(fastmath=True)
+def _way(balls, displaced, pair, d):  # type: ignore[no-untyped-def]
+    """How far, at most, displacements d change the distance of two segments."""
+    ball, capsule = balls.of_ball[balls.pairs[pair, 0]], balls.of_capsule[balls.pairs[pair, 1]]
+    return _farthest(d[displaced.limbs[balls.carriers[ball]]]) + _farthest(d[displaced.limbs[capsule]])
+
+
+@inlined(fastmath=True)
+def _farthest(by):  # type: ignore[no-untyped-def]
+    """The larger of the displacements of a limb's middle and end, (2, 3)."""
+    square = 0.0
+    for joint in range(2):
+        square = max(square, by[joint, 0] ** 2 + by[joint, 1] ** 2 + by[joint, 2] ** 2)
+    return np.sqrt(square)
 
 
 @inlined(fastmath=True)
