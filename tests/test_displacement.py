@@ -109,11 +109,12 @@ def test_a_hand_that_rests_on_the_world_does_not_move():
     assert not displaced(skin, motion, free=0.0)[1].any()
 
 
-def test_a_hand_stays_on_the_side_on_which_it_entered():
-    """The belly goes through the hand, from behind it to before it; so the hand stays before the belly."""
+def through_a_hand(places):
+    """The belly goes through the left hand, to places before it: the least gaps, the displacements of the hand, and how
+    far before the belly these lead.
+    """
     motion, _ = hand_in_belly()
     skin = skin_of(0.12)
-    places = np.linspace(-0.25, 0.05, 60)
     wrist = motion.positions[0, PERSON.index("LeftWrist")]
     many = standing({"LeftShoulder": [0, -1.2, 0], "LeftElbow": [0, -1.4, 0]}, len(places))
     ends = skin.posed(many)
@@ -121,8 +122,18 @@ def test_a_hand_stays_on_the_side_on_which_it_entered():
     ends[:, belly] = (wrist + np.outer(places, [0.0, 0.0, 1.0]))[:, None] / skin.unit
     gaps, d = displaced(skin, many, ends)
     ahead = wrist[2] / skin.unit + d[:, 0, 1, 2] - ends[:, belly, 0, 2]
-    inside = gaps.min(axis=1) < -1e-3
-    assert (ahead[inside] > 0).all()
+    return gaps.min(axis=1), skin.unit * d[:, 0, 1], ahead
+
+
+def test_a_hand_stays_on_the_side_on_which_it_entered():
+    gaps, _, ahead = through_a_hand(np.linspace(-0.25, 0.05, 60))
+    assert (ahead[gaps < -1e-3] > 0).all()
+
+
+def test_a_hand_moves_no_faster_than_what_it_leaves_also_when_that_goes_back():
+    places = [-0.25, -0.13, -0.08, -0.03, 0.02, 0.06, 0.09, 0.05, 0.01, -0.03, -0.08, -0.13]
+    _, d, _ = through_a_hand(places)
+    assert (np.linalg.norm(np.diff(d, axis=0), axis=1) < 1.25 * np.abs(np.diff(places))).all()
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.27, 1.5])
