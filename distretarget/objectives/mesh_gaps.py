@@ -6,10 +6,14 @@ mesh, where limbs touch, or nearly do.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Numbers
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import Shots, by_shot
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.spots import Spots, of_pairs
 from distretarget.skin.balls import segment_gaps
@@ -22,10 +26,11 @@ MOST = 0.04  # a mesh and its capsules differ by no more [body units]
 # Where nothing is to touch, capsules that seem thicker than their mesh are believed but for so much: at the hem of a
 # jacket, the nearest point of a coarse mesh changes by more [body units].
 THICKER = 0.01
+STEADY = 0.07  # what the mesh says is averaged so long before and after, as its nearest point jumps [s]
 
 
 def nearer_than_capsules(
-    body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, touching: Array, first: int
+    body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, touching: Array, first: int, shots: Shots
 ) -> Array:
     """Return by how much the mesh is nearer than the capsules at each spot, (frames, spots) [body units]: by nothing
     where a body has no mesh.
@@ -37,6 +42,7 @@ def nearer_than_capsules(
         motion: its frames.
         touching: (frames, spots), more than 0 where limbs are to touch; else what is near is looked at.
         first: the number of the first frame in the clip, of which every so many frames are looked at.
+        shots: (frames,); nothing is averaged across cuts.
     """
     step = max(round(1.0 / (RATE * motion.frame_time)), 1)
     frames = np.arange(-first % step, len(motion), step)
@@ -51,6 +57,14 @@ def nearer_than_capsules(
         of_mesh = body.surface.gaps(some, parts, wanted, FARTHEST * body.unit) / body.unit
         off = np.where(wanted & (of_mesh < FARTHEST), gaps - of_mesh, 0.0)
         off = off.clip(np.where(touching[frames] > 0.0, -MOST, -THICKER), MOST)
+        averaged_in = partial(_averaged, reach=round(STEADY / (step * motion.frame_time)))
+        off = by_shot(averaged_in, shots[frames], off, wanted & (of_mesh < FARTHEST))
         for spot in np.flatnonzero(wanted.any(axis=0)):
             change[:, spot] = np.interp(np.arange(len(motion)), frames, off[:, spot])
     return change
+
+
+def _averaged(values: Array, are_known: Flags, reach: int) -> Array:
+    """Values, (frames, spots), averaged over those around them that are known; 0 for those that are not."""
+    known = are_known.astype(float)
+    return known * averaged(values, reach) / np.maximum(averaged(known, reach), np.finfo(float).tiny)

@@ -129,7 +129,7 @@ def _displaced(clip: Clip, skins: Skins, posed: Motion, free: Array, first: int,
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
     gaps = spots.least(in_source)
-    near = partial(nearer_than_capsules, pairs=balls.pairs, first=first)
+    near = partial(nearer_than_capsules, pairs=balls.pairs, first=first, shots=clip.shots)
     gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
     firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
