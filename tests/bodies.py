@@ -19,6 +19,11 @@ from distretarget.skeleton import JointMap
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
+UP = np.array([0.0, 1.0, 0.0])
+ALONG = np.array([0.6, 0.0, 0.8])  # along the floor
+SIDES = ("Left", "Right")
+LEG = 0.435 + 0.453  # of `PERSON`, thigh and shin [m]
 WAYS = [
     *Rotation.create_group("O"),
     Rotation.from_euler("Y", 140, degrees=True),
@@ -88,6 +93,9 @@ def person() -> Skeleton:
         channels=body.channels + ((),) * len(leaves),
         end_sites=np.concatenate([body.end_sites, np.ones(len(leaves), bool)]),
     )
+
+
+PERSON = person()
 
 
 def bent_chain() -> Skeleton:

@@ -5,15 +5,13 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from bodies import matched, person, posed
+from bodies import PERSON, matched, posed
 from program import last_records
 from scipy.spatial.transform import Rotation
 
 from distretarget import convert_folder, write_bvh
 from distretarget.batch.results import Database
 from distretarget.batch.summary import ROLES, SCALE, alignment_text, largest_spread, spread_warnings
-
-PERSON = person()
 
 
 def clip(head=0.0, scale=1.0):

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person
+from bodies import PERSON, SAMPLES
 from program import run
 
 from distretarget import FileError, Options, Skeleton, load_build, load_target
@@ -13,8 +13,6 @@ from distretarget.body.build import AGES, BUILDS, age_of, average_build, average
 from distretarget.body.segments import proportions
 from distretarget.scene.scene_file import load_scene
 from distretarget.skin.capsules import SEGMENTS
-
-PERSON = person()
 
 
 def like(leg, crown):

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 
 from distretarget import (
     contacts_to_json,
@@ -25,7 +25,6 @@ from distretarget import (
 )
 
 ROOT = Path(__file__).resolve().parents[1]
-HERO = ROOT / "sample_characters" / "hero.glb"
 BLENDER = os.environ.get("DISTRETARGET_BLENDER") or (sys.executable if importlib.util.find_spec("bpy") else None)
 
 pytestmark = pytest.mark.skipif(BLENDER is None, reason="Blender's module bpy is not installed")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import clapping, matched, other_lengths, paths_of, person
+from bodies import PERSON, clapping, matched, other_lengths, paths_of
 
 from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
@@ -21,7 +21,6 @@ from distretarget.objectives.contact_pairs import (
 )
 from distretarget.objectives.contact_terms import WITHIN, write_pair_spring
 
-PERSON = person()
 TARGET = other_lengths(PERSON)
 MATCHING = matched(PERSON, TARGET)
 PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)

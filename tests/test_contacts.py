@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import clapping, lengthened, matched, person, posed
+from bodies import ALONG, PERSON, UP, clapping, lengthened, matched, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
@@ -12,10 +12,7 @@ from distretarget.measure.comparison import Reference
 from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_contacts
 from distretarget.measure.metrics import BY_KEY
 
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
 FEET_TOGETHER = {"LeftKnee": np.array([0, 0, -0.1]), "RightKnee": np.array([0, 0, 0.1])}
-ALONG = np.array([0.6, 0.0, 0.8])
 
 
 def hook(last, frames=2, links=3):

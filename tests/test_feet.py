@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import body_of, lengthened, matched, moved, person, posed
+from bodies import ALONG, LEG, PERSON, UP, body_of, lengthened, matched, moved, posed
 from built_rigs import along_bones, with_axes
 from scipy.spatial.transform import Rotation
 
@@ -11,11 +11,7 @@ from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
 from distretarget.measure.supports import find_feet
 
-LEG = 0.435 + 0.453
 TIME = 0.02
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
-ALONG = np.array([0.6, 0.0, 0.8])
 OVER_FEET = ("foot_height", "foot_pitch", "ankle_height", "hips_height")
 
 

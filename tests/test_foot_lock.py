@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
+from bodies import LEG, SAMPLES, SIDES, UP, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import ContactSettings, Options, Skeleton, load_target, read_bvh, retarget
@@ -16,11 +16,7 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
 from distretarget.objectives.supports import no_supports
-from distretarget.pipeline.performer import match_performer
-
-LEG = 0.435 + 0.453
-SIDES = ("Left", "Right")
-UP = np.array([0.0, 1.0, 0.0])
+from distretarget.pipeline.performer import Transfer, match_performer
 
 
 def pitched_feet(sine):
@@ -474,7 +470,7 @@ def test_stance_turns_with_the_up_axis():
 def test_strides_beyond_the_reach_of_the_legs_lower_the_hips_no_more_than_they_must(longer):
     """As of a child that keeps up with adults; its feet do not skate for it."""
     source, target = read_bvh(SAMPLES / "walk.bvh"), load_target(SAMPLES / "rigs" / "mixamo_a.json").skeleton
-    match_of_both = match_performer(source, target)
+    match_of_both = match_performer(Transfer(source, target))
     height = find_root_scale(match_of_both.matching)
     performer = match_of_both.performer(RootScale(longer * height, height))
     performer = performer.with_supports(Options(), ContactSettings())

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, body_of, matched, person, posed, with_bone
+from bodies import PERSON, SAMPLES, body_of, matched, posed, with_bone
 
 from distretarget import Skeleton
 from distretarget.body.body import Body
@@ -14,7 +14,6 @@ from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching, match, refusal
 from distretarget.pipeline.retargeting import needs_map
 
-PERSON = person()
 RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*.json"))}
 MIXAMO = RIGS["mixamo_t"]
 # Both arms and legs of each convention, from the collar bone to the hand and from the hip joint to the toes.

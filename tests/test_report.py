@@ -8,19 +8,18 @@ from base64 import b64decode, b64encode
 from dataclasses import replace
 
 import numpy as np
-from bodies import SAMPLES, clapping, lengthened, person, posed, swaying
+from bodies import PERSON, SAMPLES, clapping, lengthened, posed, swaying
 from make_samples import CHARACTERS
 
 from distretarget import Skeleton, load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.io.input_file import load_file
 from distretarget.measure.diff import diff
-from distretarget.report.actors import packed
+from distretarget.report.actors import encoded
 from distretarget.report.clip_page import diff_page, run_page
 from distretarget.report.diff_document import About, document
 from distretarget.report.page import script_json
 from distretarget.report.stage import stage_data
 
-PERSON = person()
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{stage}} __proto__ \u202e" + 10_000 * "x"
 
 
@@ -44,7 +43,7 @@ def stage_of(motion_a, motion_b):
 
 
 def numbers(text, dtype):
-    """The numbers of a packed array."""
+    """The numbers of a encoded array."""
     planes = np.frombuffer(zlib.decompress(b64decode(text)), np.uint8).reshape(np.dtype(dtype).itemsize, -1)
     return np.ascontiguousarray(planes.T).view(dtype).ravel()
 
@@ -117,7 +116,7 @@ def test_scripts_make_no_markup_of_text():
 def test_packed_numbers_are_the_same_numbers():
     for dtype in ("<f4", "<i2", "<u1", "<u4"):
         values = np.arange(24).reshape(2, 3, 4).astype(dtype)
-        np.testing.assert_array_equal(numbers(packed(values, dtype), dtype), values.ravel())
+        np.testing.assert_array_equal(numbers(encoded(values, dtype), dtype), values.ravel())
 
 
 def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, moved, person, posed, swaying, with_bone
+from bodies import PERSON, SAMPLES, moved, posed, swaying, with_bone
 from make_samples import CHARACTERS
 from pages import CONTRASTS, settle
 from scipy.spatial.transform import Rotation
@@ -21,7 +21,6 @@ from distretarget.report.clip_page import diff_page, run_diff, run_page
 from distretarget.report.diff_document import About, document
 
 NASTY = "</script><b>&amp; \"q' __proto__ \u202e" + 60 * "ü"
-PERSON = person()
 APART = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
 MINUS = "\u2212"
 Z_UP = Rotation.from_matrix([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])

@@ -1,7 +1,7 @@
 """Joints at rest: on the floor, and on anything else that stands still while the body moves."""
 
 import numpy as np
-from bodies import body_of, lengthened, person, posed
+from bodies import UP, body_of, lengthened, person, posed
 from skeleton_edits import below_root
 
 from distretarget import Motion, Skeleton
@@ -10,7 +10,6 @@ from distretarget.numerics.joint_paths import heights_of, lowest_heights
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
-UP = np.array([0.0, 1.0, 0.0])
 TIME = np.arange(FRAMES) * STEP
 ROOT = np.zeros((FRAMES, 3))
 

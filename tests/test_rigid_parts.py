@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, held_still, matched, other_lengths, person, swaying
+from bodies import PERSON, SAMPLES, held_still, matched, other_lengths, swaying
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
@@ -12,7 +12,6 @@ from distretarget import Skeleton, load_target
 from distretarget.ik.poses import part_of_joint, posed_motion, subtree_lengths
 from distretarget.objectives.clip import rigid_part_roots
 
-PERSON = person()
 STILL = ("LeftHip", "RightHip", "LeftCollar", "RightCollar", "LeftShoulder")
 COPY = held_still(swaying(other_lengths(PERSON), frames=5, angle=1.2), STILL)
 ROOTS = rigid_part_roots(matched(PERSON, PERSON, dict.fromkeys(STILL)))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, matched, person, posed, swaying
+from bodies import SAMPLES, SIDES, lengthened, matched, person, posed, swaying
 from skeleton_edits import with_offset
 
 from distretarget import Skeleton, read_bvh
@@ -15,8 +15,6 @@ from distretarget.baseline.rotation_copy import (
     root_path,
     rotation_copy,
 )
-
-SIDES = ("Left", "Right")
 
 
 def chain():

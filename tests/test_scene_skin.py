@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, moved
+from bodies import HERO, SAMPLES, moved
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, read_bvh, retarget, retarget_scene
@@ -16,7 +16,6 @@ from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, FARTHEST, Bodies
 from distretarget.skin.capsules import SEGMENTS
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TOUCH = 0.005  # gaps of less in the source touch [body units]
 
 

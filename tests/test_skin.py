@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person
+from bodies import PERSON, SAMPLES
 from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
@@ -20,7 +20,6 @@ from distretarget.numerics.vectors import normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-PERSON = person()
 BODY = Body.of(PERSON)
 BELLY, HAND = 0.22, 0.05  # radii [m]
 ROLES = BODY.anatomy.roles

@@ -1,7 +1,7 @@
 """The stiffness of parts: which give way to contacts and feet, and which do not."""
 
 import numpy as np
-from bodies import SAMPLES, matched, person, swaying
+from bodies import PERSON, SAMPLES, matched, swaying
 
 from distretarget import load_target
 from distretarget.baseline.rotation_copy import RootScale
@@ -14,8 +14,6 @@ from distretarget.objectives.contact import (
     TRUNK_FACTOR,
     part_stiffness,
 )
-
-PERSON = person()
 
 
 def clip_on(target):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, posed
+from bodies import PERSON, SAMPLES, posed
 from capsule_bodies import capsule_surface, mesh_of
 from input_files import file_of
 from scipy.spatial.transform import Rotation
@@ -21,7 +21,6 @@ from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.fit import Part, distances, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-PERSON = person()
 BODY = Body.of(PERSON)
 HEIGHT = BODY.height
 HERO = Body.of(load_target(SAMPLES.parent / "sample_characters" / "hero.glb").skeleton)

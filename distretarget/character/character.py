@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.beside import Tree, in_tree, limbs_on_body
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.motion import Motion, rounded, single_precision
+from distretarget.motion import Motion, in_float32, single_precision
 from distretarget.numerics.rotations import continuous
 from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
@@ -170,7 +170,7 @@ class Character:
         """
         parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
         path = parent.inv().apply(motion.root_positions - self.origin) / scale
-        return replace(single_precision(motion), root_positions=parent.apply(rounded(path) * scale) + self.origin)
+        return replace(single_precision(motion), root_positions=parent.apply(in_float32(path) * scale) + self.origin)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from distretarget.objectives.constraints import centimetres, frames_of
 from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import Match, match_performer
+from distretarget.pipeline.performer import Match, Transfer, match_performer
 from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.balls import segment_gaps
@@ -61,8 +61,8 @@ def find_contacts(
     check_kind("motion", motion, Motion)
     check_kind("target", target, Motion, Skeleton, Target, SkeletonEdit, NoneType)
     check_kind("settings", settings, ContactSettings)
-    goal, options = motion if target is None else target, Options(skin="none")
-    return _found(match_performer(motion, goal, options, joint_map), settings)
+    goal = motion if target is None else target
+    return _found(match_performer(Transfer(motion, goal, Options(skin="none"), joint_map)), settings)
 
 
 def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> ContactList:

@@ -37,7 +37,7 @@ from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.target import AnyTarget, SkeletonEdit, Target
+from distretarget.target import AnyTarget, LoadedTarget, SkeletonEdit, Target
 
 HIPS_RANGE = 2.0  # most distance of the hips from the root's path [body units]
 FEET_RANGE = 3.0  # most distance of an ankle from the rotation copy's on that path [body units]
@@ -91,18 +91,40 @@ class Match:
         return Performer(self, engine_root, clip, baseline, no_supports(len(clip)), DEFAULT_SETTINGS)
 
 
-def match_performer(
-    source: Motion,
-    target: AnyTarget,
-    options: Options = DEFAULT_OPTIONS,
-    joint_map: JointMap | None = None,
-    rest: Motion | None = None,
-    builds: Builds = OWN_BUILDS,
-) -> Match:
-    """Match a source to its target, with the parameters and errors of `retarget`."""
-    goal = target_for(source, target)
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """What of the parameters of `retarget` decides how a source is matched to its target."""
+
+    source: Motion
+    target: AnyTarget
+    options: Options = DEFAULT_OPTIONS
+    joint_map: JointMap | None = None
+    rest: Motion | None = None
+    builds: Builds = OWN_BUILDS
+
+    @property
+    def loaded(self) -> LoadedTarget:
+        """The target as `load_target` returns it, whatever form it was given in."""
+        match self.target:
+            case Motion():
+                return Target(self.target.rigid_skeleton, {}, "", self.target)
+            case Skeleton():
+                return Target(self.target, {}, "")
+            case _:
+                return self.target
+
+    @property
+    def goal(self) -> Target:
+        """The body to retarget to."""
+        return self.loaded.for_source(self.source.rigid_skeleton)
+
+
+def match_performer(transfer: Transfer) -> Match:
+    """Match a source to its target; errors as in `retarget`."""
+    goal, options, builds = transfer.goal, transfer.options, transfer.builds
+    source, rest = transfer.source, transfer.rest
     _check(source, goal.skeleton)
-    pairs = {**goal.map, **(joint_map or {})}
+    pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
     of_source = at_thighs(Body.of_motion(without_twins(source, named)))
     of_source = of_source if rest is None else of_source.standing_as(without_twins(rest, named))
@@ -114,7 +136,7 @@ def match_performer(
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
-    skins = _find_skins(matching, goal, target, options, builds)
+    skins = _find_skins(matching, goal, transfer)
     mesh = _bare(goal) if skins and not builds.target else None
     source_mesh = builds.source.mesh_on(matching.source.skeleton) if builds.source else None
     skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
@@ -126,12 +148,13 @@ def match_performer(
     return found
 
 
-def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
-    """The skins of a source and its target, `given` as it is or as another length of the source's bones, which has the
-    source's build; None where either has no capsules, or the target's thickness is neither known nor an average one.
+def _find_skins(matching: Matching, goal: Target, transfer: Transfer) -> Skins | None:
+    """The skins of a source and its target, which has the source's build where it is the source's skeleton with other
+    lengths; None where either has no capsules, or the target's thickness is neither known nor an average one.
     """
+    builds, options = transfer.builds, transfer.options
     build, average = builds.target, options.skin == "average"
-    if isinstance(given, SkeletonEdit):
+    if isinstance(transfer.target, SkeletonEdit):
         build = build or builds.source
     if options.objective == "paper" or options.skin == "none" or not (average or build or goal.is_measured):
         return None
@@ -233,17 +256,6 @@ class Performer:
 def _body_at_rest(skeleton: Skeleton) -> Body:
     """The body of a target, cached for a batch of clips with the same target."""
     return Body.of(skeleton)
-
-
-def target_for(source: Motion, target: AnyTarget) -> Target:
-    """Return the target, whatever form it was given in."""
-    match target:
-        case Motion():
-            return Target(target.rigid_skeleton, {}, "", target)
-        case Skeleton():
-            return Target(target, {}, "")
-        case _:
-            return target.for_source(source.rigid_skeleton)
 
 
 def _check(source: Motion, target: Skeleton) -> None:

@@ -24,7 +24,7 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.scene.props import Grip, Prop, PropScale, PropSurface, prop_of
-from distretarget.scene.retargeting import SceneResult, retarget_scene
+from distretarget.scene.retargeting import SceneResult, retarget_transfers
 
 SCENE_NAME = "scene.json"  # in a folder of scenes
 HEADER = {"format": "distretarget-scene", "version": 1}
@@ -150,24 +150,12 @@ class SceneSetup:
         options = Options(supports=self.supports, environment=self.environment, skin=self.skin)
         recipes = [performer.recipe(options) for performer in self.performers]
         targets = [load_target(performer.target) for performer in self.performers]
-        arguments = [
-            recipe.match_arguments(source, load_file(each.file), target.for_source(source.rigid_skeleton), each.target)
+        transfers = [
+            recipe.transfer(source, load_file(each.file), target, each.target)
             for each, recipe, source, target in zip(self.performers, recipes, sources, targets, strict=True)
         ]
         try:
-            return retarget_scene(
-                sources,
-                targets,
-                props,
-                joint_maps=[each["joint_map"] for each in arguments],
-                rests=[each["rest"] for each in arguments],
-                world_scale=self.world_scale,
-                supports=self.supports,
-                environment=self.environment,
-                skin=[recipe.options.skin for recipe in recipes],
-                builds=[each["builds"] for each in arguments],
-                contacts=contacts,
-            )
+            return retarget_transfers(transfers, props, contacts, self.world_scale)
         except DistretargetError as error:
             performer = self.performers[error.performer or 0]
             raise error.in_file(error.path or (performer.target if error.of_target else performer.file)) from None
