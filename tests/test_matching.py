@@ -12,7 +12,7 @@ from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching, match, refusal
-from distretarget.pipeline.retargeting import needs_map
+from distretarget.pipeline.retargeting import with_advice
 
 RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*.json"))}
 MIXAMO = RIGS["mixamo_t"]
@@ -418,5 +418,5 @@ def test_a_map_is_never_refused_for_lack_of_names(explicit):
     ],
 )
 def test_the_file_that_is_at_fault_is_named(fault, file):
-    error = needs_map(MatchingError(fault, ["Hips"], ["Hips"]), "walk.bvh", "hero.glb")
-    assert str(error).startswith(f"{file}: {fault}")
+    with pytest.raises(MatchingError, match=f"^{file}: {fault}"), with_advice("walk.bvh", "hero.glb"):
+        raise MatchingError(fault, ["Hips"], ["Hips"])

@@ -123,7 +123,7 @@ def alignment_text(matching: Matching) -> str:
 
 def role_rotations(matching: Matching) -> Array:
     """Return the rotation that aligns the joint of each of `ROLES`, (`ROLES`, 4); zero where there is none."""
-    roles = matching.target.anatomy.roles if matching.target.anatomy else {}
+    roles = matching.target.roles
     alignment, rotations = rest_alignment(matching)[:, 0], np.zeros((len(ROLES), 4))
     for k, role in enumerate(ROLES):
         if role in roles and matching.drivers[roles[role]] >= 0:

@@ -22,7 +22,7 @@ from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of
 from distretarget.body.reference_pose import t_pose
-from distretarget.errors import FileError, SkeletonError, quoted
+from distretarget.errors import FileError, SkeletonError, in_file, quoted
 from distretarget.io.arrays import ArraysFile
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
@@ -78,10 +78,8 @@ def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
         return _smpl_skeleton(arrays, np.zeros(0) if betas is None else betas)
     names = tuple(map(str, arrays.array("names").ravel()))
     ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
-    try:
+    with in_file(arrays.path):
         return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
-    except SkeletonError as error:
-        raise error.in_file(arrays.path) from None
 
 
 def _smpl_skeleton(arrays: ArraysFile, betas: Array) -> Skeleton:

@@ -102,7 +102,6 @@ def humanoid_bones(body: Body) -> dict[str, int]:
     """Return the joint of each bone of the humanoid, by VRM 1.0's names: those that the file states, else the roles."""
     if body.skeleton.humanoid:
         return {bone: joint for bone, joint in body.skeleton.humanoid if bone not in EYES}
-    roles = body.anatomy.roles if body.anatomy else {}
     fingers = {
         f"{side}{finger}{number}": f"{side}{finger}{bone}"
         for side in SIDES
@@ -110,7 +109,7 @@ def humanoid_bones(body: Body) -> dict[str, int]:
         for number, bone in enumerate(THUMB if finger == "Thumb" else FINGER, start=1)
     }
     others = {f"{side}{finger}0" for side in SIDES for finger in FINGERS}
-    bones = {fingers.get(role, role): joint for role, joint in roles.items() if role not in others}
+    bones = {fingers.get(role, role): joint for role, joint in body.roles.items() if role not in others}
     if "spine" not in bones and "chest" in bones:
         bones["spine"] = bones.pop("chest")  # a single joint is the spine
     return bones

@@ -47,7 +47,7 @@ def others_without_source(matching: Matching) -> Iterator[str]:
 
 def _unrecognised(matching: Matching) -> list[str]:
     """The arms and legs that the source has and the target has not, such as "left arm"."""
-    source, target = (body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target))
+    source, target = matching.source.roles, matching.target.roles
     limbs = {f"{side} {name}": {side + bone for bone in bones} for name, bones in LONG_BONES.items() for side in SIDES}
     return [name for name, bones in limbs.items() if bones & source.keys() and not bones & target.keys()]
 

@@ -10,7 +10,7 @@ from types import NoneType
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
-from distretarget.errors import ContactsError, DistretargetError, MatchingError, MotionError
+from distretarget.errors import in_file
 from distretarget.ik.poses import Progress, ignore_progress
 from distretarget.io.formats import OutputKind
 from distretarget.io.input_file import InputFile
@@ -23,7 +23,7 @@ from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Transfer
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import Prepared, needs_map, prepare
+from distretarget.pipeline.retargeting import Prepared, prepare, with_advice
 from distretarget.target import LoadedTarget
 
 
@@ -80,10 +80,8 @@ class Recipe:
         `parse_motion` and `Edits.of`.
         """
         motion, lost = parse_motion(source, self.clip, self.fps)
-        try:
+        with in_file(source.path):
             return self.edits.of(motion), lost
-        except MotionError as error:
-            raise error.in_file(source.path) from None
 
     def name_of(self, source: InputFile) -> str:
         """Return the name of the animation that is written of a clip."""
@@ -137,12 +135,8 @@ class Conversion:
         """Return that of a motion that `Recipe.read` returned; errors as in `prepare`, which name the file at fault."""
         body = target.target.for_source(motion.rigid_skeleton)
         transfer = recipe.transfer(motion, source, body, target.path)
-        try:
+        with in_file(source.path), with_advice(source.path, target.path):
             prepared = prepare(transfer)
-        except MatchingError as error:
-            raise needs_map(error, source.path, target.path) from error
-        except DistretargetError as error:
-            raise error.in_file(source.path) from None
         return cls(prepared, source, target, recipe)
 
     def converted(
@@ -163,12 +157,8 @@ class Conversion:
         Raises:
             DistretargetError: as in `retarget`; it names the file at fault.
         """
-        try:
+        with in_file(self.source.path):
             result = self.prepared.solved(contacts, progress=progress)
-        except ContactsError as error:
-            raise error.in_file(error.path or self.source.path) from None
-        except DistretargetError as error:
-            raise error.in_file(self.source.path) from None
         writing = self.recipe.writing
         clip = writing.clip(result.motion, name, result.world.up_vector)
         result = replace(result, motion=as_written(result.motion, kinds[0], writing.precision, self.target))

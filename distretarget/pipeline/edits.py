@@ -107,8 +107,7 @@ def find_partners(skeleton: Skeleton, roles: Mapping[str, int], reflection: Arra
 def _roles(body: Body, skeleton: Skeleton) -> dict[str, int]:
     """The joints of a skeleton by the roles that they play in the body that it has."""
     numbers = {key: joint for joint, key in enumerate(skeleton.keys)}
-    roles = body.anatomy.roles if body.anatomy else {}
-    return {role: numbers[body.skeleton.keys[joint]] for role, joint in roles.items()}
+    return {role: numbers[body.skeleton.keys[joint]] for role, joint in body.roles.items()}
 
 
 def _other_side(role: str) -> str:

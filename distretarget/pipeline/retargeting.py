@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import NoneType
@@ -156,11 +157,15 @@ def _by_paper(
     return replace(result, contact_list=contacts, unmet=tuple(unmet(performer, constraints, posed)))
 
 
-def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
-    """Return the error with the advice to write a map, and the command for it."""
-    command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
-    advice = f"{SAY_IN_A_MAP}: `{command}`, then --map MAP.json"
-    return error.advised(advice).in_file(source if error.is_of_source else target)
+@contextmanager
+def with_advice(source: str | Path, target: str | Path) -> Iterator[None]:
+    """A MatchingError within names the file at fault, and advises to write a map, with the command for it."""
+    try:
+        yield
+    except MatchingError as error:
+        command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
+        advised = error.advised(f"{SAY_IN_A_MAP}: `{command}`, then --map MAP.json")
+        raise advised.in_file(source if error.is_of_source else target) from error
 
 
 def argument(path: str | Path) -> str:

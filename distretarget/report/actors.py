@@ -100,7 +100,7 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
     numbers = np.rint(32767 * continuous(_turned_axes(turn, world))).reshape(len(world), -1).T
     steps = np.diff(numbers, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)  # sums wrap round at 16 bits
     moving = motion.moving
-    roles = body.anatomy.roles if body and body.anatomy else {}
+    roles = body.roles if body else {}
     return {
         "name": actor.name,
         "side": actor.side,

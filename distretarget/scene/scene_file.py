@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 from distretarget.body.build import BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS
-from distretarget.errors import DistretargetError, MotionError, closest, counted
+from distretarget.errors import DistretargetError, MotionError, closest, counted, in_file
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text, safe_file_name
 from distretarget.io.input_file import load_file
@@ -173,10 +173,8 @@ def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
         motion, _ = parse_motion(file)
     if is_prop and len(motion) == 1:
         return motion, surface
-    try:
+    with in_file(clip.file):
         return started(motion, clip.start), surface
-    except MotionError as error:
-        raise error.in_file(clip.file) from None
 
 
 def started(motion: Motion, start: float) -> Motion:
@@ -209,15 +207,13 @@ def _made(
     prop: PropFiles, own: Mapping[SceneClip, Motion], surface: PropSurface | None, sources: Sequence[Motion]
 ) -> Prop:
     """A prop with the motion in its own file, or with that of the joint where it begins."""
-    try:
+    with in_file(prop.file):
         if prop.part_of is None:
             return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by, surface=surface)
         source, joint = sources[prop.part_of.performer], prop.part_of.joint
         above = source.skeleton.line(source.skeleton.index(joint))[1:2]
         held_by = prop.held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
         return Prop(name=prop.name, motion=prop_of(source, joint), scale=prop.scale, held_by=held_by)
-    except DistretargetError as error:
-        raise error.in_file(prop.file) from None
 
 
 def load_scene(path: str | Path) -> SceneSetup:

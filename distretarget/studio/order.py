@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -198,6 +198,11 @@ class Project:
         """What the command line is not told, by the names of its parameters."""
         files = {"source": self.folder / self.names.clip, "target": self.folder / self.names.character}
         return {name: str(value) for name, value in files.items()} | {"output": self.names.result} | self.order.settings
+
+    def with_map(self, recipe: Recipe) -> Recipe:
+        """Return a recipe with the order's map, and with its rest pose unless the recipe has one."""
+        own = self.order.map_file
+        return replace(recipe, map_file=replace(own, rest=recipe.map_file.rest or own.rest))
 
 
 def project_to_json(order: Order, names: Names, hashes: tuple[str, str]) -> str:
