@@ -14,6 +14,7 @@ from bodies import (
     other_lengths,
     posed,
     swaying,
+    tree_of,
 )
 from scipy.spatial.transform import Rotation
 
@@ -26,15 +27,7 @@ TIME = 0.02
 
 def chain(lengths):
     """A chain along x."""
-    joints = len(lengths) + 1
-    offsets = np.outer([0, *lengths], [1.0, 0, 0])
-    return Skeleton(
-        names=tuple("abcdefgh"[:joints]),
-        parents=np.arange(joints) - 1,
-        offsets=offsets,
-        channels=(("Zrotation",),) * joints,
-        end_sites=[False] * joints,
-    )
+    return tree_of(np.outer([0, *lengths], [1.0, 0, 0]), "abcdefgh"[: len(lengths) + 1])
 
 
 def squared(last, frames=4):

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, clapping, matched, other_lengths, paths_of
+from bodies import PERSON, clapping, matched, other_lengths, paths_of, tree_of
 
-from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.anatomy import Regions
 from distretarget.distances import distance_problem
@@ -102,13 +101,7 @@ def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units
 
 
 def test_joints_that_coincide_by_their_bones_are_no_pair():
-    chain = Skeleton(
-        names=tuple("abcdef"),
-        parents=np.arange(6) - 1,
-        offsets=np.outer(np.arange(6) == 5, [0, 1, 0]),
-        channels=((),) * 6,
-        end_sites=[False] * 6,
-    )
+    chain = tree_of(np.outer(np.arange(6) == 5, [0, 1, 0]))
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
     problem = distance_problem(chain, longer, np.arange(6))
     pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, None, np.ones(6, bool))

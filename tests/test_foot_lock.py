@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import LEG, SAMPLES, SIDES, UP, body_of, lengthened, matched, person, posed, swaying
+from bodies import LEG, SAMPLES, SIDES, UP, body_of, lengthened, matched, person, posed, swaying, taken, tree_of
 from scipy.spatial.transform import Rotation
 
-from distretarget import ContactSettings, Options, Skeleton, load_target, read_bvh, retarget
+from distretarget import ContactSettings, Options, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import SINK, RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.body.resting import REST_SPEED
@@ -47,9 +47,7 @@ def places_of(stance, target, name):
 
 
 def test_a_body_without_legs_stands_nowhere():
-    chain = Skeleton(
-        names=tuple("abc"), parents=[-1, 0, 1], offsets=np.eye(3), channels=(("Zrotation",),) * 3, end_sites=[False] * 3
-    )
+    chain = tree_of(np.eye(3))
     stance = stance_of(swaying(chain), chain, 2.0)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
     assert no_supports(20).weights.shape == (20, 0)
@@ -402,14 +400,7 @@ def test_a_foot_without_a_bone_has_one_place():
 
 def without_feet(body):
     """The body whose legs end at the ankles."""
-    kept = [joint for joint, name in enumerate(body.names) if "Toe" not in name]
-    return Skeleton(
-        names=tuple(body.names[joint] for joint in kept),
-        parents=[kept.index(body.parents[joint]) if joint else -1 for joint in kept],
-        offsets=body.offsets[kept],
-        channels=tuple(body.channels[joint] for joint in kept),
-        end_sites=body.end_sites[kept],
-    )
+    return taken(body, [joint for joint, name in enumerate(body.names) if "Toe" not in name])
 
 
 @pytest.mark.parametrize("footless", ["source", "target"])

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, body_of, matched, posed, with_bone
+from bodies import PERSON, SAMPLES, body_of, matched, posed, taken, tree_of, with_bone
 
-from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
 from distretarget.io.target_file import load_target
@@ -38,33 +37,9 @@ def swapped(name):
     return re.sub("Left|Right", lambda side: {"Left": "Right", "Right": "Left"}[side[0]], name)
 
 
-def chain(*names, parents=None, ends=()):
+def chain(*names, parents=(), ends=()):
     """A rope, which is no human body; joints named in `ends` are End Sites."""
-    parents = range(-1, len(names) - 1) if parents is None else parents
-    offsets = np.outer(np.arange(len(names)) > 0, [0, 1.0, 0])
-    return Skeleton(
-        names=names,
-        parents=list(parents),
-        offsets=offsets,
-        channels=((),) * len(names),
-        end_sites=[name in ends for name in names],
-    )
-
-
-def taken(skeleton, joints):
-    """The skeleton of the given joints, parents first."""
-    joints = list(joints)
-    parents = [joints.index(skeleton.parents[joint]) if joint else -1 for joint in joints]
-    channels = tuple(skeleton.channels[joint] for joint in joints)
-    names = tuple(skeleton.names[joint] for joint in joints)
-    return replace(
-        skeleton,
-        names=names,
-        parents=parents,
-        offsets=skeleton.offsets[joints],
-        channels=channels,
-        end_sites=skeleton.end_sites[joints],
-    )
+    return tree_of(np.outer(np.arange(len(names)) > 0, [0, 1.0, 0]), names, parents, ends=ends)
 
 
 def without(skeleton, pattern):

@@ -8,10 +8,10 @@ from base64 import b64decode, b64encode
 from dataclasses import replace
 
 import numpy as np
-from bodies import PERSON, SAMPLES, clapping, lengthened, posed, swaying
+from bodies import PERSON, SAMPLES, clapping, lengthened, posed, swaying, tree_of
 from make_samples import CHARACTERS
 
-from distretarget import Skeleton, load_target, read_bvh, read_motion, retarget, write_motion
+from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.io.input_file import load_file
 from distretarget.measure.diff import diff
 from distretarget.report.actors import encoded
@@ -53,12 +53,7 @@ def clap(frames=12):
 
 
 def chain(joints):
-    offsets = np.tile([[0.0, 1.0, 0.0]], (joints, 1))
-    channels = (("Zrotation", "Xrotation", "Yrotation"),) * joints
-    names = tuple(f"joint_{k}" for k in range(joints))
-    return Skeleton(
-        names=names, parents=np.arange(joints) - 1, offsets=offsets, channels=channels, end_sites=np.zeros(joints, bool)
-    )
+    return tree_of(np.tile([[0.0, 1.0, 0.0]], (joints, 1)))
 
 
 def test_names_of_all_kinds_stay_text():

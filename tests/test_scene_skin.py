@@ -113,15 +113,23 @@ def test_bodies_keep_their_own_gaps_among_others():
         np.testing.assert_allclose(near, expected, atol=1e-6)
 
 
-def test_how_deep_performers_are_in_each_other_has_known_answers():
+@cache
+def walking_hero():
     result = retarget(read_bvh(SAMPLES / "walk.bvh")[:3], load_target(HERO))
-    skin = find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
-    motion, height = result.motion, skin.height
+    return result.motion, find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
 
+
+def two_heroes(aside):
+    """The motions and skins of a hero and the same one so far aside [heights]."""
+    motion, skin = walking_hero()
+    path = motion.root_positions + np.array([aside * skin.height, 0.0, 0.0])
+    return [motion, replace(motion, root_positions=path)], [skin, skin]
+
+
+def test_how_deep_performers_are_in_each_other_has_known_answers():
     def overlap(aside, order=(0, 1)):
-        path = motion.root_positions + np.array([aside * height, 0.0, 0.0])
-        pair = [motion, replace(motion, root_positions=path)]
-        return measure_overlap([pair[k] for k in order], [skin, skin])
+        motions, skins = two_heroes(aside)
+        return measure_overlap([motions[k] for k in order], skins)
 
     assert overlap(1.0).depth == 0.0
     assert overlap(0.2).depth > 2.0
@@ -132,17 +140,9 @@ def test_how_deep_performers_are_in_each_other_has_known_answers():
 
 
 def test_performers_who_overlap_in_the_source_may_just_touch():
-    result = retarget(read_bvh(SAMPLES / "walk.bvh")[:3], load_target(HERO))
-    skin = find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
-    motion, height = result.motion, skin.height
-
-    def pair(aside):
-        path = motion.root_positions + np.array([aside * height, 0.0, 0.0])
-        return [motion, replace(motion, root_positions=path)]
-
     def errors(aside, of_source=0.2):
-        touches = measure_skin_gap(pair(of_source), pair(aside), [skin] * 2, [skin] * 2).touches
-        return np.array([touch.error for touch in touches])
+        (source, _), (motions, skins) = two_heroes(of_source), two_heroes(aside)
+        return np.array([touch.error for touch in measure_skin_gap(source, motions, skins, skins).touches])
 
     assert errors(0.2).max() < 1e-9
     assert np.median(errors(0.202)) == 0.0

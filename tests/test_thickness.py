@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, posed
+from bodies import PERSON, SAMPLES, posed, taken
 from capsule_bodies import capsule_surface, mesh_of
 from input_files import file_of
 from scipy.spatial.transform import Rotation
 
-from distretarget import Skeleton, load_target
+from distretarget import load_target
 from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, average_build, capsules_of, radii_of
 from distretarget.body.segments import find_segments
@@ -210,15 +210,7 @@ def test_long_arms_are_not_thicker():
 
 
 def test_an_average_body_without_end_sites_has_hands_feet_and_head():
-    kept = np.flatnonzero(~PERSON.end_sites)
-    bare = Skeleton(
-        names=tuple(PERSON.names[joint] for joint in kept),
-        parents=PERSON.parents[kept],
-        offsets=PERSON.offsets[kept],
-        channels=tuple(PERSON.channels[joint] for joint in kept),
-        end_sites=np.zeros(len(kept), bool),
-    )
-    capsules = capsules_of(Body.of(bare))
+    capsules = capsules_of(Body.of(taken(PERSON, np.flatnonzero(~PERSON.end_sites))))
     assert {SEGMENTS[each] for each in capsules.segments} == {*SEGMENTS} - {"belly"}
     assert np.isfinite(capsules.ends).all()
 
