@@ -137,6 +137,16 @@ def taken(skeleton: Skeleton, joints: Iterable[int]) -> Skeleton:
     )
 
 
+def reordered(skeleton: Skeleton, seed: int) -> tuple[Skeleton, list[int]]:
+    """The skeleton with children in another order, and the old number of each joint."""
+    draw = np.random.default_rng(seed)
+    order, ready = [0], list(skeleton.children[0])
+    while ready:
+        order.append(ready.pop(draw.integers(len(ready))))
+        ready.extend(skeleton.children[order[-1]])
+    return taken(skeleton, order), order
+
+
 def bent_chain() -> Skeleton:
     """Three joints that are no body."""
     return tree_of([[0, 0, 0], [0, 2, 0], [1, 0, 0]], "abc")

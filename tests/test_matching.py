@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, body_of, matched, posed, taken, tree_of, with_bone
+from bodies import PERSON, SAMPLES, body_of, matched, posed, reordered, taken, tree_of, with_bone
 
 from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
@@ -77,12 +77,8 @@ def limbs(convention, joints=slice(None)):
 @rigs
 @pytest.mark.parametrize("seed", range(3))
 def test_equal_names_match_in_any_order(body, seed):
-    draw = np.random.default_rng(seed)
-    order, ready = [0], list(body.children[0])
-    while ready:
-        order.append(ready.pop(draw.integers(len(ready))))
-        ready.extend(body.children[order[-1]])
-    matching = matched(body, taken(body, order))
+    other, order = reordered(body, seed)
+    matching = matched(body, other)
     drivers = np.where(np.isin(order, list(Body.of(body).handles)), -1, order)
     np.testing.assert_array_equal(matching.drivers, drivers)
     np.testing.assert_array_equal(matching.rotation_sources, np.stack([drivers, drivers], axis=1))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, swaying, taken, tree_of
+from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, reordered, swaying, tree_of
 from characters import PERSON
 from scipy.spatial.transform import Rotation
 
@@ -62,12 +62,8 @@ def named(skeleton, anatomy):
 
 def renumbered(skeleton, seed):
     """The skeleton with children in another order and meaningless names, and the old number of each joint."""
-    draw = np.random.default_rng(seed)
-    order, ready = [0], list(skeleton.children[0])
-    while ready:
-        order.append(ready.pop(draw.integers(len(ready))))
-        ready.extend(skeleton.children[order[-1]])
-    return replace(taken(skeleton, order), names=tuple(f"j{joint}" for joint in range(len(order)))), order
+    other, order = reordered(skeleton, seed)
+    return replace(other, names=tuple(f"j{joint}" for joint in range(len(order)))), order
 
 
 def lying(skeleton):
