@@ -19,9 +19,10 @@ from distretarget.matching.matching import Matching, match
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, JointMap
 
-CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
-SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
+ROOT = Path(__file__).resolve().parents[1]
+CORPUS = ROOT.parent / "shared" / "corpus"
+SAMPLES = ROOT / "sample_bvh"
+HERO = ROOT / "sample_characters" / "hero.glb"
 UP = np.array([0.0, 1.0, 0.0])
 ALONG = np.array([0.6, 0.0, 0.8])  # along the floor
 SIDES = ("Left", "Right")

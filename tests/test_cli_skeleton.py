@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, swaying, tree_of
+from bodies import HERO, SAMPLES, person, swaying, tree_of
 from built_rigs import along_bones, with_axes
 from program import run
 
@@ -53,8 +53,7 @@ def test_show_says_what_is_recognised(file, says):
 
 
 def test_show_says_how_thick_a_body_is(tmp_path):
-    hero = SAMPLES.parent / "sample_characters" / "hero.glb"
-    said = run("skeleton", "show", hero, "-o", tmp_path / "skin.obj").stdout
+    said = run("skeleton", "show", HERO, "-o", tmp_path / "skin.obj").stdout
     assert "thickness of its mesh [m]" in said
     assert "upper arm" in said
     points = [line.split()[1:] for line in (tmp_path / "skin.obj").read_text().splitlines() if line.startswith("v ")]

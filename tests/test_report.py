@@ -8,8 +8,7 @@ from base64 import b64decode, b64encode
 from dataclasses import replace
 
 import numpy as np
-from bodies import PERSON, SAMPLES, clapping, lengthened, posed, swaying, tree_of
-from make_samples import CHARACTERS
+from bodies import HERO, PERSON, SAMPLES, clapping, lengthened, posed, swaying, tree_of
 
 from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.io.input_file import load_file
@@ -157,12 +156,11 @@ def test_a_row_holds_where_the_regions_touch_and_joins_the_joints_of_the_documen
 
 
 def test_a_source_with_a_mesh_is_shown_with_it(tmp_path):
-    hero = CHARACTERS / "hero.glb"
-    clip = retarget(read_bvh(SAMPLES / "clap.bvh")[:5], load_target(hero)).motion
-    write_motion(tmp_path / "clap.glb", clip, hero)
+    clip = retarget(read_bvh(SAMPLES / "clap.bvh")[:5], load_target(HERO)).motion
+    write_motion(tmp_path / "clap.glb", clip, HERO)
     file = load_file(tmp_path / "clap.glb")
     motion = read_motion(tmp_path / "clap.glb")
     result = retarget(motion, PERSON)
-    for source, own in ((file, True), (load_file(SAMPLES / "clap.bvh"), False), (load_file(hero), True)):
+    for source, own in ((file, True), (load_file(SAMPLES / "clap.bvh"), False), (load_file(HERO), True)):
         stage = embedded(run_page(result, about(), None, source), "stage")
         assert ["mesh" in stage["bodies"][actor["body"]] for actor in stage["actors"]] == [own, False, False]

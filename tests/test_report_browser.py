@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, moved, posed, swaying, with_bone
-from make_samples import CHARACTERS
+from bodies import HERO, PERSON, SAMPLES, moved, posed, swaying, with_bone
 from pages import check_text_can_be_read, printed, settle
 from scipy.spatial.transform import Rotation
 
@@ -32,7 +31,7 @@ OFF = 1e-4 / 1.7  # 0.1 mm on a body of 1.7 m
 
 def sample():
     """A real run on a character with a mesh."""
-    return retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(CHARACTERS / "hero.glb"))
+    return retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(HERO))
 
 
 def sample_page():

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, posed, taken
+from bodies import HERO, PERSON, posed, taken
 from capsule_bodies import capsule_surface, mesh_of
 from input_files import file_of
 from scipy.spatial.transform import Rotation
@@ -23,7 +23,7 @@ from distretarget.skin.mesh import SkinnedMesh
 
 BODY = Body.of(PERSON)
 HEIGHT = BODY.height
-HERO = Body.of(load_target(SAMPLES.parent / "sample_characters" / "hero.glb").skeleton)
+HERO_BODY = Body.of(load_target(HERO).skeleton)
 
 
 def dressed(body=BODY, thick=1.0):
@@ -166,13 +166,13 @@ def test_every_joint_of_a_person_is_in_the_segment_of_its_role():
 
 def test_an_average_body_has_all_segments():
     assert {SEGMENTS[each] for each in capsules_of(BODY).segments} == {*SEGMENTS} - {"belly"}
-    assert {SEGMENTS[each] for each in capsules_of(HERO).segments} == {*SEGMENTS}
+    assert {SEGMENTS[each] for each in capsules_of(HERO_BODY).segments} == {*SEGMENTS}
 
 
 def test_an_average_trunk_is_about_as_deep_as_people_are():
-    capsules = capsules_of(HERO)
+    capsules = capsules_of(HERO_BODY)
     belly = capsules.radii[capsules.segments == SEGMENTS.index("belly")]
-    assert 0.1 < 2 * belly.mean() / HERO.height < 0.16
+    assert 0.1 < 2 * belly.mean() / HERO_BODY.height < 0.16
 
 
 def test_an_average_hand_is_about_as_long_as_hands_are():
@@ -255,9 +255,9 @@ def test_radii_without_a_meaning_are_errors(joint, says):
 
 
 def test_an_exported_character_is_as_thick_as_its_mesh():
-    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
-    radii = radii_of(capsules_of(HERO, target.mesh()))
-    bare = capsules_of(HERO, radii=radii)
+    target = load_target(HERO)
+    radii = radii_of(capsules_of(HERO_BODY, target.mesh()))
+    bare = capsules_of(HERO_BODY, radii=radii)
     for joint, radius in radii_of(bare).items():
         assert radius == pytest.approx(radii.get(joint, radius))
 
