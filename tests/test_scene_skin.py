@@ -13,7 +13,7 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_gap
 from distretarget.measure.skin import find_skin
 from distretarget.scene.scene_file import load_scene
-from distretarget.scene.skin import COUNT, FARTHEST, Bodies
+from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies
 from distretarget.skin.capsules import SEGMENTS
 
 TOUCH = 0.005  # gaps of less in the source touch [body units]
@@ -108,8 +108,8 @@ def test_bodies_keep_their_own_gaps_among_others():
     for number, (skin, motion) in enumerate(zip(skins, motions, strict=True)):
         alone = Bodies([skin])
         own = (both.balls.pairs // COUNT == number).all(axis=1)
-        near = np.minimum(both.gaps(motions)[:, own] * both.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
-        expected = np.minimum(alone.gaps([motion]) * alone.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
+        near = np.minimum(both.gaps(motions)[:, own] * both.unit, 0.9 * DRAWN_WITHIN * min(both.unit, alone.unit))
+        expected = np.minimum(alone.gaps([motion]) * alone.unit, 0.9 * DRAWN_WITHIN * min(both.unit, alone.unit))
         np.testing.assert_allclose(near, expected, atol=1e-6)
 
 

@@ -44,8 +44,8 @@ HANGS_FROM = {
     **dict.fromkeys(("shoulder", "breast"), "spine.003"),
     "upper_arm": "shoulder",
 }
-FACE = {"forehead", "temple", "brow", "lid", "ear", "tongue", "chin", "jaw", "cheek", "nose", "lip", "teeth", "eye"}
-SIDES = ("L", "R")
+OF_FACE = {"forehead", "temple", "brow", "lid", "ear", "tongue", "chin", "jaw", "cheek", "nose", "lip", "teeth", "eye"}
+SIDE_LETTERS = ("L", "R")
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +291,7 @@ def _usual_parent(name: str, names: Iterable[str]) -> str:
     there. All names are without prefix.
     """
     word, *marks = name.split(".")
-    if word in FACE:
+    if word in OF_FACE:
         return max((other for other in names if other.startswith("spine")), default="")
     parent = HANGS_FROM.get(word, "")
-    return ".".join([parent, *(mark for mark in marks if mark in SIDES)]) if parent == "shoulder" else parent
+    return ".".join([parent, *(mark for mark in marks if mark in SIDE_LETTERS)]) if parent == "shoulder" else parent

@@ -24,7 +24,7 @@ from distretarget.skeleton import Skeleton
 
 OWN = ("local_rotations", "root_path")  # of the arrays that the program writes itself
 POSITIONS = "positions"  # the name of positions where a file has several arrays like them
-RATES = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame rate [frames/s]
+RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame rate [frames/s]
 
 
 def read_motion(
@@ -111,7 +111,7 @@ def _array_motion(file: InputFile, fps: float | None) -> Motion:
 
 def _frame_time(arrays: ArraysFile, fps: float | None) -> str:
     """The frame time that the file states, or else that of `fps` [s], as text."""
-    rate = next((arrays.number(name) for name in RATES if name in arrays), fps)
+    rate = next((arrays.number(name) for name in RATE_KEYS if name in arrays), fps)
     text = f"{arrays.number('frame_time') if 'frame_time' in arrays else 1 / rate if rate else 0.0:.9g}"
     if not is_frame_time(text):
         raise FileError(arrays.path, "does not say how many frames a second has; expected fps=NUMBER")

@@ -24,7 +24,7 @@ from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import Array, normalised
 from distretarget.skeleton import METRES
 
-NEAR_FLOOR = 0.1  # a body stands whose lowest joint is this near to height 0 [heights of the body]
+STANDING_WITHIN = 0.1  # a body stands whose lowest joint is this near to height 0 [heights of the body]
 USUAL_HEIGHT = 1.7  # of a body whose file does not state its units [m]
 EYES = ("leftEye", "rightEye")  # the specification leaves their directions to other nodes
 REQUIRED = (
@@ -95,7 +95,7 @@ def _height(places: Array, stated: float) -> float:
     nobody could stand so, such that the lowest joint is on the floor; `places`, (joints, 3), are from the root on.
     """
     lowest, size = float(places[:, 1].min()), float(np.ptp(places[:, 1]))
-    return stated if abs(stated + lowest) < NEAR_FLOOR * size else -lowest
+    return stated if abs(stated + lowest) < STANDING_WITHIN * size else -lowest
 
 
 def humanoid_bones(body: Body) -> dict[str, int]:

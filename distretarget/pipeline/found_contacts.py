@@ -34,7 +34,7 @@ from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 LISTED = 0.5  # a contact whose activation never reaches this is not listed
 TOUCHING = 1.0  # skins that are nearer than this touch [cm]
-FARTHEST = 0.3  # skins that are farther apart are not measured [body units]
+FAR_APART = 0.3  # skins that are farther apart are not measured [body units]
 SHORTEST = 0.1  # spans that last less are not listed [s]
 
 
@@ -154,8 +154,8 @@ class _SkinGaps:
         if not self.skin or not on:
             return ""
         posed = self.skin.posed(self.source[frames[:: max(len(frames) // 30, 1)]])
-        gap = float(np.median(segment_gaps(self.skin.balls, posed, FARTHEST)[:, on].min(axis=1)))
-        return "" if gap >= FARTHEST else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
+        gap = float(np.median(segment_gaps(self.skin.balls, posed, FAR_APART)[:, on].min(axis=1)))
+        return "" if gap >= FAR_APART else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
 
 
 def _resting(clip: Clip, supports: Supports) -> Iterator[Entry]:

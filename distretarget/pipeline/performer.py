@@ -41,7 +41,7 @@ from distretarget.target import AnyTarget, LoadedTarget, SkeletonEdit, Target
 
 HIPS_RANGE = 2.0  # most distance of the hips from the root's path [body units]
 FEET_RANGE = 3.0  # most distance of an ankle from the rotation copy's on that path [body units]
-DIGITS = 1e-9  # rounding error far from the origin [of the distance from it]
+ROUNDING_ERROR = 1e-9  # rounding error far from the origin [of the distance from it]
 REPORT = "please report this with the clip and the target"
 
 
@@ -285,7 +285,7 @@ def check_places(posed: Motion, clip: Clip) -> None:
         raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
     joints = np.array([clip.pelvis, *(pair.target.ankle for pair in clip.legs)])
     copied = clip.copy_on_path(joints)
-    away = lengths(posed.positions_of(joints) - copied) / (clip.unit + DIGITS * extent(copied[:, 0]))
+    away = lengths(posed.positions_of(joints) - copied) / (clip.unit + ROUNDING_ERROR * extent(copied[:, 0]))
     for some, most in ((slice(1), HIPS_RANGE), (slice(1, None), FEET_RANGE)):
         far = f"is more than {most:g} heights away from where copied rotations put it"
         _refuse_first(~(away[:, some] <= most), posed, joints[some], far)

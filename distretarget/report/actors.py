@@ -30,8 +30,8 @@ Role = Literal["source", "copy", "result", "other", "prop"]
 BUDGET = 8_000_000  # most characters for the rotations of all actors; of longer clips some frames are shown
 IMAGES = 4_000_000  # most bytes for the images of a character
 MEDIA = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}  # images by how they begin
-SAMPLES = 48  # frames from which the height of the floor is found
-ON_FLOOR = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
+FLOOR_FRAMES = 48  # frames from which the height of the floor is found
+FLOOR_PERCENTILE = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
 STICK = 0.009  # radius of bones without skin [body units]
 STILL = 1e-7  # joints whose rotations relative to their parents change by less do not turn [quaternions]
 INFLUENCES = 4  # joints that move a vertex, at most
@@ -56,14 +56,14 @@ class Actor:
 
 def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | None, up: Array) -> float:
     """Return the height of the floor under a motion: that of its skin where that is lowest [file units]."""
-    some = motion[np.unique(np.linspace(0, len(motion) - 1, SAMPLES).astype(np.intp))]
+    some = motion[np.unique(np.linspace(0, len(motion) - 1, FLOOR_FRAMES).astype(np.intp))]
     if mesh is not None:
         heights = mesh.posed(some) @ up
     elif capsules is not None and len(capsules):
         heights = (capsules.posed(some) @ up - capsules.radii).reshape(len(some), -1)
     else:
         heights = some.positions @ up
-    return float(np.percentile(heights.min(axis=1), ON_FLOOR))
+    return float(np.percentile(heights.min(axis=1), FLOOR_PERCENTILE))
 
 
 def thinned(actors: Sequence[Actor], budget: int = BUDGET) -> dict[str, Any]:

@@ -42,7 +42,7 @@ Point = tuple[int, int]
 """An actor of the page, and one of its joints."""
 
 FAR = CONTACT_DISTANCE / 3  # a contact whose D is farther off than this is not kept well
-SEEN = 0.3  # skin that is less deep inside than this is not shown [limits]
+SHOWN_DEPTH = 0.3  # skin that is less deep inside than this is not shown [limits]
 TOUCHING, RESTING = " touching", " on floor"
 CODES = 254  # steps of how far something is off
 SPANS = 6  # times in which a row holds that are told
@@ -209,7 +209,7 @@ def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterat
             if track.values.ndim == 2 and len(track.values):
                 on = track.weights[:, column] > 0
                 if kind == "skin":
-                    on &= track.values[:, column] > SEEN * limit
+                    on &= track.values[:, column] > SHOWN_DEPTH * limit
                 values[: len(on)][on] = track.values[on, column]
             side, _, limb = part.partition(" ")
             joint = keys.index(part) if part in keys else None
