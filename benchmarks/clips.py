@@ -13,7 +13,7 @@ import numpy as np
 from distretarget import Motion
 
 ROOT = Path(__file__).resolve().parents[1]
-SAMPLES = ROOT / "sample_bvh"
+SAMPLES, HERO = ROOT / "sample_bvh", ROOT / "sample_characters" / "hero.glb"
 sys.path.append(str(ROOT / "tools"))
 SAMPLE_CLIPS = sorted(path.name for path in SAMPLES.glob("*.bvh"))
 CLIPS = [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import copy
 import json
-import struct
 import sys
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -17,6 +16,7 @@ import numpy as np
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 import characters as made
 from bodies import SAMPLES
+from gltf_file import glb
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh
@@ -332,11 +332,7 @@ def _packed(draw: Draw, document: Document, buffer: bytes, as_text: bool) -> byt
             buffers[0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
         return json.dumps(document).encode("utf-8", "surrogatepass")
     text = json.dumps(document, ensure_ascii=bool(draw.random() < 0.9)).encode("utf-8", "surrogatepass")
-    text += b" " * (-len(text) % 4)
-    parts = struct.pack("<II", len(text), 0x4E4F534A) + text
-    if buffer:
-        parts += struct.pack("<II", len(buffer), 0x004E4942) + buffer
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
+    return glb(text, buffer)
 
 
 @np.errstate(all="ignore")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import SAMPLES, markdown_option
+from clips import HERO, SAMPLES, markdown_option
 from scipy.spatial.transform import Rotation
 from tables import publish, table
 
@@ -27,7 +27,6 @@ from distretarget.measure.metrics import METRICS
 from distretarget.objectives import clip
 from distretarget.pipeline.result import RetargetResult
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 Array = np.ndarray
 
 

@@ -27,7 +27,7 @@ from timeit import Timer
 import click
 import numpy as np
 import pybvh
-from clips import LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
+from clips import HERO, LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
 from numpy.typing import NDArray
 from runs import alone, alternating
@@ -38,7 +38,6 @@ from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
 
 CLIP = "cmu_mb/12_01.bvh"
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 LEAST_SECONDS = 0.5  # of processor time, for which each run is repeated in a round
 PEER = f"pybvh {version('pybvh')}"
 COMPARED_WITH = {f"{what}, {PEER}": f"{what}, distretarget" for what in ("reading", "writing")}

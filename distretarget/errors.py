@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import json
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
@@ -136,13 +137,18 @@ class LibraryError(DistretargetError):
     def __init__(self, path: str | Path, reason: str, remedy: str) -> None:
         super().__init__(f"{reason}; the compiled functions come with: {remedy}", path)
 
-    def in_file(self, path: str | Path) -> Self:  # noqa: ARG002
-        """Return this error: no file of the user's is at fault."""
-        return self
-
 
 class BatchError(DistretargetError):
     """A batch that cannot run, or that stopped."""
+
+
+@contextmanager
+def in_file(path: str | Path) -> Iterator[None]:
+    """Errors within that name no file are of this file."""
+    try:
+        yield
+    except DistretargetError as error:
+        raise error if error.path not in (None, Path()) else error.in_file(path) from None
 
 
 def cut(name: str) -> str:

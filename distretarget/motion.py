@@ -405,13 +405,13 @@ def single_precision(motion: Motion) -> Motion:
     bones = motion.moving
     return replace(
         motion,
-        root_positions=rounded(motion.root_positions),
-        rotations=normalised(rounded(motion.rotations)),
-        moving=None if bones is None else replace(bones, translations=rounded(bones.translations)),
+        root_positions=in_float32(motion.root_positions),
+        rotations=normalised(in_float32(motion.rotations)),
+        moving=None if bones is None else replace(bones, translations=in_float32(bones.translations)),
     )
 
 
-def rounded(values: Array) -> Array:
+def in_float32(values: Array) -> Array:
     """Return numbers rounded to 32 bits."""
     return values.astype(np.float32).astype(np.float64)
 

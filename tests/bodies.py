@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
@@ -15,10 +17,16 @@ from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching, match
 from distretarget.numerics.quaternions import least_rotation
-from distretarget.skeleton import JointMap
+from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, JointMap
 
-CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
-SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+ROOT = Path(__file__).resolve().parents[1]
+CORPUS = ROOT.parent / "shared" / "corpus"
+SAMPLES = ROOT / "sample_bvh"
+HERO = ROOT / "sample_characters" / "hero.glb"
+UP = np.array([0.0, 1.0, 0.0])
+ALONG = np.array([0.6, 0.0, 0.8])  # along the floor
+SIDES = ("Left", "Right")
+LEG = 0.435 + 0.453  # of `PERSON`, thigh and shin [m]
 WAYS = [
     *Rotation.create_group("O"),
     Rotation.from_euler("Y", 140, degrees=True),
@@ -26,6 +34,13 @@ WAYS = [
 ]
 """The 24 ways to stand along the axes, and two that are oblique."""
 needs_corpus = pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus of real files is not here")
+
+
+def of_samples_and_corpus(*names: str) -> pytest.MarkDecorator:
+    """A test for the `path` of each sample clip, and of clips of the corpus."""
+    samples = [pytest.param(path, id=path.stem) for path in sorted(SAMPLES.glob("*.bvh"))]
+    others = [pytest.param(CORPUS / f"{name}.bvh", id=name, marks=needs_corpus) for name in names]
+    return pytest.mark.parametrize("path", samples + others)
 
 
 def body_of(described: Motion | Skeleton) -> Body:
@@ -90,15 +105,52 @@ def person() -> Skeleton:
     )
 
 
+PERSON = person()
+
+
+def tree_of(
+    offsets: ArrayLike, names: Sequence[str] = (), parents: Sequence[int] = (), ends: Collection[str] = ()
+) -> Skeleton:
+    """Joints with these offsets and the usual channels, called joint0, joint1, ..., each below the one before if
+    nothing else is said; those whose names are among `ends` are End Sites.
+    """
+    count = len(np.asarray(offsets))
+    names = tuple(names or map("joint{}".format, range(count)))
+    return Skeleton(
+        names=names,
+        parents=np.array(parents if len(parents) else range(-1, count - 1)),
+        offsets=offsets,
+        channels=tuple(() if name in ends else (USUAL_ROTATIONS if k else USUAL_ROOT) for k, name in enumerate(names)),
+        end_sites=[name in ends for name in names],
+    )
+
+
+def taken(skeleton: Skeleton, joints: Iterable[int]) -> Skeleton:
+    """The skeleton of some joints, parents first."""
+    kept = list(joints)
+    return replace(
+        skeleton,
+        names=tuple(skeleton.names[joint] for joint in kept),
+        parents=[kept.index(parent) if parent in kept else -1 for parent in skeleton.parents[kept].tolist()],
+        offsets=skeleton.offsets[kept],
+        channels=tuple(skeleton.channels[joint] for joint in kept),
+        end_sites=skeleton.end_sites[kept],
+    )
+
+
+def reordered(skeleton: Skeleton, seed: int) -> tuple[Skeleton, list[int]]:
+    """The skeleton with children in another order, and the old number of each joint."""
+    draw = np.random.default_rng(seed)
+    order, ready = [0], list(skeleton.children[0])
+    while ready:
+        order.append(ready.pop(draw.integers(len(ready))))
+        ready.extend(skeleton.children[order[-1]])
+    return taken(skeleton, order), order
+
+
 def bent_chain() -> Skeleton:
     """Three joints that are no body."""
-    return Skeleton(
-        names=("a", "b", "c"),
-        parents=[-1, 0, 1],
-        offsets=[[0, 0, 0], [0, 2, 0], [1, 0, 0]],
-        channels=((),) * 3,
-        end_sites=[False] * 3,
-    )
+    return tree_of([[0, 0, 0], [0, 2, 0], [1, 0, 0]], "abc")
 
 
 def moved(motion: Motion, turn: Rotation, shift: tuple[float, float, float] = (0, 0, 0), scale: float = 1.0) -> Motion:

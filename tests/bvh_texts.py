@@ -58,12 +58,16 @@ def format_bvh(motion):
     return "".join(bvh_parts(motion))
 
 
+def assert_same_joints(skeleton, other):
+    assert skeleton.names == other.names
+    assert skeleton.channels == other.channels
+    np.testing.assert_array_equal(skeleton.parents, other.parents)
+    np.testing.assert_array_equal(skeleton.end_sites, other.end_sites)
+
+
 def assert_same(motion, other, atol=0.0):
     assert motion.frame_time_text == other.frame_time_text
-    assert motion.skeleton.names == other.skeleton.names
-    assert motion.skeleton.channels == other.skeleton.channels
-    np.testing.assert_array_equal(motion.skeleton.parents, other.skeleton.parents)
-    np.testing.assert_array_equal(motion.skeleton.end_sites, other.skeleton.end_sites)
+    assert_same_joints(motion.skeleton, other.skeleton)
     assert motion.positions.shape == other.positions.shape
     assert np.all(np.isfinite(motion.positions))
     np.testing.assert_allclose(motion.positions, other.positions, rtol=0, atol=atol)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from bodies import SAMPLES, in_world
+from bodies import SAMPLES, SIDES, in_world
 from characters import ARMATURE, Bones, Character, Mesh, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
 
@@ -17,7 +17,6 @@ from distretarget.body.beside import in_tree
 from distretarget.skeleton import USUAL_ROOT
 from distretarget.target import Target
 
-SIDES = ("Left", "Right")
 TRUNK = ("Hips", "Chest", "Chest2", "Chest3", "Neck", "Head")
 LIMBS = ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Toe")
 MIXAMO = (

@@ -150,13 +150,17 @@ def _add_skin(objects, links, skin):
     ]
     links += ['C: "OO",7001,0', 'C: "OO",7000,7001', 'C: "OO",7002,7000']
     for node, matrix in skin.items():
-        cluster = 7100 + node
-        objects.append(
-            f'Deformer: {cluster}, "SubDeformer::", "Cluster" {{ Version: 100\n'
-            " Indexes: *1 { a: 0 }\n Weights: *1 { a: 1 }\n"
-            f" Transform: {_array(np.linalg.inv(matrix).T)}\n TransformLink: {_array(matrix.T)}\n }}"
-        )
-        links += [f'C: "OO",{cluster},7002', f'C: "OO",{_id(node)},{cluster}']
+        _add_cluster(objects, links, node, matrix, np.array([0]))
+
+
+def _add_cluster(objects, links, node, matrix, vertices):
+    cluster = 7100 + node
+    objects.append(
+        f'Deformer: {cluster}, "SubDeformer::", "Cluster" {{ Version: 100\n'
+        f" Indexes: {_array(vertices)}\n Weights: {_array(np.ones(len(vertices)))}\n"
+        f" Transform: {_array(np.linalg.inv(matrix).T)}\n TransformLink: {_array(matrix.T)}\n }}"
+    )
+    links += [f'C: "OO",{cluster},7002', f'C: "OO",{_id(node)},{cluster}']
 
 
 def _add_mesh(objects, links, mesh):
@@ -184,11 +188,4 @@ def _add_mesh(objects, links, mesh):
         )
         links.append('C: "OP",7004,7003, "DiffuseColor"')
     for node, matrix in mesh.binds.items():
-        moved = np.flatnonzero(mesh.of_vertex == node)
-        cluster = 7100 + node
-        objects.append(
-            f'Deformer: {cluster}, "SubDeformer::", "Cluster" {{ Version: 100\n'
-            f" Indexes: {_array(moved)}\n Weights: {_array(np.ones(len(moved)))}\n"
-            f" Transform: {_array(np.linalg.inv(matrix).T)}\n TransformLink: {_array(matrix.T)}\n }}"
-        )
-        links += [f'C: "OO",{cluster},7002', f'C: "OO",{_id(node)},{cluster}']
+        _add_cluster(objects, links, node, matrix, np.flatnonzero(mesh.of_vertex == node))

@@ -2,13 +2,14 @@
 
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import tree_of
 
 from distretarget.body.recognition import by_names
-from distretarget.skeleton import Skeleton
 
 NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
 DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}
@@ -46,16 +47,8 @@ ROLES = {
 }
 
 
-def skeleton(names, parents, end_sites=None):
-    count = len(names)
-    ends = np.zeros(count, bool) if end_sites is None else end_sites
-    return Skeleton(
-        names=tuple(names),
-        parents=np.array(parents),
-        offsets=np.zeros((count, 3)),
-        channels=((),) * count,
-        end_sites=ends,
-    )
+def skeleton(names, parents, ends=()):
+    return tree_of(np.zeros((len(names), 3)), names, parents, ends)
 
 
 def tree(text):
@@ -79,7 +72,9 @@ def roles(body):
     return {role: body.keys[joint] for role, joint in anatomy.roles.items()}
 
 
+@cache
 def published(convention):
+    """The joints of a convention, all at one place."""
     joints = DATA[convention]
     names = [joint["name"] for joint in joints]
     return skeleton(names, [names.index(joint["parent"]) if joint["parent"] else -1 for joint in joints])

@@ -1,5 +1,7 @@
 """Helpers for tests of pages in a browser."""
 
+from contextlib import contextmanager
+
 # A script: the contrast to its background of each text on a page, as WCAG 2 defines it, with the element's HTML.
 CONTRASTS = """() => {
     const linear = part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
@@ -22,6 +24,26 @@ CONTRASTS = """() => {
         return [(Math.max(p, q) + 0.05) / (Math.min(p, q) + 0.05), one.outerHTML.slice(0, 160)];
     });
 }"""
+
+
+def check_text_can_be_read(tab):
+    found = tab.evaluate(CONTRASTS)
+    assert len(found) > 100
+    assert not [(ratio, what) for ratio, what in found if ratio < 4.5]
+
+
+@contextmanager
+def printed(tab):
+    """A page in its dark theme while it is printed: on white, with the terms, and as before at the end."""
+    tab.emulate_media(media="print")
+    tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert tab.is_visible("#terms")
+    assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    yield
+    tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    tab.emulate_media(media="screen")
+    assert tab.inner_text("#theme") == "Light"
+    assert not tab.is_visible("#terms")
 
 
 def settle(tab):

@@ -1,9 +1,8 @@
 """A small body drawn by random springs, which the tests of springs, their curvature and the solver share."""
 
 import numpy as np
-from bodies import swaying
+from bodies import swaying, tree_of
 
-from distretarget import Skeleton
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
 from distretarget.ik.floor import no_floor
 from distretarget.ik.pose_solver import CopiedBones, Workspace
@@ -54,15 +53,7 @@ class Case:
     def __init__(self, seed, frames=1, joints=8):
         draw = np.random.default_rng(seed)
         parents = [-1] + [int(draw.integers(max(0, joint - 3), joint)) for joint in range(1, joints)]
-        names = tuple(f"j{joint}" for joint in range(joints))
-        channels = (("Zrotation", "Xrotation", "Yrotation"),) * joints
-        skeleton = Skeleton(
-            names=names,
-            parents=parents,
-            offsets=0.4 * draw.normal(size=(joints, 3)),
-            channels=channels,
-            end_sites=[False] * joints,
-        )
+        skeleton = tree_of(0.4 * draw.normal(size=(joints, 3)), parents=parents)
         copy = swaying(skeleton, frames, seed=seed)
         self.parts = part_of_joint(skeleton, np.arange(joints))
         self.stiffness = draw.uniform(0.3, 1.0, self.parts.max() + 2)

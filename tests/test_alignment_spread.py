@@ -5,15 +5,13 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from bodies import matched, person, posed
+from bodies import PERSON, matched, posed
 from program import last_records
 from scipy.spatial.transform import Rotation
 
 from distretarget import convert_folder, write_bvh
 from distretarget.batch.results import Database
-from distretarget.batch.summary import ROLES, SCALE, alignment_text, largest_spread, spread_warnings
-
-PERSON = person()
+from distretarget.batch.summary import SCALE, SPREAD_ROLES, alignment_text, largest_spread, spread_warnings
 
 
 def clip(head=0.0, scale=1.0):
@@ -24,8 +22,8 @@ def clip(head=0.0, scale=1.0):
 
 def alignment(angle):
     """The rotations of an alignment as text, with a head turned by an angle [degrees]."""
-    rotations = np.zeros((len(ROLES), 4))
-    rotations[ROLES.index("head")] = SCALE * Rotation.from_euler("X", angle, degrees=True).as_quat()
+    rotations = np.zeros((len(SPREAD_ROLES), 4))
+    rotations[SPREAD_ROLES.index("head")] = SCALE * Rotation.from_euler("X", angle, degrees=True).as_quat()
     return base64.b64encode(np.round(rotations).astype("<i2").tobytes()).decode()
 
 
@@ -82,7 +80,7 @@ def test_a_batch_that_goes_on_warns_of_clips_that_are_done(tmp_path):
     first = last_records(tmp_path / "out")["a.bvh"]
     rig, text = first["alignment"].split(":")
     rotations = np.frombuffer(base64.b64decode(text), "<i2").reshape(-1, 4).copy()
-    rotations[ROLES.index("head")] = np.round(SCALE * np.sqrt(0.5)), 0, 0, np.round(SCALE * np.sqrt(0.5))
+    rotations[SPREAD_ROLES.index("head")] = np.round(SCALE * np.sqrt(0.5)), 0, 0, np.round(SCALE * np.sqrt(0.5))
     other = base64.b64encode(rotations.tobytes()).decode()
     with closing(Database(tmp_path / "out")) as database:
         database.add(first | {"alignment": f"{rig}:{other}"})

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, read_bvh, retarget
@@ -14,8 +14,6 @@ from distretarget.objectives.part_axes import PARTS, Axes, rays
 from distretarget.objectives.skin import how_touching
 from distretarget.objectives.spots import Spots
 from distretarget.skin.capsules import PLACE, SEGMENTS
-
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 @cache

@@ -2,13 +2,13 @@
 
 import copy
 import json
-import struct
 
 import gltf_player
 import numpy as np
 import pytest
 from bodies import SAMPLES
 from characters import ARMATURE, Bones, Performance, character, chunks
+from gltf_file import glb
 
 from distretarget import FileError, Motion, load_target, read_bvh, write_motion
 from distretarget.character.nodes import Animation
@@ -99,10 +99,7 @@ def test_new_numbers_are_on_a_multiple_of_four_whatever_the_file_holds(more, tmp
     document, buffer = chunks(path.read_bytes())
     buffer += bytes(more)  # some programs do not fill the binary chunk up
     document["buffers"] = [{"byteLength": len(buffer)}]
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    parts = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(buffer), b"BIN\0") + buffer
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts)
+    path.write_bytes(glb(json.dumps(document).encode(), buffer))
     written, binary = chunks(animations_named(["walk"], path))
     assert all(view["byteOffset"] % 4 == 0 for view in written["bufferViews"])
     assert len(binary) % 4 == 0

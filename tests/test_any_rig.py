@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
-from bodies import SAMPLES, body_of, lengthened, matched, posed, swaying
+from bodies import SAMPLES, body_of, lengthened, matched, posed, swaying, taken
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
@@ -16,7 +16,7 @@ from distretarget.body.recognition import by_names
 from distretarget.errors import MatchingError
 from distretarget.matching.matching import find_matching
 from distretarget.numerics.vectors import normalised
-from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+from distretarget.skeleton import POSITION_CHANNELS
 
 # The names of the sample's joints in Bandai Namco's files.
 BANDAI = {
@@ -235,16 +235,8 @@ def part(motion, top="Hips", without=()):
     body = motion.skeleton
     lost = {below for joint, name in enumerate(body.names) if name.endswith(without) for below in body.subtree(joint)}
     kept = [joint for joint in body.subtree(body.index(top)) if joint not in lost]
-    channels = body.channels[:1] + tuple(body.channels[joint] for joint in kept[1:])
-    parents = [-1, *(kept.index(body.parents[joint]) for joint in kept[1:])]
-    names = tuple(body.names[joint] for joint in kept)
-    left = Skeleton(
-        names=names,
-        parents=np.array(parents),
-        offsets=body.offsets[kept],
-        channels=channels,
-        end_sites=body.end_sites[kept],
-    )
+    left = taken(body, kept)
+    left = replace(left, channels=(body.channels[0], *left.channels[1:]))
     translations, rotations = motion.translations[:, kept], motion.rotations[:, kept]
     translations[:, 0], rotations[:, 0] = motion.positions[:, kept[0]], motion.world_rotations[:, kept[0]]
     return Motion.of_translations(left, translations, rotations, motion.frame_time_text)

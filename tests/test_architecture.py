@@ -5,13 +5,12 @@ import functools
 import importlib
 import inspect
 import re
-from pathlib import Path
 
 import pytest
+from bodies import ROOT
 
 import distretarget
 
-ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "distretarget"
 
 # The rooms and single modules of the package from the top down; each imports only from those below it.

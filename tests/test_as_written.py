@@ -5,16 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from click.testing import CliRunner
-from make_samples import CHARACTERS
 
 from distretarget import load_target, read_bvh, read_motion, retarget, write_bvh, write_motion
 from distretarget.cli import cli
 from distretarget.io.motion_writer import as_written
 from distretarget.io.vrma import humanoid_bones
 
-HERO = CHARACTERS / "hero.glb"
 FAR = 1e7  # from the origin, where single precision has a step of 1 [cm]
 
 

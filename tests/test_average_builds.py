@@ -4,17 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person
+from bodies import PERSON, SAMPLES, taken
 from program import run
 
-from distretarget import FileError, Options, Skeleton, load_build, load_target
+from distretarget import FileError, Options, load_build, load_target
 from distretarget.body.body import Body
 from distretarget.body.build import AGES, BUILDS, age_of, average_build, average_for
 from distretarget.body.segments import proportions
 from distretarget.scene.scene_file import load_scene
 from distretarget.skin.capsules import SEGMENTS
-
-PERSON = person()
 
 
 def like(leg, crown):
@@ -51,16 +49,7 @@ def test_legs_and_head_show_the_age(leg, crown, age):
 def test_the_sample_child_is_a_child_and_what_bones_do_not_show_an_adult():
     child = load_target(SAMPLES / "child.json").skeleton
     assert age_of(Body.of(child)) == "child"
-    kept = np.flatnonzero(~child.end_sites)
-    numbers = {joint: number for number, joint in enumerate(kept.tolist())}
-    bare = Skeleton(
-        names=tuple(child.names[joint] for joint in kept),
-        parents=np.array([numbers.get(child.parents.item(joint), -1) for joint in kept]),
-        offsets=child.offsets[kept],
-        channels=tuple(child.channels[joint] for joint in kept),
-        end_sites=np.zeros(len(kept), bool),
-    )
-    assert age_of(Body.of(bare)) == "adult"
+    assert age_of(Body.of(taken(child, np.flatnonzero(~child.end_sites)))) == "adult"
 
 
 @pytest.mark.parametrize("rig", sorted((SAMPLES / "rigs").glob("*.json")), ids=lambda path: path.stem)

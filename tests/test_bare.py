@@ -5,8 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
-from make_samples import CHARACTERS
+from bodies import HERO, SAMPLES
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.body.bare import bare_mesh
@@ -20,7 +19,7 @@ FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 
 
 @cache
 def hero():
-    return load_target(CHARACTERS / "hero.glb")
+    return load_target(HERO)
 
 
 def with_box(target, name, to, length, thick=0.03):

@@ -9,7 +9,7 @@ from program import last_records
 
 from distretarget.batch import batch as batch_module
 from distretarget.batch.batch import Batch
-from distretarget.batch.job import Result, unpacked
+from distretarget.batch.job import Result, target_of_job
 from distretarget.batch.pages import MARK, OF, Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.results import Database, Results
@@ -62,7 +62,7 @@ def copied(job, *_):
             return job.failed("it fails")
     except FileError as error:
         return job.failed(str(error))
-    text = f"{unpacked(job.target).path}: {job.source.text}"
+    text = f"{target_of_job(job.target).path}: {job.source.text}"
     metrics = dict.fromkeys(COLUMNS) | {"contact_error": float(len(job.source.text))}
     done = {"seconds": 0.5, "frames": 7, "metrics": metrics, "notes": ["a tail"], "warnings": ["careful"]}
     outputs = {job.outputs[0]: b"".join(encoded_parts(text))}

@@ -8,10 +8,9 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, ROOT, SAMPLES
 
 from distretarget import (
     contacts_to_json,
@@ -24,8 +23,6 @@ from distretarget import (
     write_bvh,
 )
 
-ROOT = Path(__file__).resolve().parents[1]
-HERO = ROOT / "sample_characters" / "hero.glb"
 BLENDER = os.environ.get("DISTRETARGET_BLENDER") or (sys.executable if importlib.util.find_spec("bpy") else None)
 
 pytestmark = pytest.mark.skipif(BLENDER is None, reason="Blender's module bpy is not installed")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from program import last_records, run
 
 from distretarget import Body, Build, Builds, FileError, Options, SkeletonEdit, load_build, load_target, read_motion
@@ -12,16 +12,15 @@ from distretarget.body.build import OWN_BUILDS, average_build
 from distretarget.io.input_file import load_file
 from distretarget.io.target_file import with_source
 from distretarget.pipeline.options import DEFAULT_OPTIONS
-from distretarget.pipeline.performer import match_performer, target_capsules
+from distretarget.pipeline.performer import Transfer, match_performer, target_capsules
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 CLAP, WALK = SAMPLES / "clap.bvh", SAMPLES / "walk.bvh"
 STOUT = Build({part: capsules * [1, 1, 1, 2] for part, capsules in average_build("adult").parts.items()})
 
 
 def surfaces(target, options=DEFAULT_OPTIONS, builds=OWN_BUILDS):
     """The mean radii of source and target."""
-    skins = match_performer(read_motion(CLAP), target, options, builds=builds).skins
+    skins = match_performer(Transfer(read_motion(CLAP), target, options, builds=builds)).skins
     return None if skins is None else tuple(side.capsules.radii.mean() for side in (skins.source, skins.target))
 
 

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import program
 import pytest
-from bodies import clapping, lengthened, person, posed, swaying
+from bodies import PERSON, clapping, lengthened, posed, swaying
 
 from distretarget import write_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.diff import diff
 
-PERSON = person()
 BLOCKS = """HIERARCHY
 ROOT Block
 {

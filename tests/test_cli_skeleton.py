@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, swaying
+from bodies import HERO, SAMPLES, person, swaying, tree_of
 from built_rigs import along_bones, with_axes
 from program import run
 
@@ -14,20 +14,12 @@ from distretarget import Body, read_bvh, write_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import load_target
 from distretarget.scene.scene_file import load_scene
-from distretarget.skeleton import Skeleton
 
 RIGS = SAMPLES / "rigs"
 
 
 def renamed(skeleton, rename):
-    names = tuple(map(rename, skeleton.names))
-    return Skeleton(
-        names=names,
-        parents=skeleton.parents,
-        offsets=skeleton.offsets,
-        channels=skeleton.channels,
-        end_sites=skeleton.end_sites,
-    )
+    return replace(skeleton, names=tuple(map(rename, skeleton.names)))
 
 
 @pytest.fixture
@@ -39,13 +31,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "body.json").write_text(skeleton_to_json(body, "somebody", {"Head": "Head", "Neck": None}))
     numbers = {name: f"j{number}" for number, name in enumerate(body.names)}
     (tmp_path / "numbers.json").write_text(skeleton_to_json(renamed(body, numbers.get), "numbers"))
-    blocks = Skeleton(
-        names=("Block", "Lid"),
-        parents=[-1, 0],
-        offsets=[[0, 0, 0], [0, 1, 0]],
-        channels=((), ()),
-        end_sites=[False] * 2,
-    )
+    blocks = tree_of([[0, 0, 0], [0, 1, 0]], ["Block", "Lid"])
     (tmp_path / "blocks.json").write_text(skeleton_to_json(blocks, "blocks"))
     return tmp_path
 
@@ -67,8 +53,7 @@ def test_show_says_what_is_recognised(file, says):
 
 
 def test_show_says_how_thick_a_body_is(tmp_path):
-    hero = SAMPLES.parent / "sample_characters" / "hero.glb"
-    said = run("skeleton", "show", hero, "-o", tmp_path / "skin.obj").stdout
+    said = run("skeleton", "show", HERO, "-o", tmp_path / "skin.obj").stdout
     assert "thickness of its mesh [m]" in said
     assert "upper arm" in said
     points = [line.split()[1:] for line in (tmp_path / "skin.obj").read_text().splitlines() if line.startswith("v ")]

@@ -7,10 +7,9 @@ from base64 import b64decode, b64encode
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from characters import chunks
 from click.testing import CliRunner
-from make_samples import CHARACTERS
 
 from distretarget import load_target, read_bvh, retarget, write_motion
 from distretarget.cli import cli
@@ -20,7 +19,7 @@ from distretarget.report.actors import _materials
 from distretarget.report.stage import small_stage
 from distretarget.skin.mesh import Looks, Material
 
-WALK, HERO = SAMPLES / "walk.bvh", CHARACTERS / "hero.glb"
+WALK = SAMPLES / "walk.bvh"
 
 
 def view(*arguments):

@@ -2,31 +2,32 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, matched, moved, other_lengths, person, posed, swaying
+from bodies import (
+    LEG,
+    PERSON,
+    SAMPLES,
+    UP,
+    clapping,
+    lengthened,
+    matched,
+    moved,
+    other_lengths,
+    posed,
+    swaying,
+    tree_of,
+)
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Options, Skeleton, read_bvh, retarget
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
 
-LEG = 0.435 + 0.453
 TIME = 0.02
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
-ALONG = np.array([0.6, 0.0, 0.8])
 
 
 def chain(lengths):
     """A chain along x."""
-    joints = len(lengths) + 1
-    offsets = np.outer([0, *lengths], [1.0, 0, 0])
-    return Skeleton(
-        names=tuple("abcdefgh"[:joints]),
-        parents=np.arange(joints) - 1,
-        offsets=offsets,
-        channels=(("Zrotation",),) * joints,
-        end_sites=[False] * joints,
-    )
+    return tree_of(np.outer([0, *lengths], [1.0, 0, 0]), "abcdefgh"[: len(lengths) + 1])
 
 
 def squared(last, frames=4):

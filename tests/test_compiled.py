@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from program import run
 
 from distretarget import Options, load_target, read_bvh, retarget
@@ -20,7 +20,6 @@ from distretarget.numerics import build, compiled
 from distretarget.numerics.joint_paths import _write_steps, steps_along
 
 MOST_CALLS = 2  # of a function that are compared
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 @pytest.fixture(scope="module")

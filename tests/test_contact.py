@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, person, posed
+from bodies import PERSON, SAMPLES, clapping, lengthened, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, read_bvh, retarget
@@ -16,7 +16,6 @@ from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import solve_contact
 
-PERSON = person()
 WRISTS = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
 CLAP = np.sin(np.linspace(0, np.pi, 120)) ** 2
 

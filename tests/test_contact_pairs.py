@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import clapping, matched, other_lengths, paths_of, person
+from bodies import PERSON, clapping, matched, other_lengths, paths_of, tree_of
 
-from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.anatomy import Regions
 from distretarget.distances import distance_problem
@@ -21,7 +20,6 @@ from distretarget.objectives.contact_pairs import (
 )
 from distretarget.objectives.contact_terms import WITHIN, write_pair_spring
 
-PERSON = person()
 TARGET = other_lengths(PERSON)
 MATCHING = matched(PERSON, TARGET)
 PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
@@ -103,13 +101,7 @@ def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units
 
 
 def test_joints_that_coincide_by_their_bones_are_no_pair():
-    chain = Skeleton(
-        names=tuple("abcdef"),
-        parents=np.arange(6) - 1,
-        offsets=np.outer(np.arange(6) == 5, [0, 1, 0]),
-        channels=((),) * 6,
-        end_sites=[False] * 6,
-    )
+    chain = tree_of(np.outer(np.arange(6) == 5, [0, 1, 0]))
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
     problem = distance_problem(chain, longer, np.arange(6))
     pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, None, np.ones(6, bool))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import clapping, lengthened, matched, person, posed
+from bodies import ALONG, PERSON, UP, clapping, lengthened, matched, posed, tree_of
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
@@ -12,10 +12,7 @@ from distretarget.measure.comparison import Reference
 from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_contacts
 from distretarget.measure.metrics import BY_KEY
 
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
 FEET_TOGETHER = {"LeftKnee": np.array([0, 0, -0.1]), "RightKnee": np.array([0, 0, 0.1])}
-ALONG = np.array([0.6, 0.0, 0.8])
 
 
 def hook(last, frames=2, links=3):
@@ -24,14 +21,8 @@ def hook(last, frames=2, links=3):
     first = [(1.0, 0.0, 0.0)] if links == 2 else [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
     offsets = np.array([(0.0, 0.0, 0.0), *first, *way])
     parents = [-1, *range(len(first)), 0, *range(len(first) + 1, len(offsets) - 1)]
-    skeleton = Skeleton(
-        names=("root", *(f"a{k}" for k in range(len(first))), *(f"b{k}" for k in range(len(way)))),
-        parents=parents,
-        offsets=offsets,
-        channels=(("Zrotation",),) * len(offsets),
-        end_sites=[False] * len(offsets),
-    )
-    return posed(skeleton, {}, np.zeros((frames, 3)))
+    names = ["root", *(f"a{k}" for k in range(len(first))), *(f"b{k}" for k in range(len(way)))]
+    return posed(tree_of(offsets, names, parents), {}, np.zeros((frames, 3)))
 
 
 def contacts_of(source, result, rest=()):

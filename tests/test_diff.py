@@ -4,7 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, posed, swaying, with_bone
+from bodies import (
+    ALONG,
+    LEG,
+    PERSON,
+    SAMPLES,
+    UP,
+    clapping,
+    lengthened,
+    moved,
+    other_lengths,
+    person,
+    posed,
+    swaying,
+    with_bone,
+)
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
@@ -13,10 +27,6 @@ from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_target
 from distretarget.measure.diff import diff
 
-LEG = 0.435 + 0.453
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
-ALONG = np.array([0.6, 0.0, 0.8])
 APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
 
 

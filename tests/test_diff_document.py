@@ -10,7 +10,7 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_bone
+from bodies import PERSON, SAMPLES, clapping, lengthened, posed, swaying, with_bone
 
 from distretarget import read_bvh, retarget
 from distretarget.measure.diff import diff
@@ -25,7 +25,6 @@ from distretarget.report.diff_document import (
 )
 from distretarget.report.page import VERSION
 
-PERSON = person()
 ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh")
 OF_RUN = ["turned", "needless", "shaking", "pop", "not_converged"]
 OF_SKIN = ["skin_depth", "part_depth", "skin_frames"]  # of bodies whose thickness is known

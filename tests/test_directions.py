@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from bodies import matched, person, posed, swaying
+from bodies import PERSON, matched, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import retarget
 from distretarget.measure.movement import direction_error, expected_directions, shared_bones
-
-PERSON = person()
 
 
 def errors(source, result):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import person, posed
+from bodies import PERSON, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
@@ -12,7 +12,6 @@ from distretarget.skin.capsules import SEGMENTS, Capsules, gap_at, may_touch, wr
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import WRIST, bent
 
-PERSON = person()
 BODY = Body.of(PERSON)
 HAND, BELLY = 0.03, 0.2  # radii
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from bodies import other_lengths, paths_of, person
+from bodies import other_lengths, paths_of, person, tree_of
 from table_one import table_one
 
-from distretarget import Skeleton
 from distretarget.distances import distance_problem
 
 
@@ -80,9 +79,7 @@ def test_unmatched_joints_are_no_points():
 
 
 def test_two_joints_are_enough():
-    body = Skeleton(
-        names=("a", "b"), parents=[-1, 0], offsets=[[0, 0, 0], [0, 2, 0]], channels=((), ()), end_sites=[False, False]
-    )
+    body = tree_of([[0, 0, 0], [0, 2, 0]])
     problem = problem_of(body, body)
     np.testing.assert_array_equal(problem.priorities, [[0, 1], [1, 0]])
     np.testing.assert_allclose(problem.ratio, [[0, 0.5], [0.5, 0]])

@@ -5,11 +5,10 @@ import shlex
 import shutil
 import subprocess
 from dataclasses import fields
-from pathlib import Path
 
 import make_docs
 import pytest
-from bodies import SAMPLES
+from bodies import ROOT, SAMPLES
 from make_samples import CHARACTERS
 from program import run
 
@@ -17,7 +16,6 @@ import distretarget
 from distretarget import read_bvh, write_bvh
 from distretarget.objectives.activation import ContactSettings
 
-ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 WITH_EXAMPLES = [page for page in PAGES if page.name != "CONTRIBUTING.md"]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)

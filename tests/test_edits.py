@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, paths_of, person, swaying
+from bodies import SAMPLES, paths_of, person, swaying, tree_of
 from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
@@ -178,14 +178,7 @@ def test_no_frames_are_mirrored_to_none(walk):
 def test_a_loop_takes_four_frames_and_a_mirror_a_human_body(walk):
     with pytest.raises(MotionError, match="at least 4"):
         looped(walk[:3])
-    chain = Skeleton(
-        names=("a", "b", "c"),
-        parents=np.array([-1, 0, 1]),
-        offsets=np.eye(3),
-        channels=walk.skeleton.channels[:3],
-        end_sites=np.zeros(3, bool),
-    )
-    motion = swaying(chain, 5)
+    motion = swaying(tree_of(np.eye(3)), 5)
     with pytest.raises(MotionError, match="left and right"):
         mirrored(motion)
 

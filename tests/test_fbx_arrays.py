@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.character.nodes import Nodes
-from distretarget.io.fbx import INFLUENCES, _influences, _inverse, _parts, _skins
+from distretarget.character.nodes import INFLUENCES, Nodes
+from distretarget.io.fbx import _influences, _inverse, _parts, _skins
 
 QUARTER = Rotation.from_euler("Z", 90, degrees=True).as_quat()
 STILL = np.array([0.0, 0.0, 0.0, 1.0])

@@ -2,20 +2,15 @@
 
 import numpy as np
 import pytest
-from bodies import body_of, lengthened, matched, moved, person, posed
+from bodies import ALONG, LEG, PERSON, UP, body_of, lengthened, matched, moved, posed, taken, tree_of
 from built_rigs import along_bones, with_axes
 from scipy.spatial.transform import Rotation
 
-from distretarget import Skeleton
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
 from distretarget.measure.supports import find_feet
 
-LEG = 0.435 + 0.453
 TIME = 0.02
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
-ALONG = np.array([0.6, 0.0, 0.8])
 OVER_FEET = ("foot_height", "foot_pitch", "ankle_height", "hips_height")
 
 
@@ -249,15 +244,7 @@ def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():
 
 
 def test_without_toes_feet_have_no_pitch_and_heights_are_those_of_ankles():
-    toes = [joint for joint, name in enumerate(PERSON.names) if "Toe" in name]
-    kept = np.delete(np.arange(len(PERSON)), toes)
-    body = Skeleton(
-        names=tuple(PERSON.names[joint] for joint in kept),
-        parents=[np.searchsorted(kept, parent) if parent >= 0 else -1 for parent in PERSON.parents[kept]],
-        offsets=PERSON.offsets[kept],
-        channels=tuple(PERSON.channels[joint] for joint in kept),
-        end_sites=PERSON.end_sites[kept],
-    )
+    body = taken(PERSON, [joint for joint, name in enumerate(PERSON.names) if "Toe" not in name])
     feet = measured(standing(), standing(body, height=LEG + 0.1))
     assert np.isnan(feet.foot_pitch).all()
     assert np.isnan(feet.ankle_height).all()
@@ -272,12 +259,7 @@ def test_one_frame_is_a_person_at_rest():
 
 
 def test_a_body_without_legs_has_no_feet_to_measure():
-    offsets = np.outer([0, 1, 1, 1], UP)
-    channels = (("Zrotation",),) * 4
-    chain = Skeleton(
-        names=tuple("abcd"), parents=[-1, 0, 1, 2], offsets=offsets, channels=channels, end_sites=[False] * 4
-    )
-    motion = posed(chain, {}, np.zeros((4, 3)))
+    motion = posed(tree_of(np.outer([0, 1, 1, 1], UP)), {}, np.zeros((4, 3)))
     feet = measured(motion, motion)
     assert {getattr(feet, key).shape for key in ("stance", "skate", *OVER_FEET)} == {(4, 0)}
     assert feet.stance.dtype == bool

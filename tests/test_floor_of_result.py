@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, matched, person, posed
+from bodies import HERO, SAMPLES, UP, matched, person, posed
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
 from distretarget.measure.resting import NEAR, Floor, find_floor
 from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
 from distretarget.skin.capsules import Capsules
-
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
-UP = np.array([0.0, 1.0, 0.0])
 
 
 @pytest.fixture(scope="module")

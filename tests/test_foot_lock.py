@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
+from bodies import LEG, SAMPLES, SIDES, UP, body_of, lengthened, matched, person, posed, swaying, taken, tree_of
 from scipy.spatial.transform import Rotation
 
-from distretarget import ContactSettings, Options, Skeleton, load_target, read_bvh, retarget
+from distretarget import ContactSettings, Options, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import SINK, RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.body.resting import REST_SPEED
@@ -16,11 +16,7 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
 from distretarget.objectives.supports import no_supports
-from distretarget.pipeline.performer import match_performer
-
-LEG = 0.435 + 0.453
-SIDES = ("Left", "Right")
-UP = np.array([0.0, 1.0, 0.0])
+from distretarget.pipeline.performer import Transfer, match_performer
 
 
 def pitched_feet(sine):
@@ -51,9 +47,7 @@ def places_of(stance, target, name):
 
 
 def test_a_body_without_legs_stands_nowhere():
-    chain = Skeleton(
-        names=tuple("abc"), parents=[-1, 0, 1], offsets=np.eye(3), channels=(("Zrotation",),) * 3, end_sites=[False] * 3
-    )
+    chain = tree_of(np.eye(3))
     stance = stance_of(swaying(chain), chain, 2.0)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
     assert no_supports(20).weights.shape == (20, 0)
@@ -406,14 +400,7 @@ def test_a_foot_without_a_bone_has_one_place():
 
 def without_feet(body):
     """The body whose legs end at the ankles."""
-    kept = [joint for joint, name in enumerate(body.names) if "Toe" not in name]
-    return Skeleton(
-        names=tuple(body.names[joint] for joint in kept),
-        parents=[kept.index(body.parents[joint]) if joint else -1 for joint in kept],
-        offsets=body.offsets[kept],
-        channels=tuple(body.channels[joint] for joint in kept),
-        end_sites=body.end_sites[kept],
-    )
+    return taken(body, [joint for joint, name in enumerate(body.names) if "Toe" not in name])
 
 
 @pytest.mark.parametrize("footless", ["source", "target"])
@@ -474,7 +461,7 @@ def test_stance_turns_with_the_up_axis():
 def test_strides_beyond_the_reach_of_the_legs_lower_the_hips_no_more_than_they_must(longer):
     """As of a child that keeps up with adults; its feet do not skate for it."""
     source, target = read_bvh(SAMPLES / "walk.bvh"), load_target(SAMPLES / "rigs" / "mixamo_a.json").skeleton
-    match_of_both = match_performer(source, target)
+    match_of_both = match_performer(Transfer(source, target))
     height = find_root_scale(match_of_both.matching)
     performer = match_of_both.performer(RootScale(longer * height, height))
     performer = performer.with_supports(Options(), ContactSettings())

@@ -4,12 +4,11 @@ import re
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
 
 import pytest
 import yaml
+from bodies import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 GITHUB = ROOT / ".github"
 WORKFLOWS = {path.stem: path.read_text("utf-8") for path in (GITHUB / "workflows").glob("*.yml")}
 OTHERS = [ROOT / ".pre-commit-config.yaml", *GITHUB.glob("*.*"), *GITHUB.glob("ISSUE_TEMPLATE/*")]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import lengthened, matched, person, posed
+from bodies import UP, lengthened, matched, person, posed
 
 from distretarget import Options, retarget
 from distretarget.baseline.rotation_copy import RootScale
@@ -11,7 +11,6 @@ from distretarget.objectives.heels import with_low_heels
 
 LEG, FOOT, TOES = 0.435 + 0.453, 0.125, 0.06
 ROLL = 0.05 * LEG
-UP = np.array([0.0, 1.0, 0.0])
 
 
 def on_toes(angle, path=None):

@@ -5,12 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.objectives import contact_pairs, foot_lock
-
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 @cache

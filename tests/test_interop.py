@@ -5,17 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, needs_corpus, swaying
+from bodies import SAMPLES, of_samples_and_corpus, swaying, tree_of
+from bvh_texts import assert_same_joints
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, Skeleton, read_bvh
+from distretarget import Motion, read_bvh
 from distretarget.body.body import Body
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError
 from distretarget.io.interop import from_bvhio, to_bvhio
 
 NEEDS_BVHIO = "bvhio is not installed; it has no builds for Python 3.14"
 FLOAT32 = 1e-5  # of a body's height
-CLIPS = (
+clips = of_samples_and_corpus(
     "animated_drawings/dab",
     "bvhio/example",
     "cmu_daz/05_03",
@@ -34,11 +35,6 @@ CLIPS = (
     "synthetic_odd/odd_order_yxz",
     "synthetic_odd/odd_pos_on_every_joint",
 )
-clips = pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, id=path.stem) for path in sorted(SAMPLES.glob("*.bvh"))]
-    + [pytest.param(CORPUS / f"{clip}.bvh", id=clip, marks=needs_corpus) for clip in CLIPS],
-)
 
 
 @pytest.fixture
@@ -56,10 +52,7 @@ def dance():
 
 
 def assert_same_body(motion, other):
-    assert motion.skeleton.names == other.skeleton.names
-    assert motion.skeleton.channels == other.skeleton.channels
-    np.testing.assert_array_equal(motion.skeleton.parents, other.skeleton.parents)
-    np.testing.assert_array_equal(motion.skeleton.end_sites, other.skeleton.end_sites)
+    assert_same_joints(motion.skeleton, other.skeleton)
     np.testing.assert_allclose(motion.skeleton.offsets, other.skeleton.offsets, rtol=1e-6, atol=1e-30)
 
 
@@ -128,14 +121,9 @@ def test_any_rotation_order_on_any_joint(bvhio, tmp_path):
 def test_joints_with_fewer_channels(axes, bvhio, tmp_path):
     angles = np.linspace(0, 1, 5 * len(axes)).reshape(5, len(axes))
     rotations = Rotation.from_euler(axes, angles).as_quat()
-    names, channels = ("a", "b", "b_End"), ((), tuple(f"{axis}rotation" for axis in axes), ())
-    skeleton = Skeleton(
-        names=names,
-        parents=[-1, 0, 1],
-        offsets=[[0, 0, 0], [1, 2, 3], [3, 2, 1]],
-        channels=channels,
-        end_sites=[False, False, True],
-    )
+    channels = ((), tuple(f"{axis}rotation" for axis in axes), ())
+    plain = tree_of([[0, 0, 0], [1, 2, 3], [3, 2, 1]], ["a", "b", "b_End"], ends=["b_End"])
+    skeleton = replace(plain, channels=channels)
     still = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1))
     motion = Motion.of_translations(
         skeleton, np.tile(skeleton.offsets, (5, 1, 1)), np.stack([still, rotations, still], axis=1), "0.01"
@@ -147,21 +135,13 @@ def test_joints_with_fewer_channels(axes, bvhio, tmp_path):
 
 @pytest.mark.usefixtures("bvhio")
 def test_joints_in_any_order_come_back_depth_first():
-    skeleton = Skeleton(
-        names=("a", "b", "c", "d"),
-        parents=[-1, 0, 0, 1],
-        offsets=np.arange(12.0).reshape(4, 3),
-        channels=((),) * 4,
-        end_sites=np.zeros(4, bool),
-    )
+    skeleton = tree_of(np.arange(12.0).reshape(4, 3), "abcd", [-1, 0, 0, 1])
     again = from_bvhio(to_bvhio(swaying(skeleton))).skeleton
     assert [name for name, end_site in zip(again.names, again.end_sites, strict=True) if not end_site] == list("abdc")
 
 
 def test_a_joint_without_end_site_gets_one(bvhio):
-    skeleton = Skeleton(
-        names=("a", "b"), parents=[-1, 0], offsets=[[0, 0, 0], [1, 2, 3]], channels=((), ()), end_sites=[False, False]
-    )
+    skeleton = tree_of([[0, 0, 0], [1, 2, 3]], "ab")
     again = from_bvhio(to_bvhio(swaying(skeleton))).skeleton
     assert again.names == ("a", "b", "b_End")
     assert again.offsets[2].tolist() == [0, 0, 0]
@@ -227,12 +207,10 @@ def test_containers_that_are_no_motion_are_refused(change, error, message):
     assert len(str(caught.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("end_sites", [[False, True, True], [False, True, False]])
+@pytest.mark.parametrize("ends", ["bc", "b"])
 @pytest.mark.usefixtures("bvhio")
-def test_end_sites_that_bvhio_would_drop_are_refused(end_sites):
-    skeleton = Skeleton(
-        names=("a", "b", "c"), parents=[-1, 0, 0], offsets=np.eye(3), channels=((),) * 3, end_sites=end_sites
-    )
+def test_end_sites_that_bvhio_would_drop_are_refused(ends):
+    skeleton = tree_of(np.eye(3), "abc", [-1, 0, 0], ends=ends)
     with pytest.raises(SkeletonError, match="only where a joint has nothing else; 'a' has 'b', 'c'"):
         to_bvhio(swaying(skeleton))
 

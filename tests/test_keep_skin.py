@@ -1,20 +1,17 @@
 """Skin on a character: what touches and sinks in, through `retarget`."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from bodies import HERO, SAMPLES
 
 from distretarget import Options, load_target, read_bvh, retarget
 
-ROOT = Path(__file__).resolve().parents[1]
-HERO = ROOT / "sample_characters" / "hero.glb"
 BONES_ALONE = Options(skin="none")
 SIDES = ("Left", "Right")
 
 
 def sample(name, frames=slice(None)):
-    return read_bvh(ROOT / "sample_bvh" / f"{name}.bvh")[frames]
+    return read_bvh(SAMPLES / f"{name}.bvh")[frames]
 
 
 @pytest.mark.parametrize("name", ["hands_on_hips", "clap", "walk"])
@@ -51,13 +48,13 @@ def test_where_nothing_is_near_nothing_changes():
 
 
 def test_a_target_without_mesh_or_radii_has_no_thickness():
-    target = load_target(ROOT / "sample_bvh" / "child.json")
+    target = load_target(SAMPLES / "child.json")
     kept, alone = (retarget(sample("clap"), target, options).motion for options in (Options(), BONES_ALONE))
     np.testing.assert_array_equal(kept.rotations, alone.rotations)
 
 
 def test_an_average_adult_can_be_asked_for():
-    target = load_target(ROOT / "sample_bvh" / "long_arms.json")
+    target = load_target(SAMPLES / "long_arms.json")
     run = retarget(sample("hands_on_hips"), target, Options(skin="average"))
     assert run.metrics["result"]["skin_depth"] < run.metrics["rotation_copy"]["skin_depth"]
 

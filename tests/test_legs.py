@@ -5,9 +5,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, person
+from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, person, tree_of
 
-from distretarget import DistretargetError, Skeleton, read_bvh
+from distretarget import DistretargetError, read_bvh
 from distretarget.body.body import Body
 from distretarget.body.limbs import _longest_pair, are_alike, find_legs, foot_bone, leg_length, tree_legs
 from distretarget.io.target_file import load_target
@@ -154,14 +154,7 @@ def test_the_longest_pair_is_that_of_a_comparison_of_all(seed):
     for _ in range(30):
         chains.append(list(range(len(parents), len(parents) + draw.integers(2, 5))))
         parents += [0, *chains[-1][:-1]]
-    count = len(parents)
-    body = Skeleton(
-        names=tuple(f"j{joint}" for joint in range(count)),
-        parents=np.array(parents),
-        offsets=draw.uniform(0.5, 1.5, (count, 1)) * [0.0, 1.0, 0.0],
-        channels=((),) * count,
-        end_sites=np.zeros(count, bool),
-    )
+    body = tree_of(draw.uniform(0.5, 1.5, (len(parents), 1)) * [0.0, 1.0, 0.0], parents=parents)
     pairs = [(-body.lengths[a].sum(), a, b) for a, b in combinations(chains, 2) if are_alike(body, a, b)]
     expected = min(pairs, key=lambda pair: pair[0], default=None)
     found = _longest_pair(body, body.children[0])

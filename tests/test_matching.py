@@ -5,16 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, body_of, matched, person, posed, with_bone
+from bodies import PERSON, SAMPLES, body_of, matched, posed, reordered, taken, tree_of, with_bone
 
-from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching, match, refusal
-from distretarget.pipeline.retargeting import needs_map
+from distretarget.pipeline.retargeting import with_advice
 
-PERSON = person()
 RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*.json"))}
 MIXAMO = RIGS["mixamo_t"]
 # Both arms and legs of each convention, from the collar bone to the hand and from the hip joint to the toes.
@@ -39,33 +37,9 @@ def swapped(name):
     return re.sub("Left|Right", lambda side: {"Left": "Right", "Right": "Left"}[side[0]], name)
 
 
-def chain(*names, parents=None, ends=()):
+def chain(*names, parents=(), ends=()):
     """A rope, which is no human body; joints named in `ends` are End Sites."""
-    parents = range(-1, len(names) - 1) if parents is None else parents
-    offsets = np.outer(np.arange(len(names)) > 0, [0, 1.0, 0])
-    return Skeleton(
-        names=names,
-        parents=list(parents),
-        offsets=offsets,
-        channels=((),) * len(names),
-        end_sites=[name in ends for name in names],
-    )
-
-
-def taken(skeleton, joints):
-    """The skeleton of the given joints, parents first."""
-    joints = list(joints)
-    parents = [joints.index(skeleton.parents[joint]) if joint else -1 for joint in joints]
-    channels = tuple(skeleton.channels[joint] for joint in joints)
-    names = tuple(skeleton.names[joint] for joint in joints)
-    return replace(
-        skeleton,
-        names=names,
-        parents=parents,
-        offsets=skeleton.offsets[joints],
-        channels=channels,
-        end_sites=skeleton.end_sites[joints],
-    )
+    return tree_of(np.outer(np.arange(len(names)) > 0, [0, 1.0, 0]), names, parents, ends=ends)
 
 
 def without(skeleton, pattern):
@@ -103,12 +77,8 @@ def limbs(convention, joints=slice(None)):
 @rigs
 @pytest.mark.parametrize("seed", range(3))
 def test_equal_names_match_in_any_order(body, seed):
-    draw = np.random.default_rng(seed)
-    order, ready = [0], list(body.children[0])
-    while ready:
-        order.append(ready.pop(draw.integers(len(ready))))
-        ready.extend(body.children[order[-1]])
-    matching = matched(body, taken(body, order))
+    other, order = reordered(body, seed)
+    matching = matched(body, other)
     drivers = np.where(np.isin(order, list(Body.of(body).handles)), -1, order)
     np.testing.assert_array_equal(matching.drivers, drivers)
     np.testing.assert_array_equal(matching.rotation_sources, np.stack([drivers, drivers], axis=1))
@@ -419,5 +389,5 @@ def test_a_map_is_never_refused_for_lack_of_names(explicit):
     ],
 )
 def test_the_file_that_is_at_fault_is_named(fault, file):
-    error = needs_map(MatchingError(fault, ["Hips"], ["Hips"]), "walk.bvh", "hero.glb")
-    assert str(error).startswith(f"{file}: {fault}")
+    with pytest.raises(MatchingError, match=f"^{file}: {fault}"), with_advice("walk.bvh", "hero.glb"):
+        raise MatchingError(fault, ["Hips"], ["Hips"])

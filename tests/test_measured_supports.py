@@ -4,14 +4,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, matched, moved, person, posed
+from bodies import SAMPLES, UP, matched, moved, person, posed
 from sample_supports import SUPPORTED
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh
 from distretarget.measure.supports import find_supports
 
-UP = np.array([0.0, 1.0, 0.0])
 FEET = ("Ankle", "Toe", "Toe_End")
 
 

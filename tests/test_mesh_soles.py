@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person
+from bodies import HERO, PERSON, SAMPLES, UP
 from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial.transform import Rotation
 
@@ -15,9 +15,6 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.body.soles import floor_height, level_on_floor
 from distretarget.target import Target
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
-PERSON = person()
-UP = np.array([0.0, 1.0, 0.0])
 BALL = 0.02
 """The height of the ball of the foot over its sole [m]."""
 HEIGHT = 1.7

@@ -1,19 +1,14 @@
 """The registry of metrics: complete, and the only place that names, explains and reduces them."""
 
 import re
-import sys
-from pathlib import Path
 from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
-from bodies import person, swaying
+from bodies import ROOT, person, swaying
 
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import BY_KEY, METRICS, SUFFIXES, Limit, Metric, Track, frame_metrics
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_docs import ROOT
 
 PACKAGE = ROOT / "distretarget"
 REGISTRY = PACKAGE / "measure" / "metrics.py"

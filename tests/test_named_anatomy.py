@@ -191,8 +191,7 @@ def test_helpers_have_no_roles():
 
 def test_end_sites_have_no_roles():
     body = tree(BODY.replace("LeftHand", "LeftHand>LeftHandIndex1>LeftHandIndex2"))
-    ends = np.array([name == "LeftHandIndex2" for name in body.names])
-    found = roles(skeleton(body.names, body.parents, ends))
+    found = roles(skeleton(body.names, body.parents, ["LeftHandIndex2"]))
     assert found == ROLES | {"leftIndex1": "LeftHandIndex1"}
 
 

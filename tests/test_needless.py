@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import body_of, clapping, matched, person, posed
+from bodies import LEG, PERSON, UP, body_of, clapping, matched, posed
 from scipy.spatial.transform import Rotation
 from skeleton_edits import in_axes
 
 from distretarget.measure.comparison import Reference
 from distretarget.measure.needless import AROUND, find_needless, find_shaking, find_turned
 
-PERSON = person()
-LEG = 0.435 + 0.453
-UP = np.array([0.0, 1.0, 0.0])
 FRAMES = 120
 TIME = 0.02  # between the frames of `posed` [s]
 ONE_SHOT = np.zeros(FRAMES, np.intp)

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import WAYS, lengthened, moved, other_lengths, person, swaying
+from bodies import WAYS, lengthened, moved, other_lengths, person, swaying, tree_of
 from bvh_texts import format_bvh
 from scipy.spatial.transform import Rotation
 
-from distretarget import DistretargetError, Motion, Skeleton, retarget
+from distretarget import DistretargetError, Motion, retarget
 from distretarget.io.bvh import parse_bvh
 from distretarget.pipeline.options import OBJECTIVES, Options
 
@@ -49,18 +49,6 @@ def is_sound_or_refused(source, target, **options):
     assert "\n" not in refusal
 
 
-def tree(parents, offsets):
-    """A skeleton of joints called a, b, ...; the root has all channels, the others turn."""
-    turns = ("Zrotation", "Xrotation", "Yrotation")
-    return Skeleton(
-        names=tuple(f"joint{number}" for number in range(len(parents))),
-        parents=parents,
-        offsets=offsets,
-        channels=(POSITIONS + turns, *[turns] * (len(parents) - 1)),
-        end_sites=np.zeros(len(parents), bool),
-    )
-
-
 @objectives
 @pytest.mark.parametrize("exponent", range(-9, 10, 3))
 def test_targets_of_every_size(exponent, objective):
@@ -87,7 +75,7 @@ def test_single_bones_of_every_length(exponent):
     ids=["one joint", "two joints", "a chain", "a star of 200", "all in one place"],
 )
 def test_trees_that_are_no_bodies(parents, offsets, objective):
-    skeleton = tree(parents, offsets)
+    skeleton = tree_of(offsets, parents=parents)
     is_sound_or_refused(swaying(skeleton, frames=3), skeleton.with_offsets(2.0 * skeleton.offsets), objective=objective)
 
 

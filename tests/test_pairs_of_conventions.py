@@ -1,47 +1,27 @@
 """Matching every convention to every other: joints of the same part, whatever their names."""
 
-import json
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import CORPUS, body_of, needs_corpus
+from named_bodies import DATA, needs_names, published
 from sample_rigs import CONVENTIONS, rig
 
-from distretarget import DistretargetError, Skeleton, read_bvh
+from distretarget import DistretargetError, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.body import Body
 from distretarget.body.recognition import by_names
 from distretarget.matching.matching import find_matching, refusal
 
-NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
-DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}
 PUBLISHED = tuple(DATA["_roles"])
 
 LIMBS = ("hips", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
 FIVE_TOES = {"benchmark.bvh", "face-poseunits.bvh", "tpose.bvh"}  # none of these names is known as the end of a foot
 NO_BODY = {"full_precision_frame_time.bvh", "rotation_first_root.bvh"}  # with few joints
 
-needs_names = pytest.mark.skipif(not NAMES.is_file(), reason="the published names are not here")
 rigs = pytest.mark.parametrize("pose", ["T", "A"])
-
-
-@cache
-def published(convention):
-    """The joints of a convention, all at one place."""
-    joints = DATA[convention]
-    names = [joint["name"] for joint in joints]
-    parents = [names.index(joint["parent"]) if joint["parent"] else -1 for joint in joints]
-    count = len(names)
-    return Skeleton(
-        names=tuple(names),
-        parents=np.array(parents),
-        offsets=np.zeros((count, 3)),
-        channels=((),) * count,
-        end_sites=np.zeros(count, bool),
-    )
 
 
 @cache

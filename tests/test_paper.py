@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, matched, other_lengths, paths_of, person, swaying
+from bodies import PERSON, SAMPLES, matched, other_lengths, paths_of, swaying
 from scipy.optimize import minimize
 
 from distretarget import Options, load_target, read_bvh, retarget
@@ -18,7 +18,6 @@ from distretarget.numerics.parallel import BLOCK_FRAMES
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_poses
 
-PERSON = person()
 TARGET = other_lengths(PERSON)
 CASES = [("clap", "long_arms"), ("hands_on_hips", "child"), ("walk", "long_spine"), ("squat", "giant")]
 

@@ -1,16 +1,16 @@
 """The paper's experiment: the exact checks hold, and docs/paper.md has the numbers that its functions give."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from bodies import ROOT
 from paper_case import EDITS, POSTURE, case, on_table_one
 from paper_solver import checks
 from paper_tables import edit_cells, pair_rows, pairs_table, spine_table
 from table_one import table_one
 
-PAGE = (Path(__file__).resolve().parents[1] / "docs" / "paper.md").read_text("utf-8")
+PAGE = (ROOT / "docs" / "paper.md").read_text("utf-8")
 SUBSET = ("legs +60 %", "spine +60 %")
 EFFORT = "iterations"
 """A column that depends on the machine: a last bit changes the way to a minimum, though not the minimum."""

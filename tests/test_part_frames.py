@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from bodies import person, turned
+from bodies import PERSON, turned
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.measure.part_frames import difference, find_part_frames
 from distretarget.skin.capsules import SEGMENTS
 
-PERSON = person()
 ROLES = Body.of(PERSON).anatomy.roles
 CHEST = np.array([SEGMENTS.index("chest")])
 

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from planted_in_results import FAULTS, SAMPLES, seen, seen_of_solver, stage_of
+from bodies import HERO
+from planted_in_results import FAULTS, seen, seen_of_solver, stage_of
 
 from distretarget.measure.metrics import BY_KEY
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 # The figure that is to tell of each; others may, too.
 BY = {
     "root 3 % of height lower": "floor",

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from bodies import body_of, person, posed, with_bone
+from bodies import LEG, PERSON, body_of, posed, with_bone
 
 from distretarget.measure.metrics import BY_KEY, Track
 from distretarget.measure.pops import find_pops
-
-PERSON = person()
-LEG = 0.435 + 0.453
 
 
 def carried(path, body=PERSON, frame_time="0.0166666667"):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, matched, person, posed
+from bodies import LEG, SAMPLES, UP, matched, person, posed
 from scipy.spatial.transform import Rotation
 from skeleton_edits import in_axes, with_offset
 from zoo import member, on_member, on_twin
@@ -15,8 +15,6 @@ from distretarget.measure.metrics import clip_metrics
 
 TOES = 0.125 * np.array([0.0, -np.sin(np.radians(20)), np.cos(np.radians(20))])  # below the ankle, as those of people
 PERSON = with_offset(person(), [person().index(f"{side}Toe") for side in ("Left", "Right")], TOES)
-LEG = 0.435 + 0.453
-UP = np.array([0.0, 1.0, 0.0])
 X, Y, Z = np.eye(3)
 POSTURE = ("head_tilt", "palm_turn", "sole_tilt", "heading", "splay")
 

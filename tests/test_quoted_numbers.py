@@ -1,12 +1,11 @@
 """Numbers in the change log are those of the tables that the benchmarks write into docs/results.md."""
 
 import re
-from pathlib import Path
 
 import pytest
+from bodies import ROOT
 from make_docs import lines
 
-ROOT = Path(__file__).resolve().parents[1]
 METHODS = ("source", "copy", "paper", "contact")
 
 

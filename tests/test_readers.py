@@ -4,13 +4,13 @@ import warnings
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, needs_corpus
+from bodies import of_samples_and_corpus
 from edits import ARMS_AND_LEGS, edited
 
 from distretarget import read_bvh, retarget, write_bvh
 from distretarget.body.body import Body
 
-CLIPS = (
+clips = of_samples_and_corpus(
     "animated_drawings/dab",
     "animated_drawings/jesse_dance",
     "bvhio/example",
@@ -19,12 +19,6 @@ CLIPS = (
     "makehuman/walk1",
     "pybvh/bvh_test2",
     "synthetic_odd/odd_order_yxz",
-)
-
-clips = pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, id=path.stem) for path in sorted(SAMPLES.glob("*.bvh"))]
-    + [pytest.param(CORPUS / f"{clip}.bvh", id=clip, marks=needs_corpus) for clip in CLIPS],
 )
 
 

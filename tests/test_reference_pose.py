@@ -20,7 +20,6 @@ from distretarget.body.body import Body
 from distretarget.body.reference_pose import FOOT_PITCH, bend_axes, t_pose, usual_pitch
 from distretarget.numerics.vectors import normalised
 
-UP = np.array([0.0, 1.0, 0.0])
 SIDES = {"left": 1.0, "right": -1.0}
 
 ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WAYS))])

@@ -8,19 +8,17 @@ from base64 import b64decode, b64encode
 from dataclasses import replace
 
 import numpy as np
-from bodies import SAMPLES, clapping, lengthened, person, posed, swaying
-from make_samples import CHARACTERS
+from bodies import HERO, PERSON, SAMPLES, clapping, lengthened, posed, swaying, tree_of
 
-from distretarget import Skeleton, load_target, read_bvh, read_motion, retarget, write_motion
+from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.io.input_file import load_file
 from distretarget.measure.diff import diff
-from distretarget.report.actors import packed
+from distretarget.report.actors import encoded
 from distretarget.report.clip_page import diff_page, run_page
 from distretarget.report.diff_document import About, document
 from distretarget.report.page import script_json
 from distretarget.report.stage import stage_data
 
-PERSON = person()
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{stage}} __proto__ \u202e" + 10_000 * "x"
 
 
@@ -44,7 +42,7 @@ def stage_of(motion_a, motion_b):
 
 
 def numbers(text, dtype):
-    """The numbers of a packed array."""
+    """The numbers of a encoded array."""
     planes = np.frombuffer(zlib.decompress(b64decode(text)), np.uint8).reshape(np.dtype(dtype).itemsize, -1)
     return np.ascontiguousarray(planes.T).view(dtype).ravel()
 
@@ -54,12 +52,7 @@ def clap(frames=12):
 
 
 def chain(joints):
-    offsets = np.tile([[0.0, 1.0, 0.0]], (joints, 1))
-    channels = (("Zrotation", "Xrotation", "Yrotation"),) * joints
-    names = tuple(f"joint_{k}" for k in range(joints))
-    return Skeleton(
-        names=names, parents=np.arange(joints) - 1, offsets=offsets, channels=channels, end_sites=np.zeros(joints, bool)
-    )
+    return tree_of(np.tile([[0.0, 1.0, 0.0]], (joints, 1)))
 
 
 def test_names_of_all_kinds_stay_text():
@@ -117,7 +110,7 @@ def test_scripts_make_no_markup_of_text():
 def test_packed_numbers_are_the_same_numbers():
     for dtype in ("<f4", "<i2", "<u1", "<u4"):
         values = np.arange(24).reshape(2, 3, 4).astype(dtype)
-        np.testing.assert_array_equal(numbers(packed(values, dtype), dtype), values.ravel())
+        np.testing.assert_array_equal(numbers(encoded(values, dtype), dtype), values.ravel())
 
 
 def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():
@@ -163,12 +156,11 @@ def test_a_row_holds_where_the_regions_touch_and_joins_the_joints_of_the_documen
 
 
 def test_a_source_with_a_mesh_is_shown_with_it(tmp_path):
-    hero = CHARACTERS / "hero.glb"
-    clip = retarget(read_bvh(SAMPLES / "clap.bvh")[:5], load_target(hero)).motion
-    write_motion(tmp_path / "clap.glb", clip, hero)
+    clip = retarget(read_bvh(SAMPLES / "clap.bvh")[:5], load_target(HERO)).motion
+    write_motion(tmp_path / "clap.glb", clip, HERO)
     file = load_file(tmp_path / "clap.glb")
     motion = read_motion(tmp_path / "clap.glb")
     result = retarget(motion, PERSON)
-    for source, own in ((file, True), (load_file(SAMPLES / "clap.bvh"), False), (load_file(hero), True)):
+    for source, own in ((file, True), (load_file(SAMPLES / "clap.bvh"), False), (load_file(HERO), True)):
         stage = embedded(run_page(result, about(), None, source), "stage")
         assert ["mesh" in stage["bodies"][actor["body"]] for actor in stage["actors"]] == [own, False, False]

@@ -1,29 +1,22 @@
 """Joints at rest: on the floor, and on anything else that stands still while the body moves."""
 
 import numpy as np
-from bodies import body_of, lengthened, person, posed
+from bodies import UP, body_of, lengthened, person, posed, tree_of
 from skeleton_edits import below_root
 
-from distretarget import Motion, Skeleton
+from distretarget import Motion
 from distretarget.body.resting import feet_at_rest, feet_resting, joint_speeds, still_joints
 from distretarget.numerics.joint_paths import heights_of, lowest_heights
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
-UP = np.array([0.0, 1.0, 0.0])
 TIME = np.arange(FRAMES) * STEP
 ROOT = np.zeros((FRAMES, 3))
 
 
 def two_points(base, end):
     """A motion of two joints, given by their paths (frames, 3)."""
-    chain = Skeleton(
-        names=("base", "end"),
-        parents=[-1, 0],
-        offsets=np.array([[0.0, 0, 0], [0, 1, 0]]),
-        channels=(("Xposition", "Yposition", "Zposition", "Zrotation"),) * 2,
-        end_sites=[False, False],
-    )
+    chain = tree_of([[0.0, 0, 0], [0, 1, 0]])
     rotations = np.tile([0.0, 0, 0, 1], (FRAMES, 2, 1))
     return Motion.of_translations(chain, np.stack([base, end - base], axis=1), rotations, str(STEP))
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import lengthened, matched, person, posed
+from bodies import LEG, PERSON, lengthened, matched, posed
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.anatomy import Regions
@@ -17,8 +17,6 @@ from distretarget.objectives.supports import no_supports
 FRAMES = 120
 ONE_SHOT = np.zeros(FRAMES, np.intp)
 OFF = np.array([0.3, -0.2, 0.1])
-PERSON = person()
-LEG = 0.435 + 0.453
 ARM = 0.273 + 0.258 + 0.17
 
 

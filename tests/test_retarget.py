@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import mirrored, moved, other_lengths, person, swaying, with_bone
+from bodies import mirrored, moved, other_lengths, person, swaying, tree_of, with_bone
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, Options, Skeleton, retarget
+from distretarget import Motion, Options, retarget
 from distretarget.errors import MapError, MatchingError, MotionError, SettingsError
 
 BODY = person()
@@ -134,13 +134,7 @@ def test_the_shortest_motions(frames):
 
 def test_the_smallest_skeletons():
     for joints in (2, 3):
-        chain = Skeleton(
-            names=tuple("abc"[:joints]),
-            parents=np.arange(joints) - 1,
-            offsets=[[0, i > 0, 0] for i in range(joints)],
-            channels=(("Zrotation",),) * joints,
-            end_sites=[False] * joints,
-        )
+        chain = tree_of([[0, i > 0, 0] for i in range(joints)])
         result = retarget(swaying(chain), chain.with_offsets(2 * chain.offsets))
         np.testing.assert_allclose(result.motion.skeleton.lengths[1:], 2.0)
 
@@ -223,13 +217,7 @@ def test_joints_without_a_driver_follow_their_parents():
 
 
 def test_bodies_that_cannot_be_matched_are_refused():
-    rope = Skeleton(
-        names=tuple("abc"),
-        parents=[-1, 0, 1],
-        offsets=np.tile([0.0, 1, 0], (3, 1)),
-        channels=(("Zrotation",),) * 3,
-        end_sites=[False] * 3,
-    )
+    rope = tree_of(np.tile([0.0, 1, 0], (3, 1)), "abc")
     with pytest.raises(MatchingError, match="the target has 'a', 'b', 'c'; the source has 'Hips'"):
         retarget(swaying(BODY), rope)
     with pytest.raises(MapError, match="no joint 'Nose'"):

@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, swaying
+from bodies import HERO, SAMPLES, swaying
 from sample_rigs import rig
 
 from distretarget import Skeleton, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.matching.matching import match
 from distretarget.rig import KEPT, found_once
-
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 def again(skeleton: Skeleton) -> Skeleton:

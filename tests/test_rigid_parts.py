@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, held_still, matched, other_lengths, person, swaying
+from bodies import PERSON, SAMPLES, held_still, matched, other_lengths, swaying, tree_of
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget import Skeleton, load_target
+from distretarget import load_target
 from distretarget.ik.poses import part_of_joint, posed_motion, subtree_lengths
 from distretarget.objectives.clip import rigid_part_roots
 
-PERSON = person()
 STILL = ("LeftHip", "RightHip", "LeftCollar", "RightCollar", "LeftShoulder")
 COPY = held_still(swaying(other_lengths(PERSON), frames=5, angle=1.2), STILL)
 ROOTS = rigid_part_roots(matched(PERSON, PERSON, dict.fromkeys(STILL)))
@@ -80,8 +79,7 @@ def test_as_many_parts_as_joints_that_turn_and_carry_bones():
 
 
 def test_a_lone_root_is_one_part():
-    point = Skeleton(names=("a",), parents=[-1], offsets=[[0, 0, 0]], channels=(("Zrotation",),), end_sites=[False])
-    np.testing.assert_array_equal(part_of_joint(point, np.arange(1)), [0])
+    np.testing.assert_array_equal(part_of_joint(tree_of([[0, 0, 0]]), np.arange(1)), [0])
 
 
 def test_subtree_lengths_are_sums_over_the_bones_at_and_below():

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, matched, person, posed, swaying
+from bodies import SAMPLES, SIDES, lengthened, matched, person, posed, swaying, tree_of
 from skeleton_edits import with_offset
 
-from distretarget import Skeleton, read_bvh
+from distretarget import read_bvh
 from distretarget.baseline.rotation_copy import (
     RootScale,
     find_root_scale,
@@ -16,14 +16,10 @@ from distretarget.baseline.rotation_copy import (
     rotation_copy,
 )
 
-SIDES = ("Left", "Right")
-
 
 def chain():
     """Three joints in a row, without legs."""
-    return Skeleton(
-        names=tuple("abc"), parents=[-1, 0, 1], offsets=np.eye(3), channels=(("Zrotation",),) * 3, end_sites=[False] * 3
-    )
+    return tree_of(np.eye(3), "abc")
 
 
 def test_root_scale_is_the_ratio_of_leg_lengths():

@@ -7,14 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import clapping, lengthened, other_lengths, person, posed, swaying
+from bodies import clapping, lengthened, other_lengths, person, posed, swaying, tree_of
 
-from distretarget import Options, Skeleton, retarget
+from distretarget import Options, retarget
 from distretarget.ik.spg import Reason
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, clip_metrics, metrics_at
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
-from distretarget.skeleton import POSITION_CHANNELS
 
 FRAMES = 40
 SOLVER = {"iterations", "evaluations", "reason"}
@@ -220,14 +219,8 @@ def test_the_shortest_clips_have_a_line_and_json(frames):
 
 
 def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
-    offsets, turns = np.outer([0.0, 1, 1], [0, 1.0, 0]), ("Zrotation", "Xrotation", "Yrotation")
-    chain = Skeleton(
-        names=tuple("abc"),
-        parents=[-1, 0, 1],
-        offsets=offsets,
-        channels=((*POSITION_CHANNELS, *turns), turns, turns),
-        end_sites=[False] * 3,
-    )
+    offsets = np.outer([0.0, 1, 1], [0, 1.0, 0])
+    chain = tree_of(offsets)
     source = swaying(chain)
     made = retarget(source, chain.with_offsets(2 * offsets))
     assert (

@@ -5,11 +5,10 @@ import make_samples
 import numpy as np
 import pytest
 import sample_character
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 
 from distretarget import load_target, read_bvh, retarget, write_motion
 
-HERO = make_samples.CHARACTERS / "hero.glb"
 HEIGHT = 1.774  # [m]
 
 

@@ -24,9 +24,9 @@ from distretarget.ik.poses import Poses
 from distretarget.objectives.activation import DEFAULT_SETTINGS as DEFAULT
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import no_supports
-from distretarget.pipeline.performer import match_performer
+from distretarget.pipeline.performer import Transfer, match_performer
 from distretarget.scene.contacts import TRUNK_GIVE, find_scene_contacts, how_far_joints_give
-from distretarget.scene.sweeps import MOST_SWEEPS, smoothed
+from distretarget.scene.sweeps import MOST_SWEEPS, changed_steadily
 
 H = {"Chest": 0.9, "Elbow": 0.75, "Wrist": 0.8, "Knee": 1.2, "Ankle": 1.2}
 HAND = "RightWrist"
@@ -94,7 +94,7 @@ def test_how_near_they_come_is_told():
 def performers():
     """Both performers, before they are solved."""
     scales = [RootScale(duet().world_scale, result.root_scale) for result in duet().results]
-    matches = [match_performer(*both) for both in zip(pair(), bodies(), strict=True)]
+    matches = [match_performer(Transfer(*both)) for both in zip(pair(), bodies(), strict=True)]
     return [
         each.performer(scale).with_supports(Options(), DEFAULT) for each, scale in zip(matches, scales, strict=True)
     ]
@@ -136,9 +136,9 @@ def test_what_contacts_change_is_smooth_but_at_cuts(cut):
         shots = (np.arange(frames) >= frames // 2).astype(np.intp)
         one, other = contacts.performers
         contacts = replace(contacts, performers=(one, replace(other, clip=replace(other.clip, shots=shots))))
-    steps = np.abs(np.diff(smoothed(sudden, before, contacts).v, axis=0)).max()
+    steps = np.abs(np.diff(changed_steadily(sudden, before, contacts).v, axis=0)).max()
     assert steps == (pytest.approx(1.0) if cut else pytest.approx(0.2, abs=0.15))
-    np.testing.assert_allclose(smoothed(before, before, contacts).v, before.v)
+    np.testing.assert_allclose(changed_steadily(before, before, contacts).v, before.v)
 
 
 def test_two_performers_on_their_own_bodies_are_not_touched():
@@ -218,7 +218,11 @@ def test_on_a_ladder_hands_that_another_performer_touches_give_way_and_feet_do_n
 @pytest.mark.parametrize(("height", "yields"), [(0.15, False), (0.25, True)])
 def test_hands_give_way_from_a_fifth_of_a_leg_above_the_floor_on(height, yields):
     """Below that they rest on the floor, with the flesh of the hand or a shoe between."""
-    one = match_performer(leaning(), bodies()[0]).performer(RootScale.even(0.6)).with_supports(Options(), DEFAULT)
+    one = (
+        match_performer(Transfer(leaning(), bodies()[0]))
+        .performer(RootScale.even(0.6))
+        .with_supports(Options(), DEFAULT)
+    )
     places = np.array(one.supports.places)
     floor = one.clip.scale.height * one.clip.source_floor[:, None]
     places[..., 1] = floor + height * one.clip.leg_lengths[1]

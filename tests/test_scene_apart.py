@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, moved
+from bodies import SAMPLES, UP, moved
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +22,6 @@ from distretarget.scene.sweeps import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _
 from distretarget.skin.capsules import IS_ARM
 
 FAT = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.7]) for part, ends in average_build("adult").parts.items()})
-UP = np.array([0.0, 1.0, 0.0])
 SPEED = (
     0.1  # two performers part at most this fast; written here, so that the test does not follow the code [body units/s]
 )

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, moved
+from bodies import HERO, SAMPLES, moved
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, read_bvh, retarget, retarget_scene
@@ -13,10 +13,9 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_gap
 from distretarget.measure.skin import find_skin
 from distretarget.scene.scene_file import load_scene
-from distretarget.scene.skin import COUNT, FARTHEST, Bodies
+from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies
 from distretarget.skin.capsules import SEGMENTS
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TOUCH = 0.005  # gaps of less in the source touch [body units]
 
 
@@ -109,20 +108,28 @@ def test_bodies_keep_their_own_gaps_among_others():
     for number, (skin, motion) in enumerate(zip(skins, motions, strict=True)):
         alone = Bodies([skin])
         own = (both.balls.pairs // COUNT == number).all(axis=1)
-        near = np.minimum(both.gaps(motions)[:, own] * both.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
-        expected = np.minimum(alone.gaps([motion]) * alone.unit, 0.9 * FARTHEST * min(both.unit, alone.unit))
+        near = np.minimum(both.gaps(motions)[:, own] * both.unit, 0.9 * DRAWN_WITHIN * min(both.unit, alone.unit))
+        expected = np.minimum(alone.gaps([motion]) * alone.unit, 0.9 * DRAWN_WITHIN * min(both.unit, alone.unit))
         np.testing.assert_allclose(near, expected, atol=1e-6)
 
 
-def test_how_deep_performers_are_in_each_other_has_known_answers():
+@cache
+def walking_hero():
     result = retarget(read_bvh(SAMPLES / "walk.bvh")[:3], load_target(HERO))
-    skin = find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
-    motion, height = result.motion, skin.height
+    return result.motion, find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
 
+
+def two_heroes(aside):
+    """The motions and skins of a hero and the same one so far aside [heights]."""
+    motion, skin = walking_hero()
+    path = motion.root_positions + np.array([aside * skin.height, 0.0, 0.0])
+    return [motion, replace(motion, root_positions=path)], [skin, skin]
+
+
+def test_how_deep_performers_are_in_each_other_has_known_answers():
     def overlap(aside, order=(0, 1)):
-        path = motion.root_positions + np.array([aside * height, 0.0, 0.0])
-        pair = [motion, replace(motion, root_positions=path)]
-        return measure_overlap([pair[k] for k in order], [skin, skin])
+        motions, skins = two_heroes(aside)
+        return measure_overlap([motions[k] for k in order], skins)
 
     assert overlap(1.0).depth == 0.0
     assert overlap(0.2).depth > 2.0
@@ -133,17 +140,9 @@ def test_how_deep_performers_are_in_each_other_has_known_answers():
 
 
 def test_performers_who_overlap_in_the_source_may_just_touch():
-    result = retarget(read_bvh(SAMPLES / "walk.bvh")[:3], load_target(HERO))
-    skin = find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
-    motion, height = result.motion, skin.height
-
-    def pair(aside):
-        path = motion.root_positions + np.array([aside * height, 0.0, 0.0])
-        return [motion, replace(motion, root_positions=path)]
-
     def errors(aside, of_source=0.2):
-        touches = measure_skin_gap(pair(of_source), pair(aside), [skin] * 2, [skin] * 2).touches
-        return np.array([touch.error for touch in touches])
+        (source, _), (motions, skins) = two_heroes(of_source), two_heroes(aside)
+        return np.array([touch.error for touch in measure_skin_gap(source, motions, skins, skins).touches])
 
     assert errors(0.2).max() < 1e-9
     assert np.median(errors(0.202)) == 0.0

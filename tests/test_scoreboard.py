@@ -1,10 +1,9 @@
 """The scoreboard measures what it says: known answers on a hand and a box, and the skin of the sample character."""
 
 import gltf_player
-import make_samples
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
@@ -16,7 +15,6 @@ from contestants import Contestant
 from skin_measures import Sinking, Solid, gap_error, gap_to
 from skins import PARTS, Skin
 
-HERO = make_samples.CHARACTERS / "hero.glb"
 CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 SIDES = np.array([[quad[0], *quad[n : n + 2]] for quad in QUADS for n in (1, 2)])  # of a box; from outside

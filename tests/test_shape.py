@@ -1,12 +1,14 @@
 """The parts of a body, found without names."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, swaying
+from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, reordered, swaying, tree_of
 from characters import PERSON
 from scipy.spatial.transform import Rotation
 
-from distretarget import Skeleton, read_bvh
+from distretarget import read_bvh
 from distretarget.body.anatomy import SIDES
 from distretarget.body.shape import by_shape
 
@@ -17,13 +19,9 @@ TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])
 def rig(bones):
     """A skeleton from {name: (parent, offset)}; names that end in _End are End Sites."""
     names = tuple(bones)
-    return Skeleton(
-        names=names,
-        parents=np.array([names.index(parent) if parent else -1 for parent, _ in bones.values()]),
-        offsets=np.array([offset for _, offset in bones.values()], float),
-        channels=((),) * len(names),
-        end_sites=np.array([name.endswith("_End") for name in names]),
-    )
+    parents = [names.index(parent) if parent else -1 for parent, _ in bones.values()]
+    ends = [name for name in names if name.endswith("_End")]
+    return tree_of([offset for _, offset in bones.values()], names, parents, ends=ends)
 
 
 def bones_of(skeleton):
@@ -64,19 +62,8 @@ def named(skeleton, anatomy):
 
 def renumbered(skeleton, seed):
     """The skeleton with children in another order and meaningless names, and the old number of each joint."""
-    draw = np.random.default_rng(seed)
-    order, ready = [0], list(skeleton.children[0])
-    while ready:
-        order.append(ready.pop(draw.integers(len(ready))))
-        ready.extend(skeleton.children[order[-1]])
-    parents = [order.index(skeleton.parents[joint]) if joint else -1 for joint in order]
-    return Skeleton(
-        names=tuple(f"j{joint}" for joint in range(len(order))),
-        parents=np.array(parents),
-        offsets=skeleton.offsets[order],
-        channels=tuple(skeleton.channels[joint] for joint in order),
-        end_sites=skeleton.end_sites[order],
-    ), order
+    other, order = reordered(skeleton, seed)
+    return replace(other, names=tuple(f"j{joint}" for joint in range(len(order)))), order
 
 
 def lying(skeleton):
@@ -346,14 +333,7 @@ def test_random_trees_are_no_human_bodies():
     for _ in range(200):
         count = int(draw.integers(2, 40))
         parents = np.array([-1, *(draw.integers(max(0, k - 4), k) for k in range(1, count))])
-        tree = Skeleton(
-            names=tuple(map(str, range(count))),
-            parents=parents,
-            offsets=draw.normal(size=(count, 3)),
-            channels=((),) * count,
-            end_sites=np.zeros(count, bool),
-        )
-        assert by_shape(tree) is None
+        assert by_shape(tree_of(draw.normal(size=(count, 3)), parents=parents)) is None
 
 
 def test_a_motion_without_frames_is_no_motion():

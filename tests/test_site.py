@@ -5,11 +5,10 @@ import sys
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 
 import pytest
+from bodies import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 WIDTHS = (1360, 390)  # of a desktop and of a phone [px]
 
 

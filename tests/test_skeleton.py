@@ -6,25 +6,16 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from bodies import paths_of
+from bodies import paths_of, tree_of
 from hypothesis import given
 from hypothesis import strategies as st
 from table_one import table_one
 
 from distretarget.errors import SkeletonError
-from distretarget.skeleton import Skeleton
 
 
-def tree(parents, offsets=None, names=None, **others):
-    count = len(parents)
-    return Skeleton(
-        names=tuple(names or (f"joint{j}" for j in range(count))),
-        parents=np.array(parents),
-        offsets=np.ones((count, 3)) if offsets is None else np.array(offsets),
-        channels=((),) * count,
-        end_sites=np.zeros(count, bool),
-        **others,
-    )
+def tree(parents, offsets=None, names=(), **others):
+    return replace(tree_of(np.ones((len(parents), 3)) if offsets is None else offsets, names, parents), **others)
 
 
 @st.composite
@@ -170,7 +161,7 @@ def test_arrays_are_read_only_copies():
 
 
 def test_repr_counts_joints():
-    skeleton = replace(tree([-1, 0, 1]), end_sites=[False, False, True])
+    skeleton = tree_of(np.eye(3), "abc", ends="c")
     assert repr(skeleton) == "<Skeleton of 2 joints and 1 End Sites>"
 
 

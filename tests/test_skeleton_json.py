@@ -7,12 +7,13 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
+from bodies import tree_of
 from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, full, short, valid
 from table_one import table_one
 
 from distretarget.errors import SkeletonFileError
 from distretarget.io.target_file import load_target
-from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, Skeleton
+from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS
 
 
 def spine(**changes):
@@ -293,8 +294,6 @@ def test_the_manual_has_both_forms():
 @pytest.mark.parametrize("example", manual_examples())
 def test_examples_of_the_manual(written, example):
     names = ("Hips", "LeftLeg", "RightLeg", "LeftForeArm")
-    source = Skeleton(
-        names=names, parents=[-1, 0, 0, 0], offsets=np.ones((4, 3)), channels=((),) * 4, end_sites=[False] * 4
-    )
+    source = tree_of(np.ones((4, 3)), names, [-1, 0, 0, 0])
     load_target(written(example)).for_source(source)
     assert valid(json.loads(example))

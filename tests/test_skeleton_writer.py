@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bodies import tree_of
 from hypothesis import assume, given, reject
 from hypothesis import strategies as st
 from skeleton_files import HIPS, SPINE, assert_same, full, load_json, valid
@@ -76,17 +77,8 @@ def test_name_and_map_are_kept(written):
 
 
 def test_slashes_in_names_are_kept_or_refused():
-    plain = Skeleton(
-        names=("a", "b/c", "d"),
-        parents=[-1, 0, 1],
-        offsets=np.ones((3, 3)),
-        channels=((), (), ()),
-        end_sites=[False] * 3,
-    )
+    plain = tree_of(np.ones((3, 3)), ["a", "b/c", "d"])
     assert_same(load_json(skeleton_to_json(plain, "")), plain)
-    names = ("a", "b", "c", "b/c", "d")
-    mixed = Skeleton(
-        names=names, parents=[-1, 0, 1, 0, 3], offsets=np.ones((5, 3)), channels=((),) * 5, end_sites=[False] * 5
-    )
+    mixed = tree_of(np.ones((5, 3)), ["a", "b", "c", "b/c", "d"], [-1, 0, 1, 0, 3])
     with pytest.raises(SkeletonError, match="'b/c' may mean several joints"):
         skeleton_to_json(mixed, "")

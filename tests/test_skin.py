@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person
+from bodies import HERO, PERSON, SAMPLES
 from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
@@ -20,7 +20,6 @@ from distretarget.numerics.vectors import normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-PERSON = person()
 BODY = Body.of(PERSON)
 BELLY, HAND = 0.22, 0.05  # radii [m]
 ROLES = BODY.anatomy.roles
@@ -346,7 +345,7 @@ def test_a_hand_that_comes_before_the_forearm_of_the_source_is_early():
 
 
 def test_a_run_onto_a_character_has_the_metrics_of_skin():
-    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    target = load_target(HERO)
     run = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh")[60:200], target)
     copied, result = run.metrics["rotation_copy"], run.metrics["result"]
     assert copied["skin_depth"] > 1

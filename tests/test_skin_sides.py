@@ -4,12 +4,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.skin.sides import cheaper
-
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 def cost(taken, forwards, backwards, change):

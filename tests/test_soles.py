@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import CORPUS, body_of, needs_corpus, person, posed, turned
+from bodies import CORPUS, UP, body_of, needs_corpus, person, posed, turned
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
@@ -12,8 +12,6 @@ from distretarget import read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.soles import find_soles
-
-UP = np.array([0.0, 1.0, 0.0])
 
 
 def with_feet(pitch):

@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 
 from distretarget import Body, Options, diff, load_target, read_bvh, retarget
-
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 def soles(target, motion):

@@ -19,7 +19,7 @@ from urllib.parse import quote, urlsplit
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person
+from bodies import HERO, SAMPLES, person
 from click.testing import CliRunner
 from fbx_text import Node, fbx
 
@@ -34,7 +34,6 @@ from distretarget.studio.order import Order
 from distretarget.studio.server import SAMPLES as OFFERED
 
 WAVE = SAMPLES / "wave.bvh"
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TOKEN = "secret"
 PLAIN = "distretarget clap.bvh hero.glb -o clap_hero.glb"
 

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial.transform import Rotation
 
@@ -15,7 +15,6 @@ from distretarget.objectives.spots import APART
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.surface import Surface
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 LEFT, RIGHT = (SEGMENTS.index(f"{side} hand") for side in ("left", "right"))
 TRUNK = tuple(SEGMENTS.index(name) for name in ("chest", "belly", "pelvis", "left thigh", "right thigh"))
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, posed
+from bodies import HERO, PERSON, posed, taken
 from capsule_bodies import capsule_surface, mesh_of
 from input_files import file_of
 from scipy.spatial.transform import Rotation
 
-from distretarget import Skeleton, load_target
+from distretarget import load_target
 from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, average_build, capsules_of, radii_of
 from distretarget.body.segments import find_segments
@@ -21,10 +21,9 @@ from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.fit import Part, distances, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-PERSON = person()
 BODY = Body.of(PERSON)
 HEIGHT = BODY.height
-HERO = Body.of(load_target(SAMPLES.parent / "sample_characters" / "hero.glb").skeleton)
+HERO_BODY = Body.of(load_target(HERO).skeleton)
 
 
 def dressed(body=BODY, thick=1.0):
@@ -167,13 +166,13 @@ def test_every_joint_of_a_person_is_in_the_segment_of_its_role():
 
 def test_an_average_body_has_all_segments():
     assert {SEGMENTS[each] for each in capsules_of(BODY).segments} == {*SEGMENTS} - {"belly"}
-    assert {SEGMENTS[each] for each in capsules_of(HERO).segments} == {*SEGMENTS}
+    assert {SEGMENTS[each] for each in capsules_of(HERO_BODY).segments} == {*SEGMENTS}
 
 
 def test_an_average_trunk_is_about_as_deep_as_people_are():
-    capsules = capsules_of(HERO)
+    capsules = capsules_of(HERO_BODY)
     belly = capsules.radii[capsules.segments == SEGMENTS.index("belly")]
-    assert 0.1 < 2 * belly.mean() / HERO.height < 0.16
+    assert 0.1 < 2 * belly.mean() / HERO_BODY.height < 0.16
 
 
 def test_an_average_hand_is_about_as_long_as_hands_are():
@@ -211,15 +210,7 @@ def test_long_arms_are_not_thicker():
 
 
 def test_an_average_body_without_end_sites_has_hands_feet_and_head():
-    kept = np.flatnonzero(~PERSON.end_sites)
-    bare = Skeleton(
-        names=tuple(PERSON.names[joint] for joint in kept),
-        parents=PERSON.parents[kept],
-        offsets=PERSON.offsets[kept],
-        channels=tuple(PERSON.channels[joint] for joint in kept),
-        end_sites=np.zeros(len(kept), bool),
-    )
-    capsules = capsules_of(Body.of(bare))
+    capsules = capsules_of(Body.of(taken(PERSON, np.flatnonzero(~PERSON.end_sites))))
     assert {SEGMENTS[each] for each in capsules.segments} == {*SEGMENTS} - {"belly"}
     assert np.isfinite(capsules.ends).all()
 
@@ -264,9 +255,9 @@ def test_radii_without_a_meaning_are_errors(joint, says):
 
 
 def test_an_exported_character_is_as_thick_as_its_mesh():
-    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
-    radii = radii_of(capsules_of(HERO, target.mesh()))
-    bare = capsules_of(HERO, radii=radii)
+    target = load_target(HERO)
+    radii = radii_of(capsules_of(HERO_BODY, target.mesh()))
+    bare = capsules_of(HERO_BODY, radii=radii)
     for joint, radius in radii_of(bare).items():
         assert radius == pytest.approx(radii.get(joint, radius))
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 
 from distretarget import Builds, load_build, load_target, read_bvh, retarget
 from distretarget.measure.touch_times import AROUND, around, off_times
 
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 TIMES = np.arange(100) / 100.0  # [s]
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person
+from bodies import HERO, SAMPLES, person
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, load_target, read_bvh
@@ -11,12 +11,11 @@ from distretarget.numerics.vectors import normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import raised_arms
 from distretarget.objectives.contact_pairs import ContactSearch
-from distretarget.pipeline.performer import match_performer
+from distretarget.pipeline.performer import Transfer, match_performer
 from distretarget.skin.capsules import SEGMENTS
 
 BODY = Body.of(person())
 ROLES = BODY.anatomy.roles
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 
 
 @pytest.mark.parametrize(("forwards", "expected"), [(0.0, 0.0), (90.0, 1.0)])
@@ -35,7 +34,7 @@ def test_a_forearm_beside_the_trunk_is_there_anyway_and_one_before_it_on_purpose
 
 
 def test_joints_of_parts_whose_skins_can_touch_make_no_contact():
-    match = match_performer(read_bvh(SAMPLES / "hands_on_hips.bvh"), load_target(HERO))
+    match = match_performer(Transfer(read_bvh(SAMPLES / "hands_on_hips.bvh"), load_target(HERO)))
     clip, skin = match.performer(RootScale.even(1.0)).clip, match.skins.target
     segments = {frozenset(SEGMENTS[n] for n in pair) for pair in skin.balls.pairs.tolist()}
     pairs = ContactSearch.of(clip, ContactSettings()).pairs

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bodies import tree_of
 
-from distretarget import Motion, Skeleton, retarget
+from distretarget import Motion, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.distances import MOST_POINTS
-from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
 
 KINDS = {
     "root with children": lambda joint: 0 * joint,
@@ -25,13 +25,7 @@ def tree(kind, count, seed=0):
     """A skeleton of one of the kinds, some bones of length 0."""
     draw = np.random.default_rng(seed)
     offsets = draw.normal(size=(count, 3)) * (draw.random((count, 1)) < 0.9)
-    return Skeleton(
-        names=tuple(f"j{joint}" for joint in range(count)),
-        parents=np.array([-1, *map(KINDS[kind], range(1, count))]),
-        offsets=offsets,
-        channels=(POSITION_CHANNELS + USUAL_ROTATIONS,) + (USUAL_ROTATIONS,) * (count - 1),
-        end_sites=np.zeros(count, bool),
-    )
+    return tree_of(offsets, parents=[-1, *map(KINDS[kind], range(1, count))])
 
 
 def paths_by_search(skeleton, start):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, posed
+from bodies import PERSON, SAMPLES, UP, posed
 from capsule_bodies import capsule_surface, mesh_of
 
 from distretarget import Motion, Options, load_target, read_bvh, retarget
@@ -13,9 +13,7 @@ from distretarget.matching.undersides import Underside, Undersides
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.target import Target
 
-PERSON = person()
 BODY = Body.of(PERSON)
-UP = np.array([0.0, 1.0, 0.0])
 KNEES = np.array([BODY.anatomy.roles[f"{side}LowerLeg"] for side in ("left", "right")])
 SHINS = np.array([SEGMENTS.index(f"{side} shin") for side in ("left", "right")])
 RADII = np.array([0.05, 0.08])

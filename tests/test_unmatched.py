@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, body_of, person, with_bone
+from bodies import PERSON, SAMPLES, body_of, with_bone
 from named_bodies import tree
 
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 
-PERSON = person()
 MIXAMO = load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import HERO, SAMPLES
 from program import run
 from scipy.spatial.transform import Rotation
 
@@ -53,7 +53,7 @@ def child():
 
 @pytest.fixture(scope="module")
 def hero():
-    return load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    return load_target(HERO)
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,7 @@ import shutil
 import gltf_player
 import numpy as np
 import pytest
-from bodies import SAMPLES
-from make_samples import CHARACTERS
+from bodies import HERO, SAMPLES
 from program import run as run_program
 
 from distretarget import read_bvh, read_motion, write_bvh
@@ -18,7 +17,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "clips").mkdir()
     for name in ("walk", "wave"):
         write_bvh(tmp_path / "clips" / f"{name}.bvh", read_bvh(SAMPLES / f"{name}.bvh")[:10])
-    shutil.copy(CHARACTERS / "hero.glb", tmp_path)
+    shutil.copy(HERO, tmp_path)
     shutil.copy(SAMPLES / "child.json", tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -15,6 +15,15 @@ COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 
 TYPES = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
 
 
+def glb(document: bytes, binary: bytes) -> bytes:
+    """A GLB file of a document's JSON and its buffer, which has no chunk if it is empty."""
+    text = document + b" " * (-len(document) % 4)
+    parts = struct.pack("<II", len(text), 0x4E4F534A) + text
+    if binary:
+        parts += struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
+
+
 @dataclass
 class Gltf:
     """A glTF file in the making: its JSON, which may be edited, and its only buffer."""
@@ -98,12 +107,7 @@ class Gltf:
         binary = bytes(self.binary) + bytes(-len(self.binary) % 4)
         if binary:
             self.document["buffers"] = [{"byteLength": len(self.binary)}]
-        text = json.dumps(self.document).encode()
-        text += b" " * (-len(text) % 4)
-        parts = struct.pack("<II", len(text), 0x4E4F534A) + text
-        if binary:
-            parts += struct.pack("<II", len(binary), 0x004E4942) + binary
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
+        return glb(json.dumps(self.document).encode(), binary)
 
     def write(self, path: Path) -> Path:
         """Write the file: `.gltf` with its buffer in a file beside it, every other name as GLB."""

@@ -24,7 +24,7 @@ from distretarget.report.page import folder_of, html_page
 from distretarget.stick_figures import stick_figures
 
 LEAST = 3  # clips of a rig that show what is usual
-SAMPLES = 16  # frames by which two clips are compared
+COMPARED_FRAMES = 16  # frames by which two clips are compared
 ALIKE = 1e-3  # joints this near to each other are at the same place [leg lengths]
 LIMITS = {key: kind.limit for key, kind in KINDS.items()}  # the usual limit of each kind of fault
 
@@ -109,7 +109,7 @@ def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[
 
 
 def _places(motion: Motion, leg: float) -> NDArray[np.float32]:
-    some = np.linspace(0, len(motion) - 1, min(SAMPLES, len(motion))).astype(int)
+    some = np.linspace(0, len(motion) - 1, min(COMPARED_FRAMES, len(motion))).astype(int)
     places = motion.positions[some] - motion.positions[0, 0]
     return np.asarray(places / leg, np.float32)
 

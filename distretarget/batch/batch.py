@@ -282,16 +282,8 @@ def convert_folder(
         SettingsError: an argument has the wrong type, or is out of bounds.
     """
     check_kind("recipe", recipe, Recipe)
-    check_kind("include", include, Sequence)
-    check_kind("exclude", exclude, Sequence)
-    check_kind("formats", formats, Sequence)
-    for each in [formats] if isinstance(formats, str) else formats:
-        check_choice("formats", each, OUTPUT_FORMATS)
-    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
-        check_kind(name, number, int, NoneType)
-        check_number(name, least if number is None else number, least, sys.maxsize)
-    if time_limit is not None:
-        check_number("time_limit", time_limit, *TIME_LIMITS)
+    _check_words(include, exclude, formats)
+    _check_numbers(jobs, reports, time_limit)
     check_path("folder", folder)
     paths = _listed("sources", sources)
     found, unread = find_clips(paths, (), include, exclude, arrays=skeleton is not None)
@@ -319,6 +311,21 @@ def convert_folder(
     with closing(Processes(jobs or cores())) as workers:
         batch.convert(workers, tally)
     return tally
+
+
+def _check_words(include: Sequence[str], exclude: Sequence[str], formats: Sequence[str]) -> None:
+    for name, words in (("include", include), ("exclude", exclude), ("formats", formats)):
+        check_kind(name, words, Sequence)
+    for each in [formats] if isinstance(formats, str) else formats:
+        check_choice("formats", each, OUTPUT_FORMATS)
+
+
+def _check_numbers(jobs: int | None, reports: int | None, time_limit: float | None) -> None:
+    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
+        check_kind(name, number, int, NoneType)
+        check_number(name, least if number is None else number, least, sys.maxsize)
+    if time_limit is not None:
+        check_number("time_limit", time_limit, *TIME_LIMITS)
 
 
 def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:

@@ -65,7 +65,7 @@ class Result:
 
 
 @lru_cache(maxsize=4)
-def unpacked(target: bytes) -> TargetFile:
+def target_of_job(target: bytes) -> TargetFile:
     """Return the target of a job."""
     file: TargetFile = pickle.loads(target)
     return file
@@ -91,7 +91,7 @@ def run(job: Job) -> Result:
 
 
 def _converted(job: Job) -> Result:
-    recipe, target = job.recipe, unpacked(job.target)
+    recipe, target = job.recipe, target_of_job(job.target)
     motion, lost = recipe.read(job.source)
     kinds = {name: OUTPUTS[PurePath(name).suffix] for name in job.outputs}
     name = PurePath(next(iter(kinds))).stem

@@ -34,7 +34,7 @@ BETWEEN = " | "  # warnings of a clip, and notes
 MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
 PLAYED = 24  # clips that the page over all clips plays
-HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
+MARKED_WITHIN = 4096  # characters at the beginning of a page that may have MARK and OF
 
 
 def is_parquet(path: Path) -> bool:
@@ -186,7 +186,7 @@ def _head(path: Path) -> str:
     with suppress(OSError):
         if path.is_file():
             with path.open(encoding="utf-8", errors="replace") as file:
-                return file.read(HEAD)
+                return file.read(MARKED_WITHIN)
     return ""
 
 

@@ -29,8 +29,8 @@ from distretarget.skeleton import Skeleton
 
 LISTED = 20  # most clips listed as failed
 LOOK_AT = 10  # most clips listed as those to look at
-REASONS = 2  # most reasons to look at a clip
-ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
+MOST_REASONS = 2  # most reasons to look at a clip
+SPREAD_ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
 MOST_SPREAD = 8.0  # of the alignments of clips of one rig [degrees]
 SCALE = 32767.0  # of quaternions as whole numbers
 
@@ -107,13 +107,13 @@ class Tally:
 def _why(record: BatchRecord) -> tuple[float, str]:
     """How many times its worst limit a clip is off, 0 within all limits, and why to look at it."""
     found = faults(of_columns(record["metrics"]))
-    words = "; ".join(words for _, words in found[:REASONS]) or record["warnings"][0]
+    words = "; ".join(words for _, words in found[:MOST_REASONS]) or record["warnings"][0]
     return found[0][0] if found else 0.0, f"  {record['output']}: {words}"
 
 
 def alignment_text(matching: Matching) -> str:
     """Return the alignment of two matched bodies in few characters: a hash of the source's rig, and the rotation of
-    each of `ROLES`; empty unless the target has an anatomy.
+    each of `SPREAD_ROLES`; empty unless the target has an anatomy.
     """
     if matching.target.anatomy is None:
         return ""
@@ -122,10 +122,10 @@ def alignment_text(matching: Matching) -> str:
 
 
 def role_rotations(matching: Matching) -> Array:
-    """Return the rotation that aligns the joint of each of `ROLES`, (`ROLES`, 4); zero where there is none."""
-    roles = matching.target.anatomy.roles if matching.target.anatomy else {}
-    alignment, rotations = rest_alignment(matching)[:, 0], np.zeros((len(ROLES), 4))
-    for k, role in enumerate(ROLES):
+    """Return the rotations that align the joints of `SPREAD_ROLES`, (`SPREAD_ROLES`, 4); zero where there is none."""
+    roles = matching.target.roles
+    alignment, rotations = rest_alignment(matching)[:, 0], np.zeros((len(SPREAD_ROLES), 4))
+    for k, role in enumerate(SPREAD_ROLES):
         if role in roles and matching.drivers[roles[role]] >= 0:
             rotations[k] = alignment[roles[role]]
     return rotations
@@ -152,15 +152,15 @@ def spread_warnings(records: Iterable[BatchRecord]) -> Iterator[str]:
         if angle > MOST_SPREAD:
             yield (
                 f"warning: {len(clips)} clips of one rig are aligned with {PurePath(target).name} in ways that differ "
-                f"by up to {angle:.0f} degrees ({ROLES[role]}, {clips[one][0]} and {clips[other][0]}): nobody can "
-                "stand in the rest pose, and each clip is aligned by its own motion"
+                f"by up to {angle:.0f} degrees ({SPREAD_ROLES[role]}, {clips[one][0]} and {clips[other][0]}): nobody "
+                "can stand in the rest pose, and each clip is aligned by its own motion"
             )
 
 
 def _unpacked(text: str) -> Array | None:
-    """The rotations, (`ROLES`, 4), of an alignment's text; None if it is not one."""
+    """The rotations, (`SPREAD_ROLES`, 4), of an alignment's text; None if it is not one."""
     try:
-        return np.frombuffer(base64.b64decode(text, validate=True), "<i2").astype(float).reshape(len(ROLES), 4)
+        return np.frombuffer(base64.b64decode(text, validate=True), "<i2").astype(float).reshape(len(SPREAD_ROLES), 4)
     except ValueError:
         return None
 

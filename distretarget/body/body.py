@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import NoneType
@@ -110,6 +111,11 @@ class Body:
         return None if self.motion else self
 
     # ---- limbs and size
+
+    @property
+    def roles(self) -> Mapping[str, int]:
+        """The joint of each role; none without an anatomy."""
+        return self.anatomy.roles if self.anatomy else {}
 
     @of_rig
     def legs(self) -> Legs | None:

@@ -31,7 +31,7 @@ from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-WITHOUT_SIDE = ("trunk", "neck", "head")
+MIDDLE_PARTS = ("trunk", "neck", "head")
 BUILDS = ("adult", "child", "baby", "old", "thin", "fat", "muscular")  # the average builds
 AGES = BUILDS[:3]  # those that bones show
 ROUND_LIMB = 1.6  # one capsule is enough for a limb that is not more than this times as wide as high
@@ -124,8 +124,8 @@ def average_build(name: str) -> Build:
     """Return one of the average `BUILDS`."""
     entry = _averages()[name]
     parts = {part: np.array(capsules) for part, capsules in entry["parts"].items()}
-    sides = {f"{side} {part}": parts[part] for part in parts.keys() - {*WITHOUT_SIDE} for side in SIDES}
-    return Build(sides | {part: parts[part] for part in WITHOUT_SIDE}, entry["head"])
+    sides = {f"{side} {part}": parts[part] for part in parts.keys() - {*MIDDLE_PARTS} for side in SIDES}
+    return Build(sides | {part: parts[part] for part in MIDDLE_PARTS}, entry["head"])
 
 
 def age_of(body: Body) -> str:

@@ -39,7 +39,7 @@ LEG = 0.638  # the leg of an average adult [sizes]
 PALM = 0.078  # that adult's palm, from the wrist to the knuckles [sizes]
 HEAD = 0.155  # how far the top of that adult's head is above its joint [sizes]
 PELVIS = 0.3  # the lowest joint of the spine takes over from the hips no lower than this [lengths of the trunk]
-KNUCKLES = 3  # with fewer fingers, the hand's joints do not show how large it is
+FEWEST_FINGERS = 3  # with fewer fingers, the hand's joints do not show how large it is
 PALMS = 0.6, 1.7  # the least and the longest palm [of the average one]
 HEADS = 1.0, 2.5  # the least and the largest head [of the average one]
 ALONG = 0.9  # a bone that points forward more than this is turned about by what is up [cosine]
@@ -262,7 +262,7 @@ def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Fram
         return
     known = anatomy.joints(*(f"{side}{finger}1" for finger in FINGERS[1:]))
     average = PALM * size.size
-    is_known = len(known) >= KNUCKLES
+    is_known = len(known) >= FEWEST_FINGERS
     tip = x[known].mean(axis=0) if is_known else x[size.skeleton.farthest[hand]]
     along = tip - x[hand]
     if not along.any():

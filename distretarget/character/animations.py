@@ -14,7 +14,7 @@ import numpy as np
 from distretarget.errors import FileError, closest, cut, quoted
 from distretarget.numerics.vectors import Array
 
-RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
+USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
 LEAST_RATE, MOST_RATE = 9.9, 1000.0  # keys at other rates are no frames [frames/s]
 IRREGULAR_RATE = 60.0  # of keys that are on no such grid [frames/s]
 ON_GRID = 0.02  # a key is on a grid within this [frames]
@@ -71,7 +71,7 @@ def own_rate(keys: Array, stated: float | None = None) -> float:
             if is_on_grid(keys, rate):
                 return rate
     likely = [stated] if stated else []
-    return next((float(rate) for rate in (*likely, *RATES) if is_on_grid(keys, rate)), stated or IRREGULAR_RATE)
+    return next((float(rate) for rate in (*likely, *USUAL_RATES) if is_on_grid(keys, rate)), stated or IRREGULAR_RATE)
 
 
 def _refined(keys: Array, rate: float) -> float:

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.beside import Tree, in_tree, limbs_on_body
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.motion import Motion, rounded, single_precision
+from distretarget.motion import Motion, in_float32, single_precision
 from distretarget.numerics.rotations import continuous
 from distretarget.numerics.vectors import Array, extent, lengths
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
@@ -44,8 +44,8 @@ HANGS_FROM = {
     **dict.fromkeys(("shoulder", "breast"), "spine.003"),
     "upper_arm": "shoulder",
 }
-FACE = {"forehead", "temple", "brow", "lid", "ear", "tongue", "chin", "jaw", "cheek", "nose", "lip", "teeth", "eye"}
-SIDES = ("L", "R")
+OF_FACE = {"forehead", "temple", "brow", "lid", "ear", "tongue", "chin", "jaw", "cheek", "nose", "lip", "teeth", "eye"}
+SIDE_LETTERS = ("L", "R")
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ class Character:
         """
         parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
         path = parent.inv().apply(motion.root_positions - self.origin) / scale
-        return replace(single_precision(motion), root_positions=parent.apply(rounded(path) * scale) + self.origin)
+        return replace(single_precision(motion), root_positions=parent.apply(in_float32(path) * scale) + self.origin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,7 +291,7 @@ def _usual_parent(name: str, names: Iterable[str]) -> str:
     there. All names are without prefix.
     """
     word, *marks = name.split(".")
-    if word in FACE:
+    if word in OF_FACE:
         return max((other for other in names if other.startswith("spine")), default="")
     parent = HANGS_FROM.get(word, "")
-    return ".".join([parent, *(mark for mark in marks if mark in SIDES)]) if parent == "shoulder" else parent
+    return ".".join([parent, *(mark for mark in marks if mark in SIDE_LETTERS)]) if parent == "shoulder" else parent

@@ -21,7 +21,7 @@ from distretarget.body.named_anatomy import by_tree
 from distretarget.body.recognition import by_names
 from distretarget.character.character import Character, with_deform_bones, with_limbs_on_body
 from distretarget.character.nodes import CharacterScene, Nodes, SkinBinding
-from distretarget.errors import FileError, SkeletonError, counted, cut, quoted
+from distretarget.errors import FileError, counted, cut, in_file, quoted
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
@@ -218,11 +218,9 @@ def character_of(scene: CharacterScene) -> Character:
     poses = [None] * len(above) + [binds.get(node) for node in joints]
     hidden = [scene.nodes.names[node] for node in line if flat[node]]
     warnings = (*scene.notes, *left_out, *_scale_warnings(scene, line, hidden))
-    try:
+    with in_file(scene.path):
         character = _character(scene, line, shown, _settled(shown, poses, size), len(above), warnings)
         return with_limbs_on_body(with_deform_bones(character))
-    except SkeletonError as error:
-        raise error.in_file(scene.path) from None
 
 
 def _without_flat_scales(scene: CharacterScene) -> tuple[CharacterScene, NDArray[np.bool_]]:

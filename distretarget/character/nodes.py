@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.numerics.kinematics import children_of, depth_first_order
 from distretarget.numerics.vectors import Array
 
+INFLUENCES = 8  # the bones that move a vertex most; others do not count
+
 
 @dataclass(frozen=True, eq=False)
 class Nodes:

@@ -163,25 +163,12 @@ def batch_command(
     distretarget batch mocap --target hero.json --target child.json -o converted
     find mocap -name '*walk*.bvh' | distretarget batch hero.json -o walks --input-list -
     """  # noqa: D301
-    if not targets:
-        if not sources:
-            raise click.UsageError("expected SOURCES... TARGET.")
-        sources, targets = sources[:-1], sources[-1:]
-        if is_folder(targets[0]):
-            raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
-    files = [TargetFile.of(load_file(path)) for path in dict.fromkeys(targets)]
-    sources = tuple(dict.fromkeys(sources))
+    sources, files = _sources_and_targets(sources, targets)
     listed = [*dict.fromkeys(_listed(input_list))] if input_list else []
     if not sources and input_list is None:
         raise click.UsageError("no sources; expected files, folders or --input-list.")
-    if jobs and dask is not None:
-        raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
-    if time_limit and dask is not None:
-        raise click.UsageError("--time-limit ends processes of this machine; give either --time-limit or --dask.")
-    if STANDARD in sources:
-        raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
-    if missing := [source for source in sources if not os.path.lexists(source)]:
-        raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
+    _check_machine(dask, jobs, time_limit)
+    _check_sources(sources)
     found, unread = find_clips(sources, listed, include, exclude, arrays=recipe_files.skeleton_path is not None)
     if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
@@ -209,22 +196,38 @@ def batch_command(
     if dry_run:
         _print_plan(batch)
         return
-    batch.check()
-    tally = Tally(clips=len(clips))
-    if dask is None:
-        workers: Workers = Processes(jobs or cores())
-    else:
-        workers = Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
-    stopped, status = _convert(batch, workers, tally)
-    say(*tally.lines)
-    complain(*(tally.failures if is_quiet() else ()))
-    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
-    if stopped:
-        complain(f"distretarget: {stopped}")
-    elif merge:
+    tally, status = _converted(batch, dask, jobs)
+    if merge and not status:
         count = write_merged(folder, files[0], batch.clips, recipe_files.writing, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
+
+
+def _sources_and_targets(sources: Sequence[Path], targets: Sequence[Path]) -> tuple[tuple[Path, ...], list[TargetFile]]:
+    """The sources, and the targets, the last of the sources if no other is given."""
+    if not targets:
+        if not sources:
+            raise click.UsageError("expected SOURCES... TARGET.")
+        sources, targets = sources[:-1], sources[-1:]
+        if is_folder(targets[0]):
+            raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
+    return tuple(dict.fromkeys(sources)), [TargetFile.of(load_file(path)) for path in dict.fromkeys(targets)]
+
+
+def _check_machine(dask: str | None, jobs: int | None, time_limit: float | None) -> None:
+    """Check that what is for this machine is not given for a cluster."""
+    if jobs and dask is not None:
+        raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
+    if time_limit and dask is not None:
+        raise click.UsageError("--time-limit ends processes of this machine; give either --time-limit or --dask.")
+
+
+def _check_sources(sources: Sequence[Path]) -> None:
+    """Check that there are such files and folders."""
+    if STANDARD in sources:
+        raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
+    if missing := [source for source in sources if not os.path.lexists(source)]:
+        raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
 
 
 def _listed(lines: TextIO) -> Iterator[Path]:
@@ -244,6 +247,23 @@ def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_r
         raise FileError(file, "--merge puts all results into the target's file; expected .glb, .gltf or .vrm")
     check_outputs([file], [Path(targets[0].path)], overwrite or dry_run)
     return clips_folder(file)
+
+
+def _converted(batch: Batch, dask: str | None, jobs: int | None) -> tuple[Tally, int]:
+    """Retarget the clips and tell how it went; return the counts, and the exit status, 0 unless it was stopped."""
+    batch.check()
+    tally = Tally(clips=len(batch.clips))
+    if dask is None:
+        workers: Workers = Processes(jobs or cores())
+    else:
+        workers = Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
+    stopped, status = _convert(batch, workers, tally)
+    say(*tally.lines)
+    complain(*(tally.failures if is_quiet() else ()))
+    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
+    if stopped:
+        complain(f"distretarget: {stopped}")
+    return tally, status
 
 
 def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:

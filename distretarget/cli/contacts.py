@@ -8,7 +8,7 @@ import click
 
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading
 from distretarget.cli.outputs import aligned, check_outputs, read_input, read_source, say, write_outputs
-from distretarget.errors import DistretargetError
+from distretarget.errors import in_file
 from distretarget.io.contacts_file import contacts_to_json
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion
@@ -52,10 +52,8 @@ def contacts_command(
         file = TargetFile.of(read_input(target))
         body = file.target.for_source(motion.rigid_skeleton)
         pairs = joint_map(motion.rigid_skeleton, body, file.path, load_map(map_path))
-    try:
+    with in_file(source):
         found = find_contacts(motion, body, joint_map=pairs)
-    except DistretargetError as error:
-        raise error.in_file(error.path or source) from None
     write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
     spans = ["frames {:.0f}-{:.0f}".format(*(entry.frames or (0, 0))) for entry in found]
     names = [" - ".join(entry.named) for entry in found]

@@ -20,7 +20,7 @@ from distretarget.cli.options import (
     quiet,
 )
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
-from distretarget.errors import DistretargetError, FileError, MatchingError, counted, quoted
+from distretarget.errors import FileError, counted, in_file, quoted
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.formats import MOTION_SUFFIXES
 from distretarget.io.input_file import InputFile
@@ -31,7 +31,7 @@ from distretarget.measure.diff import Diff, diff, diff_scenes
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.measure.verdict import limit_warnings
 from distretarget.motion import Motion
-from distretarget.pipeline.retargeting import needs_map
+from distretarget.pipeline.retargeting import with_advice
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import DiffDocument, MetricValues, Table, Values, csv_text, document, json_text
 from distretarget.report.scene_page import (
@@ -130,7 +130,9 @@ def diff_command(
     if is_scene(a) or is_scene(b):
         if clip:
             raise click.UsageError("--clip chooses an animation of a file; leave it out to compare two scenes.")
-        account = measure_scenes(a, b, outputs, map_path, limits, world_scale, overwrite, verbose)
+        one, other = read_scenes(a, b)
+        check_outputs(outputs, [*one.files.values(), *other.files.values(), a, b, map_path], overwrite)
+        account = measure_scenes(one, other, map_path, limits, world_scale, verbose)
     else:
         if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
             option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
@@ -275,36 +277,36 @@ def read_recorded_scene(path: Path) -> SceneInput:
     return SceneInput(path, {name: read_motion(file).looking_ahead() for name, file in files.items()}, files)
 
 
-def measure_scenes(
-    a_path: Path,
-    b_path: Path,
-    outputs: Sequence[Path | None],
-    map_path: Path | None,
-    limits: Sequence[tuple[str, float]],
-    world_scale: float | None,
-    overwrite: bool,
-    verbose: bool,
-) -> Account:
-    """Measure scene B against scene A, after a check that the outputs can be written."""
+def read_scenes(a_path: Path, b_path: Path) -> tuple[SceneInput, SceneInput]:
+    """Read two scenes, which have to be of the same performers and props."""
     for path, other in ((a_path, b_path), (b_path, a_path)):
         if not is_scene(path):
             raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two clips")
     a, b = read_recorded_scene(a_path), read_recorded_scene(b_path)
-    check_outputs(outputs, [*a.files.values(), *b.files.values(), a_path, b_path, map_path], overwrite)
     for scene, less in ((a, b), (b, a)):
         if missing := [name for name in scene.motions if name not in less.motions]:
             names = quoted(missing, LISTED)
             raise FileError(less.path, f"lacks {names}, in {str(scene.path)!r}; names have to be the same")
+    return a, b
+
+
+def measure_scenes(
+    a: SceneInput,
+    b: SceneInput,
+    map_path: Path | None,
+    limits: Sequence[tuple[str, float]],
+    world_scale: float | None,
+    verbose: bool,
+) -> Account:
+    """Measure scene B against scene A."""
     props = _props(a, b)
     setup = a.setup if b.setup is None else None  # B may be a folder of results of A's scene file
     performers = _performers(a, b, [name for name in a.motions if name not in props], setup, map_path)
-    try:
+    with in_file(b.path):
         pairs = [(a.motions[name], b.motions[name]) for name in props]
         scale = world_scale or (setup.world_scale if setup else None)
         result = diff_scenes([*performers.values()], pairs, world_scale=scale)
-    except DistretargetError as error:
-        raise error.in_file(b_path) from None
-    run = about(a_path, b_path)
+    run = about(a.path, b.path)
     of_scene, of_each = (tuple(limit for limit in limits if (limit[0] == GAP_ERROR) is own) for own in (True, False))
     documents = {
         name: document(one, replace(run, a=a.files[name].name, b=b.files[name].name, limits=of_each))
@@ -314,7 +316,7 @@ def measure_scenes(
     verdicts = {} if verbose else {name: [*over_limits(one)] for name, one in performers.items()}
     faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
     return Account(
-        path=b_path,
+        path=b.path,
         document=metrics,
         page=lambda: scene_diff_page(result, metrics),
         csv=lambda: scene_csv(metrics),
@@ -352,12 +354,8 @@ def _performers(
 def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_path: Path | None, **ups: str) -> Diff:
     """Measure motion B against motion A as `diff` does; errors name the files."""
     pairs = joint_map(a.rigid_skeleton, Target(b.rigid_skeleton, {}, ""), b_file, load_map(map_path))
-    try:
+    with in_file(b_file), with_advice(a_file, b_file):
         return diff(a, b, pairs, **ups)
-    except MatchingError as error:
-        raise needs_map(error, a_file, b_file) from error
-    except DistretargetError as error:
-        raise error.in_file(b_file) from None
 
 
 def _scene_lines(metrics: Values, verdicts: Mapping[str, Sequence[str]]) -> Iterator[str]:

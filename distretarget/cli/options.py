@@ -25,7 +25,7 @@ from distretarget.io.target_file import load_build
 from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
 from distretarget.pipeline.conversion import Recipe
-from distretarget.pipeline.edits import FARTHEST, SPEEDS, Edits
+from distretarget.pipeline.edits import MOST_TURN, SPEEDS, Edits
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
 from distretarget.skeleton import LARGEST, SMALLEST
 
@@ -237,7 +237,7 @@ EDITING = (
     click.option("--mirror", is_flag=True, help="Exchange left and right."),
     click.option(
         "--turn",
-        type=click.FloatRange(-FARTHEST, FARTHEST),
+        type=click.FloatRange(-MOST_TURN, MOST_TURN),
         metavar="DEGREES",
         default=0.0,
         help="Turn the motion to the left, about the vertical through the origin.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -135,12 +135,10 @@ def retarget_command(
     check_outputs([output, metrics, report], [source, target, contacts_path, *recipe_files.paths], overwrite)
     started = time.perf_counter()
     source_file, target_file = read_source(source, recipe_files.skeleton_path), read_input(target)
-    recipe = recipe_files.read()
-    if project and not recipe_files.map_path:
-        map_file = project.order.map_file
-        recipe = replace(recipe, map_file=replace(map_file, rest=recipe.map_file.rest or map_file.rest))
-    usual = project.order.contacts if project else NO_CONTACTS
-    contacts = load_contacts(contacts_path) if contacts_path else usual
+    recipe, contacts = recipe_files.read(), load_contacts(contacts_path) if contacts_path else NO_CONTACTS
+    if project:
+        contacts = contacts if contacts_path else project.order.contacts
+        recipe = recipe if recipe_files.map_path else project.with_map(recipe)
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, recipe)
@@ -163,15 +161,20 @@ def retarget_command(
     }
     write_outputs(contents, overwrite)
     content = ()  # frees its numbers before metrics are measured
-    others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
-    say(*(_account(result) if verbose else others), err=True)
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
-    warnings = (*parts_without_source(result.matching), *lost, *left_out, *result.warnings)
-    say(*(f"warning: {warning}" for warning in warnings), err=True)
+    _say_what_is_odd(result, (*lost, *left_out), verbose)
     if kind == "BVH":
         body_of = named.motion.skeleton
         say(*refusals(body_of), *(python_refusals(body_of) if verbose else ()), err=True)
     say(summary_line(result, seconds))
+
+
+def _say_what_is_odd(result: RetargetResult, left_out: Sequence[str], verbose: bool) -> None:
+    """Print what follows nothing, what of the files is left out, and the warnings."""
+    others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
+    say(*(_account(result) if verbose else others), err=True)
+    warnings = (*parts_without_source(result.matching), *left_out, *result.warnings)
+    say(*(f"warning: {warning}" for warning in warnings), err=True)
 
 
 def _check_order(source: InputFile, target: InputFile, output: Path) -> None:

@@ -49,7 +49,7 @@ from distretarget.report.scene_page import scene_page
 from distretarget.scene.retargeting import SceneResult
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
 
-SEEN = 0.5  # performers that are less deep in each other are not told to be [% of height]
+TOLD_DEPTH = 0.5  # performers that are less deep in each other are not told to be [% of height]
 EACH = {  # what is given once for all performers or once for each, as in `PerformerFiles`; and how errors call it
     "target": "targets",
     "start": "starts",
@@ -298,7 +298,7 @@ def _say_how_it_went(setup: SceneSetup, outputs: Sequence[Path], result: SceneRe
                 f"({100 * gap.a:.1f} on average in the source, {100 * copy.b:.1f} in copied rotations)"
             )
         overlap = result.overlaps.get((i, j))
-        if overlap and overlap.depth > SEEN:
+        if overlap and overlap.depth > TOLD_DEPTH:
             line += f"; {overlap.sentence}"
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")
     if any(gap and both not in result.skin_gaps for both, gap in result.gaps.items()):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.mesh import MeshPart
-from distretarget.character.nodes import Animation, CharacterScene, Nodes, SkinBinding
+from distretarget.character.nodes import INFLUENCES, Animation, CharacterScene, Nodes, SkinBinding
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST, METRES, SMALLEST
@@ -42,7 +42,6 @@ SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # the longest time for any file, and fo
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "MKL", "OMP")}  # each would take memory
 ADVICE = "open the file in Blender and export it as GLB"
 STOPS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # Windows
-INFLUENCES = 8  # the bones that move a vertex most; others do not count
 SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube has no inverse
 
 

@@ -13,7 +13,7 @@ from distretarget.io.files import check_known
 Kind = Literal["BVH", "skeleton", "glTF", "FBX", "arrays"]
 OutputKind = Literal["BVH", "character", "VRMA", "arrays"]
 
-HEAD = 4096  # how far the beginning of a file reaches [bytes]
+BEGINNING = 4096  # how far the beginning of a file reaches [bytes]
 GLB_MARK = b"glTF"
 FBX_MARKS = (b"Kaydara FBX Binary", b"FBXHeaderExtension")  # one of them is at the beginning of an FBX file
 NPY_MARK, NPZ_MARK = b"\x93NUMPY", b"PK\x03\x04"
@@ -53,7 +53,7 @@ GLTF = Format(
 FBX = Format(
     "FBX",
     "FBX",
-    lambda content, _: any(mark in content[:HEAD] for mark in FBX_MARKS),
+    lambda content, _: any(mark in content[:BEGINNING] for mark in FBX_MARKS),
     motions=(".fbx",),
     has_characters=True,
     unwritten="FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read",

@@ -40,7 +40,7 @@ COMPONENTS: dict[int, Dtype] = {  # of accessors, by the number that stands for 
     5126: np.dtype("<f4"),
 }
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-INDICES = (5121, 5123, 5125)  # components of the indices of sparse accessors
+INDICES = (5121, 5123, 5125)  # components of the indices of triangles and sparse accessors
 FREE_NUMBERS = 4_000_000  # so many numbers may a file refer to, however small it is
 PER_BYTE = 2  # so many numbers may it refer to for each of its bytes: channels share accessors
 DATA_URI = "data:"

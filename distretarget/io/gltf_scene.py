@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.character.animations import choose_animation
 from distretarget.character.mesh import MeshPart
-from distretarget.character.nodes import Animation, CharacterScene, Nodes, SkinBinding
+from distretarget.character.nodes import INFLUENCES, Animation, CharacterScene, Nodes, SkinBinding
 from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError
-from distretarget.io.gltf import Gltf
+from distretarget.io.gltf import INDICES, Gltf
 from distretarget.io.json_node import Fields, Node
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array
@@ -35,8 +35,6 @@ VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbP
 Triangles = NDArray[np.intp]
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
 WHOLE_NUMBERS = (5121, 5123)  # components of joints
-INDICES = (5121, 5123, 5125)
-INFLUENCES = 8  # the bones that move a vertex most; others do not count
 DRACO = "KHR_draco_mesh_compression"
 
 

@@ -54,7 +54,7 @@ Tracks = dict[tuple[str, int], Array]
 ALIGNED = 4  # accessors of floats, and chunks, begin at multiples of this [bytes]
 LARGEST_GLB = 2**32 - 1  # the header has no room for more [bytes]
 OCTETS = "application/octet-stream"
-KINDS = {3: "VEC3", 4: "VEC4"}
+VECTORS = {3: "VEC3", 4: "VEC4"}
 START = 1, "0"  # the times of a track with a single key: frames, and the time between them
 IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}  # by how they begin
 FLOAT, SHORT, INT = 5126, 5123, 5125
@@ -94,8 +94,8 @@ class _Numbers:
         view, accessor = self._first[0] + len(self.views), self._first[1] + len(self.accessors)
         start = _aligned(len(self._held)) + len(self._new)
         self.views.append({"buffer": self._buffer, "byteOffset": start, "byteLength": len(data)})
-        kind = "SCALAR" if values.ndim == 1 else KINDS[values.shape[1]]
-        self.accessors.append({"bufferView": view, "componentType": 5126, "count": len(values), "type": kind} | entry)
+        kind = "SCALAR" if values.ndim == 1 else VECTORS[values.shape[1]]
+        self.accessors.append({"bufferView": view, "componentType": FLOAT, "count": len(values), "type": kind} | entry)
         self._new += data
         return accessor
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number
-from distretarget.errors import DistretargetError, FileError, MotionError, quoted
+from distretarget.errors import DistretargetError, FileError, in_file, quoted
 from distretarget.io.arrays import ArraysFile
 from distretarget.io.bvh import doubts, parse_bvh
 from distretarget.io.input_file import InputFile, Source, load_file
@@ -24,7 +24,7 @@ from distretarget.skeleton import Skeleton
 
 OWN = ("local_rotations", "root_path")  # of the arrays that the program writes itself
 POSITIONS = "positions"  # the name of positions where a file has several arrays like them
-RATES = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame rate [frames/s]
+RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame rate [frames/s]
 
 
 def read_motion(
@@ -71,20 +71,16 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
             motion = parse_bvh(file.text, file.path)
             if clip is not None:
                 raise FileError(file.path, "is BVH, which holds one motion without a name; leave out clip")
-            try:
+            with in_file(file.path):
                 return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), tuple(doubts(file.text, motion))
-            except MotionError as error:
-                raise error.in_file(file.path) from None
         case "arrays":
             return _array_motion(file, fps), ()
     scene = read_character_scene(file, clip, fps)
     if scene.animation is None:
         raise FileError(file.path, "has no animation; expected a file with a motion")
     character = character_of(scene)
-    try:
+    with in_file(file.path):
         motion = character.motion(scene.animation, len(file.content) + sum(map(len, file.beside.values())))
-    except DistretargetError as error:
-        raise error.in_file(file.path) from None
     return motion, character.warnings
 
 
@@ -115,7 +111,7 @@ def _array_motion(file: InputFile, fps: float | None) -> Motion:
 
 def _frame_time(arrays: ArraysFile, fps: float | None) -> str:
     """The frame time that the file states, or else that of `fps` [s], as text."""
-    rate = next((arrays.number(name) for name in RATES if name in arrays), fps)
+    rate = next((arrays.number(name) for name in RATE_KEYS if name in arrays), fps)
     text = f"{arrays.number('frame_time') if 'frame_time' in arrays else 1 / rate if rate else 0.0:.9g}"
     if not is_frame_time(text):
         raise FileError(arrays.path, "does not say how many frames a second has; expected fps=NUMBER")

@@ -22,7 +22,7 @@ from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of
 from distretarget.body.reference_pose import t_pose
-from distretarget.errors import FileError, SkeletonError, quoted
+from distretarget.errors import FileError, SkeletonError, in_file, quoted
 from distretarget.io.arrays import ArraysFile
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
@@ -34,13 +34,13 @@ BODY = (
     *("spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder"),
     *("right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist"),
 )
-FINGERS = {"index": "Index", "middle": "Middle", "pinky": "Little", "ring": "Ring", "thumb": "Thumb"}
-HANDS = tuple(f"{side}_{finger}{bone}" for side in SIDES for finger in FINGERS for bone in (1, 2, 3))
+FINGER_NAMES = {"index": "Index", "middle": "Middle", "pinky": "Little", "ring": "Ring", "thumb": "Thumb"}
+HANDS = tuple(f"{side}_{finger}{bone}" for side in SIDES for finger in FINGER_NAMES for bone in (1, 2, 3))
 STUBS = ("left_hand", "right_hand")  # of SMPL alone, in place of hands
-FACE = ("jaw", "left_eye_smplhf", "right_eye_smplhf")
+FACE_JOINTS = ("jaw", "left_eye_smplhf", "right_eye_smplhf")
 PELVIS = BODY[0]
 ABOVE = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)  # the parents of BODY[1:], by number
-PARENTS = {name: BODY[above] for name, above in zip(BODY[1:], ABOVE, strict=True)} | dict.fromkeys(FACE, "head")
+PARENTS = {name: BODY[above] for name, above in zip(BODY[1:], ABOVE, strict=True)} | dict.fromkeys(FACE_JOINTS, "head")
 PARENTS |= {name: f"{name.split('_')[0]}_wrist" for name in (*STUBS, *HANDS[::3])}
 PARENTS |= {name: before for name, before in zip(HANDS[1:], HANDS, strict=False) if not name.endswith("1")}
 ROLES = {
@@ -54,7 +54,7 @@ ROLES = {
     "wrist": "Hand",
 }
 # The joints of the body alone, of SMPL, SMPL-H and SMPL-X, by their number.
-MODELS = {len(names): names for names in (BODY, BODY + STUBS, BODY + HANDS, BODY + FACE + HANDS)}
+MODELS = {len(names): names for names in (BODY, BODY + STUBS, BODY + HANDS, BODY + FACE_JOINTS + HANDS)}
 CONVENTION = "SMPL"
 SHAPE = ("v_template", "shapedirs", "J_regressor")  # the arrays of a model's file that give the joints of a shape
 PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")  # of `poses`, in files without it
@@ -78,10 +78,8 @@ def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
         return _smpl_skeleton(arrays, np.zeros(0) if betas is None else betas)
     names = tuple(map(str, arrays.array("names").ravel()))
     ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
-    try:
+    with in_file(arrays.path):
         return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
-    except SkeletonError as error:
-        raise error.in_file(arrays.path) from None
 
 
 def _smpl_skeleton(arrays: ArraysFile, betas: Array) -> Skeleton:
@@ -169,7 +167,7 @@ class SmplBody:
         up as in AMASS.
         """
         has = self.joints.keys()
-        names = MODELS[len(BODY) + (2 if has.isdisjoint(HANDS) else 30 if has.isdisjoint(FACE) else 33)]
+        names = MODELS[len(BODY) + (2 if has.isdisjoint(HANDS) else 30 if has.isdisjoint(FACE_JOINTS) else 33)]
         world, rest = motion.world_rotations, Rotation.from_quat(self.turns)
         turned = {name: Rotation.from_quat(world[:, joint]) * rest[joint].inv() for name, joint in self.joints.items()}
         poses = np.zeros((len(names), len(motion), 3))
@@ -192,11 +190,11 @@ def _joints_of(skeleton: Skeleton, anatomy: Anatomy) -> dict[str, int]:
     wanted = {f"{side}_{part}": f"{side}{role}" for part, role in ROLES.items() for side in SIDES}
     wanted |= {"pelvis": "hips", "neck": "neck", "head": "head"}
     for side in SIDES:
-        wanted |= {f"{side}_{name}{n}": f"{side}{role}{n}" for name, role in FINGERS.items() for n in (1, 2, 3)}
+        wanted |= {f"{side}_{name}{n}": f"{side}{role}{n}" for name, role in FINGER_NAMES.items() for n in (1, 2, 3)}
     joints = {name: roles[role] for name, role in wanted.items() if role in roles}
     if len(spine) > 2:
         joints |= zip(("spine1", "spine2", "spine3"), (spine[0], spine[(len(spine) - 1) // 2], spine[-1]), strict=True)
-    return joints | {name: skeleton.index(name) for name in (*FACE, *STUBS) if name in skeleton.keys}
+    return joints | {name: skeleton.index(name) for name in (*FACE_JOINTS, *STUBS) if name in skeleton.keys}
 
 
 def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) -> Motion:

@@ -24,7 +24,7 @@ from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import Array, normalised
 from distretarget.skeleton import METRES
 
-NEAR_FLOOR = 0.1  # a body stands whose lowest joint is this near to height 0 [heights of the body]
+STANDING_WITHIN = 0.1  # a body stands whose lowest joint is this near to height 0 [heights of the body]
 USUAL_HEIGHT = 1.7  # of a body whose file does not state its units [m]
 EYES = ("leftEye", "rightEye")  # the specification leaves their directions to other nodes
 REQUIRED = (
@@ -95,14 +95,13 @@ def _height(places: Array, stated: float) -> float:
     nobody could stand so, such that the lowest joint is on the floor; `places`, (joints, 3), are from the root on.
     """
     lowest, size = float(places[:, 1].min()), float(np.ptp(places[:, 1]))
-    return stated if abs(stated + lowest) < NEAR_FLOOR * size else -lowest
+    return stated if abs(stated + lowest) < STANDING_WITHIN * size else -lowest
 
 
 def humanoid_bones(body: Body) -> dict[str, int]:
     """Return the joint of each bone of the humanoid, by VRM 1.0's names: those that the file states, else the roles."""
     if body.skeleton.humanoid:
         return {bone: joint for bone, joint in body.skeleton.humanoid if bone not in EYES}
-    roles = body.anatomy.roles if body.anatomy else {}
     fingers = {
         f"{side}{finger}{number}": f"{side}{finger}{bone}"
         for side in SIDES
@@ -110,7 +109,7 @@ def humanoid_bones(body: Body) -> dict[str, int]:
         for number, bone in enumerate(THUMB if finger == "Thumb" else FINGER, start=1)
     }
     others = {f"{side}{finger}0" for side in SIDES for finger in FINGERS}
-    bones = {fingers.get(role, role): joint for role, joint in roles.items() if role not in others}
+    bones = {fingers.get(role, role): joint for role, joint in body.roles.items() if role not in others}
     if "spine" not in bones and "chest" in bones:
         bones["spine"] = bones.pop("chest")  # a single joint is the spine
     return bones

@@ -90,7 +90,7 @@ class Matching:
         path lengths from both joints to hips, head, hands and feet.
         """
         by_method = np.array([CONFIDENCE[method] for method in self.method])
-        roles = [body.anatomy.roles if body.anatomy else {} for body in (self.source, self.target)]
+        roles = [body.roles for body in (self.source, self.target)]
         marks = [mark for mark in LANDMARKS if mark in roles[0] and mark in roles[1]]
         if not marks:
             return by_method

@@ -17,7 +17,7 @@ PART_OF_ROLE = {
     **dict(zip(LEG, ("leg", "leg", "foot", "toe"), strict=True)),
     **{f"{finger}{number}": "finger" for finger in FINGERS for number in (1, 2, 3)},
 }
-LONG_BONES = {"arm": ARM[1:3], "leg": LEG[:2]}  # of limbs
+LIMB_BONES = {"arm": ARM[1:3], "leg": LEG[:2]}  # of limbs
 NAMED = 3  # so many other joints are named
 
 
@@ -47,8 +47,8 @@ def others_without_source(matching: Matching) -> Iterator[str]:
 
 def _unrecognised(matching: Matching) -> list[str]:
     """The arms and legs that the source has and the target has not, such as "left arm"."""
-    source, target = (body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target))
-    limbs = {f"{side} {name}": {side + bone for bone in bones} for name, bones in LONG_BONES.items() for side in SIDES}
+    source, target = matching.source.roles, matching.target.roles
+    limbs = {f"{side} {name}": {side + bone for bone in bones} for name, bones in LIMB_BONES.items() for side in SIDES}
     return [name for name, bones in limbs.items() if bones & source.keys() and not bones & target.keys()]
 
 

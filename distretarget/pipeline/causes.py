@@ -124,8 +124,7 @@ class Causes:
 
     def _arms(self) -> Iterator[LimbJoints]:
         body = self.matching.target
-        roles = body.anatomy.roles if body.anatomy else {}
         for side in SIDES:
             for arm in body.arms:
-                if arm.wrist == roles.get(f"{side}Hand"):
+                if arm.wrist == body.roles.get(f"{side}Hand"):
                     yield LimbJoints(f"{side} arm", arm.shoulder, arm.wrist)

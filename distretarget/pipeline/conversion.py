@@ -6,12 +6,11 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import NoneType
-from typing import TypedDict
 
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
-from distretarget.errors import ContactsError, DistretargetError, MatchingError, MotionError
+from distretarget.errors import in_file
 from distretarget.ik.poses import Progress, ignore_progress
 from distretarget.io.formats import OutputKind
 from distretarget.io.input_file import InputFile
@@ -22,18 +21,10 @@ from distretarget.io.target_file import TargetFile, with_source
 from distretarget.motion import Motion
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+from distretarget.pipeline.performer import Transfer
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import Prepared, needs_map, prepare
-from distretarget.skeleton import JointMap
-from distretarget.target import Target
-
-
-class MatchArguments(TypedDict):
-    """Arguments of `retarget` that files decide."""
-
-    joint_map: JointMap
-    rest: Motion | None
-    builds: Builds
+from distretarget.pipeline.retargeting import Prepared, prepare, with_advice
+from distretarget.target import LoadedTarget
 
 
 @dataclass(frozen=True)
@@ -89,25 +80,22 @@ class Recipe:
         `parse_motion` and `Edits.of`.
         """
         motion, lost = parse_motion(source, self.clip, self.fps)
-        try:
+        with in_file(source.path):
             return self.edits.of(motion), lost
-        except MotionError as error:
-            raise error.in_file(source.path) from None
 
     def name_of(self, source: InputFile) -> str:
         """Return the name of the animation that is written of a clip."""
         return self.clip if self.clip and not self.clip.startswith("#") else Path(source.path).stem
 
-    def match_arguments(self, motion: Motion, source: InputFile, target: Target, path: str | Path) -> MatchArguments:
-        """Return what files say of how a motion, of the file `source`, is matched to the target in the file `path`; an
-        error names the file that does not fit.
+    def transfer(self, motion: Motion, source: InputFile, target: LoadedTarget, path: str | Path) -> Transfer:
+        """Return how a motion, of the file `source`, gets to a target, of the file `path`; an error names the file that
+        does not fit.
         """
         skeleton = motion.rigid_skeleton
-        return MatchArguments(
-            joint_map=joint_map(skeleton, target, path, self.map_file),
-            rest=self.map_file.rest.on(skeleton) if self.map_file.rest else None,
-            builds=self.builds if self.options.skin == "none" else with_source(self.builds, source),
-        )
+        pairs = joint_map(skeleton, target.for_source(skeleton), path, self.map_file)
+        rest = self.map_file.rest.on(skeleton) if self.map_file.rest else None
+        builds = self.builds if self.options.skin == "none" else with_source(self.builds, source)
+        return Transfer(motion, target, self.options, pairs, rest, builds)
 
 
 DEFAULT_RECIPE = Recipe()
@@ -146,13 +134,9 @@ class Conversion:
     def of(cls, motion: Motion, source: InputFile, target: TargetFile, recipe: Recipe) -> Conversion:
         """Return that of a motion that `Recipe.read` returned; errors as in `prepare`, which name the file at fault."""
         body = target.target.for_source(motion.rigid_skeleton)
-        arguments = recipe.match_arguments(motion, source, body, target.path)
-        try:
-            prepared = prepare(motion, body, recipe.options, **arguments)
-        except MatchingError as error:
-            raise needs_map(error, source.path, target.path) from error
-        except DistretargetError as error:
-            raise error.in_file(source.path) from None
+        transfer = recipe.transfer(motion, source, body, target.path)
+        with in_file(source.path), with_advice(source.path, target.path):
+            prepared = prepare(transfer)
         return cls(prepared, source, target, recipe)
 
     def converted(
@@ -173,12 +157,8 @@ class Conversion:
         Raises:
             DistretargetError: as in `retarget`; it names the file at fault.
         """
-        try:
+        with in_file(self.source.path):
             result = self.prepared.solved(contacts, progress=progress)
-        except ContactsError as error:
-            raise error.in_file(error.path or self.source.path) from None
-        except DistretargetError as error:
-            raise error.in_file(self.source.path) from None
         writing = self.recipe.writing
         clip = writing.clip(result.motion, name, result.world.up_vector)
         result = replace(result, motion=as_written(result.motion, kinds[0], writing.precision, self.target))

@@ -26,7 +26,7 @@ FACES = 45.0  # [degrees]
 SAME_TIME = 0.1  # times that differ by less are the same, as files round the time between frames [frames]
 LONGEST = 1e6  # [s]
 SPEEDS = (1e-3, 1e3)  # the lowest and the highest
-FARTHEST = 3600.0  # ten times round [degrees]
+MOST_TURN = 3600.0  # ten times round [degrees]
 Time = float | str
 """A time of a clip [s], or the number of a frame, from 0 on, as in "90f"."""
 
@@ -107,8 +107,7 @@ def find_partners(skeleton: Skeleton, roles: Mapping[str, int], reflection: Arra
 def _roles(body: Body, skeleton: Skeleton) -> dict[str, int]:
     """The joints of a skeleton by the roles that they play in the body that it has."""
     numbers = {key: joint for joint, key in enumerate(skeleton.keys)}
-    roles = body.anatomy.roles if body.anatomy else {}
-    return {role: numbers[body.skeleton.keys[joint]] for role, joint in roles.items()}
+    return {role: numbers[body.skeleton.keys[joint]] for role, joint in body.roles.items()}
 
 
 def _other_side(role: str) -> str:
@@ -181,7 +180,7 @@ class Edits:
             if getattr(self, name) is not None:
                 _seconds(name, getattr(self, name), 1.0)
         check_number("speed", self.speed, *SPEEDS)
-        check_number("turn", self.turn, -FARTHEST, FARTHEST)
+        check_number("turn", self.turn, -MOST_TURN, MOST_TURN)
         for name in ("mirror", "loop"):
             check_kind(name, getattr(self, name), bool)
 

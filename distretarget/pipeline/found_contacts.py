@@ -26,7 +26,7 @@ from distretarget.objectives.constraints import centimetres, frames_of
 from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import Match, match_performer
+from distretarget.pipeline.performer import Match, Transfer, match_performer
 from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.balls import segment_gaps
@@ -34,7 +34,7 @@ from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 LISTED = 0.5  # a contact whose activation never reaches this is not listed
 TOUCHING = 1.0  # skins that are nearer than this touch [cm]
-FARTHEST = 0.3  # skins that are farther apart are not measured [body units]
+FAR_APART = 0.3  # skins that are farther apart are not measured [body units]
 SHORTEST = 0.1  # spans that last less are not listed [s]
 
 
@@ -61,8 +61,8 @@ def find_contacts(
     check_kind("motion", motion, Motion)
     check_kind("target", target, Motion, Skeleton, Target, SkeletonEdit, NoneType)
     check_kind("settings", settings, ContactSettings)
-    goal, options = motion if target is None else target, Options(skin="none")
-    return _found(match_performer(motion, goal, options, joint_map), settings)
+    goal = motion if target is None else target
+    return _found(match_performer(Transfer(motion, goal, Options(skin="none"), joint_map)), settings)
 
 
 def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> ContactList:
@@ -154,8 +154,8 @@ class _SkinGaps:
         if not self.skin or not on:
             return ""
         posed = self.skin.posed(self.source[frames[:: max(len(frames) // 30, 1)]])
-        gap = float(np.median(segment_gaps(self.skin.balls, posed, FARTHEST)[:, on].min(axis=1)))
-        return "" if gap >= FARTHEST else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
+        gap = float(np.median(segment_gaps(self.skin.balls, posed, FAR_APART)[:, on].min(axis=1)))
+        return "" if gap >= FAR_APART else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
 
 
 def _resting(clip: Clip, supports: Supports) -> Iterator[Entry]:

@@ -37,11 +37,11 @@ from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.target import AnyTarget, SkeletonEdit, Target
+from distretarget.target import AnyTarget, LoadedTarget, SkeletonEdit, Target
 
 HIPS_RANGE = 2.0  # most distance of the hips from the root's path [body units]
 FEET_RANGE = 3.0  # most distance of an ankle from the rotation copy's on that path [body units]
-DIGITS = 1e-9  # rounding error far from the origin [of the distance from it]
+ROUNDING_ERROR = 1e-9  # rounding error far from the origin [of the distance from it]
 REPORT = "please report this with the clip and the target"
 
 
@@ -91,18 +91,40 @@ class Match:
         return Performer(self, engine_root, clip, baseline, no_supports(len(clip)), DEFAULT_SETTINGS)
 
 
-def match_performer(
-    source: Motion,
-    target: AnyTarget,
-    options: Options = DEFAULT_OPTIONS,
-    joint_map: JointMap | None = None,
-    rest: Motion | None = None,
-    builds: Builds = OWN_BUILDS,
-) -> Match:
-    """Match a source to its target, with the parameters and errors of `retarget`."""
-    goal = target_for(source, target)
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """What of the parameters of `retarget` decides how a source is matched to its target."""
+
+    source: Motion
+    target: AnyTarget
+    options: Options = DEFAULT_OPTIONS
+    joint_map: JointMap | None = None
+    rest: Motion | None = None
+    builds: Builds = OWN_BUILDS
+
+    @property
+    def loaded(self) -> LoadedTarget:
+        """The target as `load_target` returns it, whatever form it was given in."""
+        match self.target:
+            case Motion():
+                return Target(self.target.rigid_skeleton, {}, "", self.target)
+            case Skeleton():
+                return Target(self.target, {}, "")
+            case _:
+                return self.target
+
+    @property
+    def goal(self) -> Target:
+        """The body to retarget to."""
+        return self.loaded.for_source(self.source.rigid_skeleton)
+
+
+def match_performer(transfer: Transfer) -> Match:
+    """Match a source to its target; errors as in `retarget`."""
+    goal, options, builds = transfer.goal, transfer.options, transfer.builds
+    source, rest = transfer.source, transfer.rest
     _check(source, goal.skeleton)
-    pairs = {**goal.map, **(joint_map or {})}
+    pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
     of_source = at_thighs(Body.of_motion(without_twins(source, named)))
     of_source = of_source if rest is None else of_source.standing_as(without_twins(rest, named))
@@ -114,7 +136,7 @@ def match_performer(
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
-    skins = _find_skins(matching, goal, target, options, builds)
+    skins = _find_skins(matching, goal, transfer)
     mesh = _bare(goal) if skins and not builds.target else None
     source_mesh = builds.source.mesh_on(matching.source.skeleton) if builds.source else None
     skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
@@ -126,12 +148,13 @@ def match_performer(
     return found
 
 
-def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
-    """The skins of a source and its target, `given` as it is or as another length of the source's bones, which has the
-    source's build; None where either has no capsules, or the target's thickness is neither known nor an average one.
+def _find_skins(matching: Matching, goal: Target, transfer: Transfer) -> Skins | None:
+    """The skins of a source and its target, which has the source's build where it is the source's skeleton with other
+    lengths; None where either has no capsules, or the target's thickness is neither known nor an average one.
     """
+    builds, options = transfer.builds, transfer.options
     build, average = builds.target, options.skin == "average"
-    if isinstance(given, SkeletonEdit):
+    if isinstance(transfer.target, SkeletonEdit):
         build = build or builds.source
     if options.objective == "paper" or options.skin == "none" or not (average or build or goal.is_measured):
         return None
@@ -235,17 +258,6 @@ def _body_at_rest(skeleton: Skeleton) -> Body:
     return Body.of(skeleton)
 
 
-def target_for(source: Motion, target: AnyTarget) -> Target:
-    """Return the target, whatever form it was given in."""
-    match target:
-        case Motion():
-            return Target(target.rigid_skeleton, {}, "", target)
-        case Skeleton():
-            return Target(target, {}, "")
-        case _:
-            return target.for_source(source.rigid_skeleton)
-
-
 def _check(source: Motion, target: Skeleton) -> None:
     if not len(source):
         raise MotionError("the source has no frames; there is nothing to retarget")
@@ -273,7 +285,7 @@ def check_places(posed: Motion, clip: Clip) -> None:
         raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
     joints = np.array([clip.pelvis, *(pair.target.ankle for pair in clip.legs)])
     copied = clip.copy_on_path(joints)
-    away = lengths(posed.positions_of(joints) - copied) / (clip.unit + DIGITS * extent(copied[:, 0]))
+    away = lengths(posed.positions_of(joints) - copied) / (clip.unit + ROUNDING_ERROR * extent(copied[:, 0]))
     for some, most in ((slice(1), HIPS_RANGE), (slice(1, None), FEET_RANGE)):
         far = f"is more than {most:g} heights away from where copied rotations put it"
         _refuse_first(~(away[:, some] <= most), posed, joints[some], far)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import NoneType
@@ -24,7 +25,7 @@ from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import find_distances, solve_paper
 from distretarget.pipeline.constrained_motion import Unconstrained, constrained_result, dropping, layered, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import Performer, match_performer
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import AnyTarget, SkeletonEdit, Target
@@ -84,7 +85,8 @@ def retarget(
     mapper, progress = in_threads if mapper is None else mapper, ignore_progress if progress is None else progress
     check_callable("mapper", mapper)
     check_callable("progress", progress)
-    return prepare(source, target, options, joint_map, rest, builds, settings).solved(contacts, mapper, progress)
+    transfer = Transfer(source, target, options, joint_map, rest, builds)
+    return prepare(transfer, settings).solved(contacts, mapper, progress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,17 +133,9 @@ def _unconstrained(performer: Performer, mapper: Mapper, progress: Progress) -> 
     return Unconstrained(poses, performer.with_own_skin(performer.posed(poses)))
 
 
-def prepare(
-    source: Motion,
-    target: AnyTarget,
-    options: Options = DEFAULT_OPTIONS,
-    joint_map: JointMap | None = None,
-    rest: Motion | None = None,
-    builds: Builds = OWN_BUILDS,
-    settings: ContactSettings = DEFAULT_SETTINGS,
-) -> Prepared:
-    """Match a clip to its target, and find what rests; parameters and errors as in `retarget`."""
-    match = match_performer(source, target, options, joint_map, rest, builds)
+def prepare(transfer: Transfer, settings: ContactSettings = DEFAULT_SETTINGS) -> Prepared:
+    """Match a clip to its target, and find what rests; errors as in `retarget`."""
+    options, match = transfer.options, match_performer(transfer)
     match = replace(match, matching=on_own_soles(match.matching, options.root_scale, match.undersides))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
@@ -163,11 +157,15 @@ def _by_paper(
     return replace(result, contact_list=contacts, unmet=tuple(unmet(performer, constraints, posed)))
 
 
-def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
-    """Return the error with the advice to write a map, and the command for it."""
-    command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
-    advice = f"{SAY_IN_A_MAP}: `{command}`, then --map MAP.json"
-    return error.advised(advice).in_file(source if error.is_of_source else target)
+@contextmanager
+def with_advice(source: str | Path, target: str | Path) -> Iterator[None]:
+    """A MatchingError within names the file at fault, and advises to write a map, with the command for it."""
+    try:
+        yield
+    except MatchingError as error:
+        command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
+        advised = error.advised(f"{SAY_IN_A_MAP}: `{command}`, then --map MAP.json")
+        raise advised.in_file(source if error.is_of_source else target) from error
 
 
 def argument(path: str | Path) -> str:

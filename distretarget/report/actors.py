@@ -30,8 +30,8 @@ Role = Literal["source", "copy", "result", "other", "prop"]
 BUDGET = 8_000_000  # most characters for the rotations of all actors; of longer clips some frames are shown
 IMAGES = 4_000_000  # most bytes for the images of a character
 MEDIA = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}  # images by how they begin
-SAMPLES = 48  # frames from which the height of the floor is found
-ON_FLOOR = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
+FLOOR_FRAMES = 48  # frames from which the height of the floor is found
+FLOOR_PERCENTILE = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
 STICK = 0.009  # radius of bones without skin [body units]
 STILL = 1e-7  # joints whose rotations relative to their parents change by less do not turn [quaternions]
 INFLUENCES = 4  # joints that move a vertex, at most
@@ -56,14 +56,14 @@ class Actor:
 
 def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | None, up: Array) -> float:
     """Return the height of the floor under a motion: that of its skin where that is lowest [file units]."""
-    some = motion[np.unique(np.linspace(0, len(motion) - 1, SAMPLES).astype(np.intp))]
+    some = motion[np.unique(np.linspace(0, len(motion) - 1, FLOOR_FRAMES).astype(np.intp))]
     if mesh is not None:
         heights = mesh.posed(some) @ up
     elif capsules is not None and len(capsules):
         heights = (capsules.posed(some) @ up - capsules.radii).reshape(len(some), -1)
     else:
         heights = some.positions @ up
-    return float(np.percentile(heights.min(axis=1), ON_FLOOR))
+    return float(np.percentile(heights.min(axis=1), FLOOR_PERCENTILE))
 
 
 def thinned(actors: Sequence[Actor], budget: int = BUDGET) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
     numbers = np.rint(32767 * continuous(_turned_axes(turn, world))).reshape(len(world), -1).T
     steps = np.diff(numbers, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)  # sums wrap round at 16 bits
     moving = motion.moving
-    roles = body.anatomy.roles if body and body.anatomy else {}
+    roles = body.roles if body else {}
     return {
         "name": actor.name,
         "side": actor.side,
@@ -109,14 +109,14 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
         "step": step,
         "names": list(skeleton.keys),
         "parents": skeleton.parents.tolist(),
-        "offsets": packed(_turned(turn, skeleton.offsets) / actor.unit, "<f4"),
-        "path": packed(path, "<f4"),  # (frames, 3), of the root
+        "offsets": encoded(_turned(turn, skeleton.offsets) / actor.unit, "<f4"),
+        "path": encoded(path, "<f4"),  # (frames, 3), of the root
         "turning": turning.tolist(),
-        "rotations": packed(steps, "<i2"),  # (joints x 4, frames), of `turning`, in the world
+        "rotations": encoded(steps, "<i2"),  # (joints x 4, frames), of `turning`, in the world
         "still": still.tolist(),
-        "fixed": packed(_turned_axes(turn, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
+        "fixed": encoded(_turned_axes(turn, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
         "moving": moving.joints.tolist() if moving else [],
-        "translations": packed(_turned(turn, moving.translations) / actor.unit if moving else [], "<f4"),
+        "translations": encoded(_turned(turn, moving.translations) / actor.unit if moving else [], "<f4"),
         "centre": roles.get("hips", 0) if body is None or body.pelvis_joint is None else body.pelvis_joint,
         "ends": [roles[role] for role in ENDS if role in roles],
     }
@@ -125,7 +125,7 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
 def _body_data(actor: Actor) -> dict[str, Any]:
     """The surface of an actor in its rest pose: its mesh, or tapered capsules for body and bones."""
     rest, unit, turn = actor.motion.skeleton.rest_positions, actor.unit, actor.turn
-    bind = packed(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
+    bind = encoded(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
     if actor.mesh is not None:
         return {"bind": bind, "mesh": _mesh_data(actor.mesh.whole or actor.mesh, turn, unit)}
     solid = [] if actor.capsules is None else [(actor.capsules.joints, actor.capsules.ends, actor.capsules.radii)]
@@ -135,8 +135,8 @@ def _body_data(actor: Actor) -> dict[str, Any]:
     return {
         "bind": bind,
         "carriers": joints.tolist(),
-        "ends": packed(places, "<f4"),  # (capsules, 2, 3), in the rest pose
-        "radii": packed(radii / unit, "<f4"),  # (capsules, 2)
+        "ends": encoded(places, "<f4"),  # (capsules, 2, 3), in the rest pose
+        "radii": encoded(radii / unit, "<f4"),  # (capsules, 2)
     }
 
 
@@ -169,13 +169,13 @@ def _mesh_data(mesh: SkinnedMesh, turn: Rotation, unit: float) -> dict[str, Any]
     return {
         "offset": low.tolist(),
         "scale": scale,
-        "vertices": packed(np.rint((vertices - low) / scale), "<u2"),
-        "normals": packed(np.rint(127 * _normals(vertices, mesh.triangles)), "<i1"),
-        "joints": packed(joints, "<u2"),
-        "weights": packed(np.rint(65535 * weights / weights.sum(axis=1, keepdims=True)), "<u2"),
-        "triangles": packed(np.concatenate(triangles), "<u4"),
+        "vertices": encoded(np.rint((vertices - low) / scale), "<u2"),
+        "normals": encoded(np.rint(127 * _normals(vertices, mesh.triangles)), "<i1"),
+        "joints": encoded(joints, "<u2"),
+        "weights": encoded(np.rint(65535 * weights / weights.sum(axis=1, keepdims=True)), "<u2"),
+        "triangles": encoded(np.concatenate(triangles), "<u4"),
         "materials": materials,
-        "uv": packed(looks.uv, "<f4") if looks and any(one["image"] or one["normal_map"] for one in materials) else "",
+        "uv": encoded(looks.uv, "<f4") if looks and any(one["image"] or one["normal_map"] for one in materials) else "",
     }
 
 
@@ -219,7 +219,7 @@ def _normals(vertices: Array, triangles: NDArray[np.intp]) -> Array:
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
-def upright(up: Array) -> Rotation:
+def to_y_up(up: Array) -> Rotation:
     """The rotation that turns `up`, (3,), to y."""
     return Rotation.from_quat(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
 
@@ -234,7 +234,7 @@ def _turned_axes(turn: Rotation, rotations: Array) -> Array:
     return np.concatenate([_turned(turn, rotations[..., :3]), rotations[..., 3:]], axis=-1)
 
 
-def packed(array: Any, dtype: str) -> str:
+def encoded(array: Any, dtype: str) -> str:
     """An array for the page: little-endian numbers of a type, their first bytes first, compressed, in base64."""
     numbers = np.ascontiguousarray(array, dtype)
     planes = numbers.view(np.uint8).reshape(-1, numbers.itemsize).T

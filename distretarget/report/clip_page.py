@@ -21,7 +21,7 @@ from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.actors import Role, packed
+from distretarget.report.actors import Role, encoded
 from distretarget.report.diff_document import About, DiffDocument, Table, document
 from distretarget.report.page import html_page
 from distretarget.report.stage import Jump, ShownBody, facing, stage_of_bodies
@@ -150,7 +150,7 @@ def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
     data = {
         "document": {**document, "frames": None, "touching": TOUCHING},
         "contact-table": contact_table(document),
-        "columns": {key: packed([np.nan if row[key] is None else row[key] for row in frames], "<f4") for key in keys},
+        "columns": {key: encoded([np.nan if row[key] is None else row[key] for row in frames], "<f4") for key in keys},
         "registry": as_data("A", "B"),
         "stage": _stage(diff, body, [*_worst(document), *_cuts(diff)]),
     }

@@ -63,19 +63,19 @@ def html_page(kind: str, title: str, data: Mapping[str, object], **content: str)
     begins with "stage" is for the player, which a "framed" page has anyway. `content` is HTML for places of these.
     """
     played = kind == "framed" or any(name.startswith("stage") for name in data)
-    modules = [_asset(name) for name in SCRIPTS[kind] if played or name not in PLAYER[1:]]
-    scripts = [_asset(LIBRARY)] * played + ["'use strict';\n" + "\n".join(IMPORT.sub("", one) for one in modules)]
+    modules = [asset(name) for name in SCRIPTS[kind] if played or name not in PLAYER[1:]]
+    scripts = [asset(LIBRARY)] * played + ["'use strict';\n" + "\n".join(IMPORT.sub("", one) for one in modules)]
     parts = content | {
         "title": html.escape(HALVES.sub("\ufffd", title)),
-        "style": "\n".join(map(_asset, STYLES[kind])),
+        "style": "\n".join(map(asset, STYLES[kind])),
         "hashes": " ".join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts),
         "scripts": "\n".join(f"<script>{script}</script>" for script in scripts),
         "data": "\n".join(
             f'<script type="application/json" id="{name}">{script_json(value)}</script>' for name, value in data.items()
         ),
     }
-    player = _asset("player.html") if played else ""
-    template = _asset("page.html").replace("{{body}}", _asset(f"{kind}.html")).replace("{{player}}", player)
+    player = asset("player.html") if played else ""
+    template = asset("page.html").replace("{{body}}", asset(f"{kind}.html")).replace("{{player}}", player)
     return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], template)
 
 
@@ -85,8 +85,9 @@ def script_json(value: object) -> str:
     return HALVES.sub(lambda half: f"\\u{ord(half[0]):04x}", text).translate(ESCAPES)
 
 
-def _asset(name: str) -> str:
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+def asset(name: str, package: str = __package__) -> str:
+    """Return the text of a file that comes with a package."""
+    return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 class ClipRecord(TypedDict):

@@ -25,11 +25,11 @@ from distretarget.measure.gaps import TOUCH_DISTANCE, SkinGap, Touch
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.numerics.vectors import Array, lengths
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.actors import Role, upright
+from distretarget.report.actors import Role, to_y_up
 from distretarget.report.clip_page import run_diff, shown_performer
 from distretarget.report.diff_document import About, DiffDocument, Table, Values, csv_text, document, judged, rounded
 from distretarget.report.page import VERSION, html_page
-from distretarget.report.stage import Row, ShownBody, limit_of, stage_of_bodies
+from distretarget.report.stage import Row, ShownBody, margin_of, stage_of_bodies
 from distretarget.scene.retargeting import SceneResult
 from distretarget.skin.capsules import SEGMENTS
 
@@ -152,7 +152,7 @@ def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
     if len(bodies) < 2 or not bodies[1].measured:
         return 0.0
     middles = [body.motions[0].positions.mean(axis=(0, 1)) for body in bodies[:2]]
-    x, _, z = upright(up).apply(middles[1] - middles[0])
+    x, _, z = to_y_up(up).apply(middles[1] - middles[0])
     return math.atan2(-z, x) - 0.55
 
 
@@ -167,7 +167,7 @@ def _skins(pair: Pair, bodies: Sequence[ShownBody], gap: SkinGap | None) -> Iter
         ends = [end for at, part in zip(pair, parts, strict=True) for end in _joint_of(bodies[at], part)]
         name = " - ".join(f"{bodies[at].name}'s {part}" for at, part in zip(pair, parts, strict=True))
         points = _marks(pair, bodies, ends)
-        yield Row(name, "contact", values, limit_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
+        yield Row(name, "contact", values, margin_of("skin_gap"), BY_KEY["skin_gap"].symbol, points)
 
 
 def _joint_of(body: ShownBody, part: str) -> Iterator[tuple[int, int]]:

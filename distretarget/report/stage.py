@@ -30,25 +30,25 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import spans_of
 from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact
-from distretarget.report.actors import BUDGET, Actor, Role, lowest_skin, packed, thinned, upright
+from distretarget.report.actors import BUDGET, Actor, Role, encoded, lowest_skin, thinned, to_y_up
 from distretarget.report.page import html_page
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh, no_mesh
 from distretarget.target import Target
 
-Kind = Literal["contact", "support", "skin"]
+RowKind = Literal["contact", "support", "skin"]
 Point = tuple[int, int]
 """An actor of the page, and one of its joints."""
 
 FAR = CONTACT_DISTANCE / 3  # a contact whose D is farther off than this is not kept well
-SEEN = 0.3  # skin that is less deep inside than this is not shown [limits]
+SHOWN_DEPTH = 0.3  # skin that is less deep inside than this is not shown [limits]
 TOUCHING, RESTING = " touching", " on floor"
 CODES = 254  # steps of how far something is off
 SPANS = 6  # times in which a row holds that are told
 LIMB_ROLES = {"hand": "Hand", "forearm": "LowerArm"}
 # The kinds of the tracks that have a row for each part, and what is said of a part.
-TRACKS: dict[str, tuple[Kind, str]] = {
+TRACKS: dict[str, tuple[RowKind, str]] = {
     "skin_depth": ("skin", "{} inside"),
     "skin_gap": ("contact", "{}" + TOUCHING),
     "foot_height": ("support", "{}" + RESTING),
@@ -67,7 +67,7 @@ class Row:
     """Something that holds in some frames."""
 
     name: str  # what it is, such as "left hand - right hip"
-    kind: Kind  # chooses its mark
+    kind: RowKind  # chooses its mark
     values: Array  # (frames,), how far it is off, nan where it does not hold
     limit: float  # the value up to which nobody minds
     unit: str  # of these values
@@ -96,9 +96,9 @@ class Row:
             "limit": self.limit,
             "top": top,
             "account": account + (f"; at most {most:.3g} {self.unit} off" if self.unit else ""),
-            "codes": packed(codes, "<u1"),
+            "codes": encoded(codes, "<u1"),
             "points": self.points,
-            "spots": "" if self.spots is None else packed(self.spots, "<u2"),
+            "spots": "" if self.spots is None else encoded(self.spots, "<u2"),
             "marked": [
                 {"frames": each.entry.frames, "mark": each.mark, "json": entry_to_json(each.entry)}
                 for each in self.marked
@@ -140,7 +140,7 @@ def _with_marks(
         for each in on:
             values[_frames(each)] = 0.0
         joints = _nearest_joints(diff, own[0].entry.parts, _frames(on[0])) if on else ()
-        kind: Kind = "contact" if len(own[0].entry.parts) > 1 else "support"
+        kind: RowKind = "contact" if len(own[0].entry.parts) > 1 else "support"
         name = " - ".join(own[0].entry.parts) + (RESTING if kind == "support" else "")
         yield Row(name, kind, values, 1.0, "", _points(diff, joints, actors), marked=own)
 
@@ -185,14 +185,14 @@ def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
         limbs = [limb for limb, name in enumerate(skin.parts) if name in touch.name.split(" - ")]
         if limbs and skin.weights.any():
             gaps = np.where(skin.weights > 0, skin.values, 0.0)[:, limbs].max(axis=1)
-            off, limit, unit = gaps[contacts.frame[on]], limit_of("skin_gap"), BY_KEY["skin_gap"].symbol
+            off, limit, unit = gaps[contacts.frame[on]], margin_of("skin_gap"), BY_KEY["skin_gap"].symbol
         else:
             off, limit, unit = contacts.error[on], FAR, "D"
         values[contacts.frame[on]] = off
         yield Row(touch.name, "contact", values, limit, unit, points)
 
 
-def limit_of(key: str) -> float:
+def margin_of(key: str) -> float:
     """The value up to which nobody minds a metric."""
     limit = BY_KEY[key].limit
     assert limit is not None
@@ -203,13 +203,13 @@ def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterat
     """A row for each part of what is measured of feet, other supports and skin."""
     anatomy, keys = diff.matching.target.anatomy, diff.b.skeleton.keys
     for key, (kind, text) in TRACKS.items():
-        track, limit = diff.comparison.tracks[key], limit_of(key)
+        track, limit = diff.comparison.tracks[key], margin_of(key)
         for column, part in enumerate(track.parts):
             values = np.full(len(diff), np.nan)
             if track.values.ndim == 2 and len(track.values):
                 on = track.weights[:, column] > 0
                 if kind == "skin":
-                    on &= track.values[:, column] > SEEN * limit
+                    on &= track.values[:, column] > SHOWN_DEPTH * limit
                 values[: len(on)][on] = track.values[on, column]
             side, _, limb = part.partition(" ")
             joint = keys.index(part) if part in keys else None
@@ -288,7 +288,7 @@ def stage_of_bodies(
         for other in (0, 1)
     ]  # all that stand in one world have one floor, that of its last side
     actors = [
-        body.actor(side, role, upright(up), units[min(side, 1)], floors[min(side, 1)])
+        body.actor(side, role, to_y_up(up), units[min(side, 1)], floors[min(side, 1)])
         for side, role in enumerate(sides.values())
         for body in bodies
     ]
@@ -328,7 +328,7 @@ def facing(body: Body, motion: Motion, up: Array) -> float:
     if body.legs is None:
         return 0.0
     left, right = (motion.positions[0, leg.hip] for leg in body.legs)
-    front = upright(up).apply(np.cross(left - right, up))
+    front = to_y_up(up).apply(np.cross(left - right, up))
     return float(np.arctan2(front[0], front[2]))
 
 
@@ -410,7 +410,7 @@ def shown_actor(name: str, side: int, target: Target, motion: Motion | None) -> 
         body=body,
         capsules=capsules,
         mesh=mesh,
-        turn=Rotation.from_euler("y", -facing(body, motion, body.up_vector)) * upright(body.up_vector),
+        turn=Rotation.from_euler("y", -facing(body, motion, body.up_vector)) * to_y_up(body.up_vector),
         unit=body.height or body.unit or 1.0,
         floor=lowest_skin(motion, capsules, mesh, body.up_vector),
     )

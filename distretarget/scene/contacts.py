@@ -44,9 +44,9 @@ REGION_POINTS = 9  # most joints of a region that may touch others
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
 TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
 # Parts that rest on their skin; hands are brought to it in the end (`scene.skin`). The last is none.
-IS_SEAT = np.array([not IS_ARM[number] and "foot" not in name for number, name in enumerate(SEGMENTS)] + [False])
+RESTS_ON_SKIN = np.array([not IS_ARM[number] and "foot" not in name for number, name in enumerate(SEGMENTS)] + [False])
 OVER = 0.3  # a joint is over a prop if the way from there to it has at least this cosine to the vertical ...
-FARTHEST = 0.5  # and the prop is nearer than this [leg lengths]
+REACHED_WITHIN = 0.5  # and the prop is nearer than this [leg lengths]
 MOVING = 1e-3  # weight of frames in which a joint is still on its way, such as one who sits down
 
 
@@ -413,8 +413,8 @@ def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
     clip, undersides, rises = one.clip, one.match.undersides, np.zeros(near.source.shape)
     if undersides is None:
         return rises
-    on = np.flatnonzero(IS_SEAT[undersides.target.segments[near.joints]])
-    joints, x, far = near.joints[on], near.source[:, on], FARTHEST * clip.leg_lengths[0]
+    on = np.flatnonzero(RESTS_ON_SKIN[undersides.target.segments[near.joints]])
+    joints, x, far = near.joints[on], near.source[:, on], REACHED_WITHIN * clip.leg_lengths[0]
     below = undersides.source.below(clip.source, clip.drivers[joints], clip.up)
     own_below = undersides.target.below(clip.copy, joints, clip.up)
     feet, out = nearest_places(prop.surface, prop.motion, x, far)

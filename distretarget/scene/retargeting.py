@@ -36,7 +36,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.constraints import centimetres
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
-from distretarget.pipeline.performer import Match, match_performer, target_for
+from distretarget.pipeline.performer import Match, Transfer, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.contacts import SceneContacts
 from distretarget.scene.props import PlacedProp, Placement, Prop, PropResult
@@ -168,18 +168,32 @@ def retarget_scene(
     mapper, progress = in_threads if mapper is None else mapper, ignore_progress if progress is None else progress
     check_callable("mapper", mapper)
     check_callable("progress", progress)
-    options = Options(supports=supports, environment=environment)
-    _check_times(sources, props)
-    sources, targets, props = _looking_alike(sources, targets, props)
-    performers, heights, units = _in_one_unit(modes, sources, targets, maps, stances, thick)
+    options = [Options(supports=supports, environment=environment, skin=mode) for mode in modes]
+    transfers = [*map(Transfer, sources, targets, options, maps, stances, thick)]
+    return retarget_transfers(transfers, props, contact_lists, world_scale, settings, mapper, progress)
+
+
+def retarget_transfers(
+    transfers: Sequence[Transfer],
+    props: Sequence[Prop],
+    contact_lists: Sequence[ContactList],
+    world_scale: float | None = None,
+    settings: ContactSettings = DEFAULT_SETTINGS,
+    mapper: Mapper = in_threads,
+    progress: Progress = ignore_progress,
+) -> SceneResult:
+    """Retarget several performers who share a world; parameters and errors as in `retarget_scene`."""
+    _check_times([each.source for each in transfers], props)
+    transfers, props = _looking_alike(transfers, props)
+    performers, heights, units = _in_one_unit(transfers)
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
     prepared = [
-        performer.performer(RootScale(level, height), options).with_supports(options, settings)
-        for performer, height in zip(performers, heights, strict=True)
+        performer.performer(RootScale(level, height), each.options).with_supports(each.options, settings)
+        for performer, height, each in zip(performers, heights, transfers, strict=True)
     ]
-    company = skins_in_company(performers, modes)
+    company = skins_in_company(performers, [each.options.skin for each in transfers])
     solved = solve_scene(prepared, placed, company, contact_lists, mapper, progress)
     results, touching = list[RetargetResult](), solved.contacts
     each = zip(touching.performers, solved.poses, solved.motions, contact_lists, solved.unmet, strict=True)
@@ -232,30 +246,29 @@ def _check_times(sources: Sequence[Motion], props: Sequence[Prop]) -> None:
             )
 
 
-def _matched(modes: Sequence[SkinMode], *given: Sequence[Any]) -> list[Match]:
-    """The performers, in the axes of the first; of each are given source, target, map, rest pose and builds."""
-    performers, axes = list[Match](), Options()
-    for number, (mode, *each) in enumerate(zip(modes, *given, strict=True)):
+def _matched(transfers: Sequence[Transfer]) -> list[Match]:
+    """The performers, in the axes of the first."""
+    performers = list[Match]()
+    for number, each in enumerate(transfers):
+        options = each.options
+        if performers:
+            options = replace(options, source_up=performers[0].world.source_up, target_up=performers[0].world.up)
         with _performer(number):
-            performers.append(match_performer(each[0], each[1], replace(axes, skin=mode), *each[2:]))
-        axes = Options(source_up=performers[0].world.source_up, target_up=performers[0].world.up)
+            performers.append(match_performer(replace(each, options=options)))
     return performers
 
 
-def _in_one_unit(
-    modes: Sequence[SkinMode], sources: Sequence[Motion], targets: Sequence[AnyTarget], *given: Sequence[Any]
-) -> tuple[list[Match], list[float], tuple[float, ...]]:
+def _in_one_unit(transfers: Sequence[Transfer]) -> tuple[list[Match], list[float], tuple[float, ...]]:
     """The performers, of a like size in the unit of the first target; their root scales; and `SceneResult.units`."""
-    performers = _matched(modes, sources, targets, *given)
+    performers = _matched(transfers)
     heights, units = [find_root_scale(one.matching) for one in performers], [1.0] * len(performers)
     if max(heights) > SAME_UNITS * min(heights):
         cm = [centimetres(one.matching.target.unit) for one in performers]
         units = [cm[0] / each for each in cm]
         scaled = [
-            (goal if isinstance(goal, SkeletonEdit) else target_for(source, goal)).scaled(1.0 / unit)
-            for source, goal, unit in zip(sources, targets, units, strict=True)
+            replace(each, target=each.loaded.scaled(1.0 / unit)) for each, unit in zip(transfers, units, strict=True)
         ]
-        performers = _matched(modes, sources, scaled, *given)
+        performers = _matched(scaled)
         heights = [find_root_scale(one.matching) for one in performers]
     if max(heights) > SAME_UNITS * min(heights):
         with _performer(int(np.argmax(heights)), of_target=True):
@@ -276,19 +289,14 @@ def _performer(number: int, *, of_target: bool = False) -> Iterator[None]:
         raise
 
 
-def _looking_alike(
-    sources: Sequence[Motion], targets: Sequence[AnyTarget], props: Sequence[Prop]
-) -> tuple[Sequence[Motion], Sequence[AnyTarget], Sequence[Prop]]:
+def _looking_alike(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tuple[Sequence[Transfer], Sequence[Prop]]:
     """All as given; where bodies of some files look to -Z by convention and others do not, as those that look to +Z."""
-    goals = [target_for(*each) for each in zip(sources, targets, strict=True)]
-    if len({(a.skeleton.looks_back, b.skeleton.looks_back) for a, b in zip(sources, goals, strict=True)}) == 1:
-        return sources, targets, props
+    if len({(each.source.skeleton.looks_back, each.goal.skeleton.looks_back) for each in transfers}) == 1:
+        return transfers, props
     turned = [
-        given if isinstance(given, SkeletonEdit) else goal.looking_ahead()
-        for given, goal in zip(targets, goals, strict=True)
+        replace(each, source=each.source.looking_ahead(), target=each.loaded.looking_ahead()) for each in transfers
     ]
-    moving = [replace(prop, motion=prop.motion.looking_ahead()) for prop in props]
-    return [each.looking_ahead() for each in sources], turned, moving
+    return turned, [replace(prop, motion=prop.motion.looking_ahead()) for prop in props]
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:

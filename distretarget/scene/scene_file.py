@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 from distretarget.body.build import BUILDS, Builds
 from distretarget.contact_entries import NO_CONTACTS
-from distretarget.errors import DistretargetError, MotionError, closest, counted
+from distretarget.errors import DistretargetError, MotionError, closest, counted, in_file
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import read_text, safe_file_name
 from distretarget.io.input_file import load_file
@@ -24,7 +24,7 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.scene.props import Grip, Prop, PropScale, PropSurface, prop_of
-from distretarget.scene.retargeting import SceneResult, retarget_scene
+from distretarget.scene.retargeting import SceneResult, retarget_transfers
 
 SCENE_NAME = "scene.json"  # in a folder of scenes
 HEADER = {"format": "distretarget-scene", "version": 1}
@@ -150,24 +150,12 @@ class SceneSetup:
         options = Options(supports=self.supports, environment=self.environment, skin=self.skin)
         recipes = [performer.recipe(options) for performer in self.performers]
         targets = [load_target(performer.target) for performer in self.performers]
-        arguments = [
-            recipe.match_arguments(source, load_file(each.file), target.for_source(source.rigid_skeleton), each.target)
+        transfers = [
+            recipe.transfer(source, load_file(each.file), target, each.target)
             for each, recipe, source, target in zip(self.performers, recipes, sources, targets, strict=True)
         ]
         try:
-            return retarget_scene(
-                sources,
-                targets,
-                props,
-                joint_maps=[each["joint_map"] for each in arguments],
-                rests=[each["rest"] for each in arguments],
-                world_scale=self.world_scale,
-                supports=self.supports,
-                environment=self.environment,
-                skin=[recipe.options.skin for recipe in recipes],
-                builds=[each["builds"] for each in arguments],
-                contacts=contacts,
-            )
+            return retarget_transfers(transfers, props, contacts, self.world_scale)
         except DistretargetError as error:
             performer = self.performers[error.performer or 0]
             raise error.in_file(error.path or (performer.target if error.of_target else performer.file)) from None
@@ -185,10 +173,8 @@ def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
         motion, _ = parse_motion(file)
     if is_prop and len(motion) == 1:
         return motion, surface
-    try:
+    with in_file(clip.file):
         return started(motion, clip.start), surface
-    except MotionError as error:
-        raise error.in_file(clip.file) from None
 
 
 def started(motion: Motion, start: float) -> Motion:
@@ -221,15 +207,13 @@ def _made(
     prop: PropFiles, own: Mapping[SceneClip, Motion], surface: PropSurface | None, sources: Sequence[Motion]
 ) -> Prop:
     """A prop with the motion in its own file, or with that of the joint where it begins."""
-    try:
+    with in_file(prop.file):
         if prop.part_of is None:
             return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by, surface=surface)
         source, joint = sources[prop.part_of.performer], prop.part_of.joint
         above = source.skeleton.line(source.skeleton.index(joint))[1:2]
         held_by = prop.held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
         return Prop(name=prop.name, motion=prop_of(source, joint), scale=prop.scale, held_by=held_by)
-    except DistretargetError as error:
-        raise error.in_file(prop.file) from None
 
 
 def load_scene(path: str | Path) -> SceneSetup:

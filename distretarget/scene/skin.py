@@ -37,7 +37,7 @@ from distretarget.skin.limbs import Limb, bent
 from distretarget.skin.tangents import Displaced
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
-FARTHEST = 0.2  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
+DRAWN_WITHIN = 0.2  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
 WITHIN = 0.1  # radius of the balls that touch the surface of a prop from within [body units]
 
 # Segments meet those of another body of the same or a lower rank; what is near the trunk hardly gives way.
@@ -139,7 +139,7 @@ class Bodies:
 
     def gaps(self, motions: Sequence[Motion]) -> Array:
         """(frames, pairs), the gap of each pair of segments [mean body units]."""
-        return segment_gaps(self.balls, self.posed(motions), FARTHEST)
+        return segment_gaps(self.balls, self.posed(motions), DRAWN_WITHIN)
 
     def limbs(self, motions: Sequence[Motion]) -> Array:
         """(frames, limbs, 3, 3), the top, the middle and the end of each limb [mean body units]."""
@@ -166,7 +166,7 @@ class Bodies:
         """(frames, balls, 2, 3), where the balls of a prop are that touch its surface next to those of limbs about
         `centres`, (frames, balls, 3); out of reach for those that are far off [mean body units].
         """
-        far = FARTHEST + self.balls.radii.max(initial=0.0)
+        far = DRAWN_WITHIN + self.balls.radii.max(initial=0.0)
         feet, out = nearest_places(shape.surface, motion, self.unit * centres, self.unit * far)
         within = feet / self.unit - shape.radius * out
         within = np.where(np.isfinite(within), within, centres + 4.0 * far)
@@ -278,7 +278,7 @@ def _apart(
     (one, other), parts = (balls.pairs // COUNT).T, bodies.parts
     spots = Spots.of(balls.pairs[:, 0], PLACE[parts[:, 1]] + COUNT * other)  # on each performer and prop
     of_hands = np.where((one != other) & IS_HAND[parts].any(axis=1), in_source, APART)
-    touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / FARTHEST))
+    touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / DRAWN_WITHIN))
     each = zip(performers, bodies.skins, strict=True)
     limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
     frames = Frames(
@@ -290,7 +290,7 @@ def _apart(
         firmness=touching,
         **no_anchors(len(in_source), len(limbs)),
     )
-    moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, FARTHEST)
+    moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, DRAWN_WITHIN)
     return bodies.bent(posed, moves)
 
 

@@ -315,13 +315,13 @@ def solve_in_sweeps(
                 performers, contacts.springs(now, alone), springs, now, hips, strict=True
             )
         ]
-        poses = [smoothed(*both, contacts) for both in zip(solve(sweep, springs), first, strict=True)]
+        poses = [changed_steadily(*both, contacts) for both in zip(solve(sweep, springs), first, strict=True)]
         now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
         error = contacts.gap_error(now)
     return poses, sweep, error
 
 
-def smoothed(poses: Poses, alone: Poses, contacts: SceneContacts) -> Poses:
+def changed_steadily(poses: Poses, alone: Poses, contacts: SceneContacts) -> Poses:
     """Return the poses with their deviations from those `alone` averaged over `SMOOTHING` within each shot."""
     average = partial(averaged, reach=round(SMOOTHING / contacts.performers[0].clip.frame_time))
     return replace(poses, v=alone.v + by_shot(average, common_shots(contacts.performers), poses.v - alone.v))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -23,7 +23,7 @@ from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 
 HEADER: dict[str, object] = {"format": "distretarget-project", "version": 1}
-ROLES = ("clip", "character")
+FILES = ("clip", "character")
 LONGEST = 100  # of the part of a name that results take from a file's [bytes]
 # the fields of an order but its files
 HOW = ("animation", "fps", "edits", "options", "in_place", "contacts", "map", "rest")
@@ -61,8 +61,8 @@ class Order:
         """Return the order that the page sent, or that is in the file `path`; a SettingsError, FileError or
         SkeletonFileError where it has no sense.
         """
-        known = {*ROLES, *HOW, "format"}
-        if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {*ROLES}:
+        known = {*FILES, *HOW, "format"}
+        if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {*FILES}:
             raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
         entries = given.get("contacts") or []
         text = json.dumps({"format": "distretarget-contacts", "version": 1, "contacts": entries})
@@ -199,11 +199,16 @@ class Project:
         files = {"source": self.folder / self.names.clip, "target": self.folder / self.names.character}
         return {name: str(value) for name, value in files.items()} | {"output": self.names.result} | self.order.settings
 
+    def with_map(self, recipe: Recipe) -> Recipe:
+        """Return a recipe with the order's map, and with its rest pose unless the recipe has one."""
+        own = self.order.map_file
+        return replace(recipe, map_file=replace(own, rest=recipe.map_file.rest or own.rest))
+
 
 def project_to_json(order: Order, names: Names, hashes: tuple[str, str]) -> str:
     """Return the text of a project file; `hashes` are those of the clip and of the character."""
     called = (names.clip, names.character)
-    files = {role: {"name": name, "hash": each} for role, name, each in zip(ROLES, called, hashes, strict=True)}
+    files = {role: {"name": name, "hash": each} for role, name, each in zip(FILES, called, hashes, strict=True)}
     given = json.loads(order.key)
     contacts = json.loads(contacts_to_json(order.contacts))["contacts"]
     how = {name: given[name] for name in HOW if given.get(name)} | {"contacts": contacts}
@@ -223,9 +228,9 @@ def load_project(path: Path) -> Project:
     root = parse_json(path, text)
     found = root.fields((*HEADER, "files", "output"), HOW)
     root.check_header(**HEADER)
-    files = found["files"].fields(ROLES)
+    files = found["files"].fields(FILES)
     names = {}
-    for role in ROLES:
+    for role in FILES:
         about = files[role].fields(("name", "hash"))
         name = names[role] = about["name"].text()
         if PurePath(name).name != name or "\\" in name:

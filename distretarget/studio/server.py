@@ -6,6 +6,7 @@ import json
 import secrets
 import time
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 from urllib.parse import unquote
@@ -19,7 +20,7 @@ from starlette.routing import Route
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import rest_pose_in
-from distretarget.report.page import html_page
+from distretarget.report.page import asset, html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
 
@@ -45,6 +46,8 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
+Answer = Callable[[Request], Awaitable[Response]]
+
 
 def sample(name: str) -> bytes:
     """Return the content of a sample; a FileError if there is none of that name."""
@@ -58,69 +61,41 @@ def sample(name: str) -> bytes:
 
 def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
     """Return the application that answers at /TOKEN/ on a port of this machine, and nothing else."""
-    bench = bench or Bench()
-    hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost")}
+    hosts = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost"))
+    studio = _Studio(token, hosts, bench or Bench())
+    routes = [
+        ("", studio.page, "GET"),
+        ("assets/{name}", studio.asset, "GET"),
+        ("files", studio.drop, "POST"),
+        ("files", studio.dropped, "GET"),
+        ("samples/{name}", studio.try_sample, "POST"),
+        ("rest", studio.rest_pose, "POST"),
+        ("solve", studio.solve, "POST"),
+        ("player", studio.player, "GET"),
+        ("take/{kind}", studio.take, "POST"),
+    ]
+    return Starlette(
+        routes=[Route(f"/{{token}}/{path}", studio.guarded(answer), methods=[how]) for path, answer, how in routes]
+    )
 
-    async def page(_request: Request) -> Response:
-        text = _asset("studio.html")
-        return HTMLResponse(text, headers={"Content-Security-Policy": POLICY})
 
-    async def asset(request: Request) -> Response:
-        name = request.path_params["name"]
-        return Response(_asset(name), media_type=ASSETS[name]) if name in ASSETS else _refused(404)
+@dataclass(frozen=True)
+class _Studio:
+    """What answers the requests of the page that knows the token."""
 
-    async def drop(request: Request) -> Response:
-        content = await _body(request, LARGEST)
-        return JSONResponse(await anyio.to_thread.run_sync(bench.add, _name(request), content))
+    token: str
+    hosts: frozenset[str]  # the names of this machine, with the port
+    bench: Bench
 
-    async def try_sample(request: Request) -> Response:
-        name = request.path_params["name"]
-        return JSONResponse(await anyio.to_thread.run_sync(lambda: bench.add(name, sample(name))))
+    def guarded(self, answer: Answer) -> Answer:
+        """An answer for the page alone, with errors as JSON."""
 
-    async def rest_pose(request: Request) -> Response:
-        file = InputFile(await _body(request, LARGEST), _name(request), has_folder=False)
-        return JSONResponse(dict((await anyio.to_thread.run_sync(rest_pose_in, file)).rotations))
-
-    async def solve(request: Request) -> Response:
-        times = [time.perf_counter()]
-        done = await _done(request)
-        times.append(time.perf_counter())
-        await anyio.to_thread.run_sync(lambda: done.converted.result.verdict)
-        times.append(time.perf_counter())
-        response = await anyio.to_thread.run_sync(lambda: JSONResponse(done.as_data))
-        times.append(time.perf_counter())
-        steps = zip(("solve", "verdict", "stage"), times, times[1:], strict=False)
-        taken = (f"{name};dur={1000 * (end - start):.0f}" for name, start, end in steps)
-        response.headers["Server-Timing"] = ", ".join(taken)  # [ms]
-        return response
-
-    async def dropped(_request: Request) -> Response:
-        return JSONResponse(bench.dropped)
-
-    async def player(_request: Request) -> Response:
-        return HTMLResponse(html_page("framed", "The player", {}))
-
-    async def take(request: Request) -> Response:
-        if request.path_params["kind"] == "all":
-            given = await _given(request)
-            orders = [Order.of(each) for each in (given if isinstance(given, list) else [given])]
-            name, content = await anyio.to_thread.run_sync(bench.zipped, orders, _tab(request))
-        else:
-            done = await _done(request)
-            name, content = await anyio.to_thread.run_sync(done.file, request.path_params["kind"])
-        return Response(content, media_type="application/octet-stream", headers={"X-Name": json.dumps(name)[1:-1]})
-
-    async def _done(request: Request) -> Done:
-        order = Order.of(await _given(request))
-        return await anyio.to_thread.run_sync(bench.carry_out, order, _tab(request))
-
-    def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
         async def answered(request: Request) -> Response:
             origin = request.headers.get("origin")
-            right = secrets.compare_digest(request.path_params["token"].encode(), token.encode())
-            if not right or request.headers.get("host") not in hosts:
+            right = secrets.compare_digest(request.path_params["token"].encode(), self.token.encode())
+            if not right or request.headers.get("host") not in self.hosts:
                 return _refused(404)
-            if origin is not None and origin.removeprefix("http://") not in hosts:
+            if origin is not None and origin.removeprefix("http://") not in self.hosts:
                 return _refused(403)
             try:
                 response = await answer(request)
@@ -133,24 +108,57 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
 
         return answered
 
-    routes = [
-        ("", page, "GET"),
-        ("assets/{name}", asset, "GET"),
-        ("files", drop, "POST"),
-        ("files", dropped, "GET"),
-        ("samples/{name}", try_sample, "POST"),
-        ("rest", rest_pose, "POST"),
-        ("solve", solve, "POST"),
-        ("player", player, "GET"),
-        ("take/{kind}", take, "POST"),
-    ]
-    return Starlette(
-        routes=[Route(f"/{{token}}/{path}", guarded(answer), methods=[method]) for path, answer, method in routes]
-    )
+    async def page(self, _request: Request) -> Response:
+        return HTMLResponse(asset("studio.html", __package__), headers={"Content-Security-Policy": POLICY})
 
+    async def asset(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        return Response(asset(name, __package__), media_type=ASSETS[name]) if name in ASSETS else _refused(404)
 
-def _asset(name: str) -> str:
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+    async def drop(self, request: Request) -> Response:
+        content = await _body(request, LARGEST)
+        return JSONResponse(await anyio.to_thread.run_sync(self.bench.add, _name(request), content))
+
+    async def try_sample(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        return JSONResponse(await anyio.to_thread.run_sync(lambda: self.bench.add(name, sample(name))))
+
+    async def rest_pose(self, request: Request) -> Response:
+        file = InputFile(await _body(request, LARGEST), _name(request), has_folder=False)
+        return JSONResponse(dict((await anyio.to_thread.run_sync(rest_pose_in, file)).rotations))
+
+    async def solve(self, request: Request) -> Response:
+        times = [time.perf_counter()]
+        done = await self._done(request)
+        times.append(time.perf_counter())
+        await anyio.to_thread.run_sync(lambda: done.converted.result.verdict)
+        times.append(time.perf_counter())
+        response = await anyio.to_thread.run_sync(lambda: JSONResponse(done.as_data))
+        times.append(time.perf_counter())
+        steps = zip(("solve", "verdict", "stage"), times, times[1:], strict=False)
+        taken = (f"{name};dur={1000 * (end - start):.0f}" for name, start, end in steps)
+        response.headers["Server-Timing"] = ", ".join(taken)  # [ms]
+        return response
+
+    async def dropped(self, _request: Request) -> Response:
+        return JSONResponse(self.bench.dropped)
+
+    async def player(self, _request: Request) -> Response:
+        return HTMLResponse(html_page("framed", "The player", {}))
+
+    async def take(self, request: Request) -> Response:
+        if request.path_params["kind"] == "all":
+            given = await _given(request)
+            orders = [Order.of(each) for each in (given if isinstance(given, list) else [given])]
+            name, content = await anyio.to_thread.run_sync(self.bench.zipped, orders, _tab(request))
+        else:
+            done = await self._done(request)
+            name, content = await anyio.to_thread.run_sync(done.file, request.path_params["kind"])
+        return Response(content, media_type="application/octet-stream", headers={"X-Name": json.dumps(name)[1:-1]})
+
+    async def _done(self, request: Request) -> Done:
+        order = Order.of(await _given(request))
+        return await anyio.to_thread.run_sync(self.bench.carry_out, order, _tab(request))
 
 
 async def _body(request: Request, largest: int) -> bytes:
