@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from distretarget.measure.skin import find_skin
 from distretarget.scene import sweeps
 from distretarget.scene.props import PropSurface
 from distretarget.scene.scene_file import load_scene
-from distretarget.scene.skin import COUNT, Bodies, PropShape
+from distretarget.scene.skin import COUNT, Bodies, PropShape, _where_it_helps
 from distretarget.scene.sweeps import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
 from distretarget.skin.capsules import IS_ARM
 
@@ -185,6 +186,16 @@ def test_a_wall_that_leaves_an_arm_no_room_makes_it_no_worse(thickness, wall_fro
     after, before = (np.maximum(-bodies.gaps([each[0].motion])[:, arms], 0.0).max(axis=1) for each in (thick, thin))
     assert before.max() > 0.02
     assert np.all(after < before + 0.011)
+
+
+def test_what_is_no_prop_keeps_no_limb_from_bending():
+    """A limb that ends deeper in another performer has left something else on its way."""
+    shallow, deep = ([each.motion for each in results] for results in fat("waltz"))
+    bodies = Bodies([each.skins.target for each in fat("waltz")[0]])
+    assert bodies.gaps(deep).min() < bodies.gaps(shallow).min() - 0.02
+    one = SimpleNamespace(clip=SimpleNamespace(shots=np.zeros(len(deep[0]))))
+    for kept, motion in zip(_where_it_helps([one], bodies, shallow, deep), deep, strict=True):
+        np.testing.assert_array_equal(kept.rotations, motion.rotations)
 
 
 def test_gaps_between_skins_are_told():
