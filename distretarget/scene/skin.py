@@ -24,7 +24,7 @@ from distretarget.numerics.time_series import slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.anchors import no_anchors
 from distretarget.objectives.body_skin import BodySkin, Skins
-from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, softness
+from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, softness, touching_others
 from distretarget.objectives.spots import APART, Spots, of_pairs
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
@@ -260,7 +260,7 @@ def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
 
 
 def _drawn(one: Performer, springs: Springs) -> Performer:
-    """Return the performer with its scene springs; its own skin pass then leaves its limbs in scene contact alone."""
+    """Return the performer with its scene springs; its limbs in scene contact then touch nothing of its own body."""
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
@@ -282,7 +282,7 @@ def _apart(
     frames = Frames(
         posed=bodies.posed(posed),
         limbs=bodies.limbs(posed),
-        free=np.concatenate([how_free(p.clip, body, p.supports, p.settings) for p, body in each], axis=1),
+        free=np.concatenate([_how_free(*both) for both in each], axis=1),
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         aims=spots.least(np.maximum(in_source, least)),
         firmness=touching,
@@ -290,6 +290,14 @@ def _apart(
     )
     moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, FARTHEST)
     return bodies.bent(posed, moves)
+
+
+def _how_free(one: Performer, body: BodySkin) -> Array:
+    """(frames, limbs, 2), how far the middle and end of limbs can move, 0 to 1: not while they touch a prop without a
+    shape.
+    """
+    alone = 1.0 - touching_others(one.clip, body, one.supports)
+    return how_free(one.clip, body, one.supports, one.settings) * alone[..., None]
 
 
 def _where_it_helps(
