@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,10 +15,11 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
 from distretarget.measure.gaps import measure_skin_gap
 from distretarget.measure.skin import find_skin
+from distretarget.objectives.spots import IS_HARD
 from distretarget.scene import sweeps
 from distretarget.scene.props import PropSurface
 from distretarget.scene.scene_file import load_scene
-from distretarget.scene.skin import COUNT, Bodies, PropShape
+from distretarget.scene.skin import COUNT, Bodies, PropShape, _where_it_helps
 from distretarget.scene.sweeps import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
 from distretarget.skin.capsules import IS_ARM
 
@@ -184,6 +186,24 @@ def test_a_wall_that_leaves_an_arm_no_room_makes_it_no_worse(thickness, wall_fro
     after, before = (np.maximum(-bodies.gaps([each[0].motion])[:, arms], 0.0).max(axis=1) for each in (thick, thin))
     assert before.max() > 0.02
     assert np.all(after < before + 0.011)
+
+
+@pytest.mark.parametrize("name", ["handshake", "high_five", "lift", "push"])
+def test_hands_that_touch_another_performer_are_not_in_their_own_body(name):
+    for one in fat(name)[0]:
+        skin = one.skins.target
+        hands = np.isin(skin.balls.pairs[:, 0], np.flatnonzero(IS_HARD))
+        assert Bodies([skin]).gaps([one.motion])[:, hands].min() > -0.005  # body units
+
+
+def test_what_is_no_prop_keeps_no_limb_from_bending():
+    """A limb that ends deeper in another performer has left something else on its way."""
+    shallow, deep = ([each.motion for each in results] for results in fat("waltz"))
+    bodies = Bodies([each.skins.target for each in fat("waltz")[0]])
+    assert bodies.gaps(deep).min() < bodies.gaps(shallow).min() - 0.02
+    one = SimpleNamespace(clip=SimpleNamespace(shots=np.zeros(len(deep[0]))))
+    for kept, motion in zip(_where_it_helps([one], bodies, shallow, deep), deep, strict=True):
+        np.testing.assert_array_equal(kept.rotations, motion.rotations)
 
 
 def test_gaps_between_skins_are_told():

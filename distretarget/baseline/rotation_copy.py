@@ -144,6 +144,7 @@ class RootScale:
 
     level: float  # along the floor [target units per source unit]
     height: float  # upwards [target units per source unit]
+    rise: float = 0.0  # how much higher places are than scaled, so that soles are on the floor [target units]
 
     @classmethod
     def even(cls, scale: float) -> RootScale:
@@ -151,8 +152,13 @@ class RootScale:
         return cls(scale, scale)
 
     def places(self, places: Array, up: Array) -> Array:
-        """Return positions in the source's world, (..., 3), scaled to the target's; `up` is the unit vector up."""
-        return np.asarray(self.level * places + (self.height - self.level) * (places @ up)[..., None] * up)
+        """Return where positions in the source's world, (..., 3), are in the target's; `up` is the unit vector up."""
+        heights = places @ up
+        return np.asarray(self.level * places + (self.heights(heights) - self.level * heights)[..., None] * up)
+
+    def heights(self, heights: Array) -> Array:
+        """Return how high in the target's world what has these heights in the source's is."""
+        return self.height * heights + self.rise
 
 
 def find_root_scale(matching: Matching) -> float:

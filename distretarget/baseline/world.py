@@ -116,16 +116,25 @@ def with_root_offset(motion: Motion) -> Motion:
 
 
 def on_own_soles(matching: Matching, scale: float | None = None, undersides: Undersides | None = None) -> Matching:
-    """Return the matching with the source raised or lowered, so that the target's feet stand flat on the floor at
-    height 0: on the soles of its mesh, or as high above it as in the bind pose, by the thickness of soles that no joint
-    shows.
+    """Return the matching with the source raised or lowered as `rise_onto_soles` says."""
+    rise = rise_onto_soles(matching, scale or find_root_scale(matching), undersides)
+    if not rise:
+        return matching
+    target, motion = matching.target, matching.source_motion
+    raised = replace(motion, root_positions=motion.root_positions + rise * target.up_vector)
+    return replace(matching, source=matching.source.with_motion(raised, target.up))
+
+
+def rise_onto_soles(matching: Matching, scale: float, undersides: Undersides | None = None) -> float:
+    """Return how far to raise the source, or lower it, so that the target's feet stand flat on the floor at height 0
+    [source file units]: on the soles of its mesh, or as high above it as in the bind pose, by the thickness of soles
+    that no joint shows.
 
     Without a mesh only the file of a character says where the floor is (`Skeleton.floor_at_zero`). Where the source's
-    feet are not near height 0 while they rest, or the target's are not at rest, nothing changes. `scale` is that of the
-    root's path, else the ratio of leg lengths; `undersides` are the skins of both bodies, if they are known.
+    feet are not near height 0 while they rest, or the target's are not at rest, it is 0. `scale` is that of the root's
+    path; `undersides` are the skins of both bodies, if they are known.
     """
-    target, motion = matching.target, matching.source_motion
-    source_leg, leg = matching.leg_lengths
+    target, (source_leg, leg) = matching.target, matching.leg_lengths
     on_mesh = undersides is not None and undersides.feet_have_mesh
     if undersides is not None and on_mesh:
         own = undersides.soles[1]
@@ -133,13 +142,11 @@ def on_own_soles(matching: Matching, scale: float | None = None, undersides: Und
         places = target.skeleton.rest_positions + target.skeleton.offsets[0]
         own = float(np.mean([(places[sole.joints] @ target.up_vector).min() for _, sole in matching.soles]))
     else:
-        return matching
+        return 0.0
     found = _floor_of_source(matching, on_mesh)
     if abs(found) > LOW * source_leg or not (-LOW * leg if on_mesh else 0.0) <= own <= LOW * leg:
-        return matching
-    rise = own / (scale or find_root_scale(matching)) - found
-    raised = replace(motion, root_positions=motion.root_positions + rise * target.up_vector)
-    return replace(matching, source=matching.source.with_motion(raised, target.up))
+        return 0.0
+    return own / scale - found
 
 
 def _floor_of_source(matching: Matching, on_mesh: bool) -> float:

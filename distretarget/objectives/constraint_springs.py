@@ -245,7 +245,7 @@ def _goal(
     if not isinstance(entry.on, str):
         here = here - here[0] + np.array(entry.on)
     elif entry.on == "floor" and not is_foot:
-        floor = np.full(len(joints), clip.scale.height * np.median(clip.source_floor[on]))
+        floor = clip.scale.heights(np.full(len(joints), np.median(clip.source_floor[on])))
         if undersides is not None:
             floor += undersides.target.below(clip.copy, joints, clip.up)[on].mean(axis=0) - undersides.soles[1]
         here = level(here, clip.up) + np.outer(floor, clip.up)

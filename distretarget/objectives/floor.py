@@ -85,11 +85,11 @@ def find_floor_springs(
     """
     if not clip.legs:
         return no_floor(len(clip))
-    up, leg, scale = clip.up, clip.leg_lengths[1], clip.scale.height
+    up, leg = clip.up, clip.leg_lengths[1]
     floor, weight = _height_of_floor(clip), weights.max(axis=1, initial=0.0)
     joints = np.concatenate([clip.limb_joints, clip.undriven_joints])
     lowest = np.repeat(floor, len(joints), axis=1)
-    high = scale * heights_of(clip.source.positions, clip.drivers[clip.limb_joints], up)
+    high = clip.scale.heights(heights_of(clip.source.positions, clip.drivers[clip.limb_joints], up))
     lowest[:, : len(clip.limb_joints)] += np.minimum(high - floor, REST_HEIGHT * leg)
     if flesh is not None:
         columns = np.searchsorted(clip.limb_joints, flesh.joints)
@@ -125,4 +125,4 @@ def _height_of_floor(clip: Clip) -> Array:
     """(frames, 1), the height of the source's lowest joint around each frame, scaled [target file units]: neither feet
     that leave the floor nor a faulty frame raise it.
     """
-    return -clip.scale.height * largest(-clip.source_floor[:, None], round(FLOOR_SPAN / clip.frame_time))
+    return clip.scale.heights(-largest(-clip.source_floor[:, None], round(FLOOR_SPAN / clip.frame_time)))

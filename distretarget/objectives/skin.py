@@ -89,7 +89,7 @@ def with_skin(
     """Return the motion of a target with its limbs bent as its skin asks, and as a user does; `posed` is the motion
     before. Only frames that are `wanted`, (frames,), need to be right; by default all.
     """
-    free = how_free(clip, skins.target, supports, settings)
+    free, alone = how_free(clip, skins.target, supports, settings), 1.0 - touching_others(clip, skins.target, supports)
     ends = free[..., 1] if reach is None else free[..., 1] * (1.0 - reach.ties)
     posed = approached(clip, skins, posed, ends)
     margin = round(FADES * TAU / clip.frame_time)
@@ -101,7 +101,7 @@ def with_skin(
     def displaced(chunk: Chunk) -> Array:
         around = chunk.context
         reaching = reach and reach[around]
-        d = _displaced(clip[around], skins, posed[around], free[around], around.start, reaching)
+        d = _displaced(clip[around], skins, posed[around], free[around], alone[around], around.start, reaching)
         return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
 
     d = np.zeros((len(clip), len(skins.target.limbs), 2, 3))
@@ -120,9 +120,11 @@ def _of_wanted(chunks: Sequence[Chunk], wanted: Flags, margin: int) -> Iterator[
             yield replace(chunk, frames=slice(first, end), context=context)
 
 
-def _displaced(clip: Clip, skins: Skins, posed: Motion, free: Array, first: int, reach: Reach | None) -> Array:
+def _displaced(
+    clip: Clip, skins: Skins, posed: Motion, free: Array, alone: Array, first: int, reach: Reach | None
+) -> Array:
     """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units], in a part of a clip that
-    begins with the frame `first`; `free` as `how_free`.
+    begins with the frame `first`; `free` as `how_free`, and `alone`, (frames, limbs), is 0 while a limb touches others.
     """
     body, source, balls = skins.target, skins.source, skins.target.balls
     in_source = segment_gaps(source.balls, source.posed(clip.source), APART)
@@ -133,6 +135,7 @@ def _displaced(clip: Clip, skins: Skins, posed: Motion, free: Array, first: int,
     gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
     firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
+    firmness *= _alone(body, spots, alone)
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
@@ -202,11 +205,10 @@ def limb_places(body: BodySkin, posed: Motion) -> Array:
 
 def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, limbs, 2), how far middle and end of each limb can move, 0 to 1: not while they or what is beyond them
-    rest on the world, nor while the limb touches another performer; feet never.
+    rest on the world; feet never.
     """
     free = np.ones((len(clip), len(body.limbs), 2))
     held = [*zip(supports.joints.tolist(), supports.weights.T, strict=True)] if settings.foot_lock else []
-    touches = [*supports.touches]
     for number, limb in enumerate(body.limbs):
         below = {*clip.skeleton.subtree(limb.end)}
         for joint, weight in held:
@@ -214,12 +216,19 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
                 free[:, number, 1] = np.minimum(free[:, number, 1], 1.0 - weight)
             elif joint == limb.middle:
                 free[:, number, 0] = np.minimum(free[:, number, 0], 1.0 - weight)
-        for joint, weight in touches:
-            if joint in clip.skeleton.subtree(limb.top):
-                free[:, number] = np.minimum(free[:, number], 1.0 - weight[:, None])
         if limb.top in {leg.hip for leg in clip.target_legs or ()}:
             free[:, number, 1] = 0.0
     return free
+
+
+def touching_others(clip: Clip, body: BodySkin, supports: Supports) -> Array:
+    """(frames, limbs), how firmly each limb touches other performers or props, 0 to 1."""
+    touching = np.zeros((len(clip), len(body.limbs)))
+    for joint, weight in supports.touches:
+        for number, limb in enumerate(body.limbs):
+            if joint in clip.skeleton.subtree(limb.top):
+                touching[:, number] = np.maximum(touching[:, number], weight)
+    return touching
 
 
 def how_touching(spots: Spots, gaps: Array) -> Array:
@@ -260,6 +269,16 @@ def _meant(clip: Clip, body: BodySkin, spots: Spots) -> Array:
     for spot in np.flatnonzero(~np.isin(spots.places, PLACE[:-1][IS_ARM])):
         meant[:, spot] = clip.raised_arms[:, sources[of_point == spots.limbs[spot]]].max(axis=1, initial=0.0)
     return meant
+
+
+def _alone(body: BodySkin, spots: Spots, alone: Array) -> Array:
+    """(frames, spots), 0 while one of the arms that touch there touches others; `alone` as in `_displaced`."""
+    kept = np.ones((len(alone), len(spots.limbs)))
+    for number, limb in enumerate(limb for limb in body.limbs if limb.is_arm):  # arms come first
+        own = body.of_joint[[*limb.joints]]
+        on = np.isin(spots.limbs, own) | np.isin(spots.places, PLACE[own])
+        kept[:, on] = np.minimum(kept[:, on], alone[:, number, None])
+    return kept
 
 
 def _kept(clip: Clip, body: BodySkin, spots: Spots) -> Array:

@@ -396,7 +396,7 @@ def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) 
     has frames, joints and activations of these contacts.
     """
     clip, supports, reach = one.clip, one.supports, REST_HEIGHT * one.clip.leg_lengths[1]
-    floor = clip.scale.height * clip.source_floor[:, None]
+    floor = clip.scale.heights(clip.source_floor)[:, None]
     touched = np.zeros((len(clip), len(clip.regions.names)))
     for frames, joints, f in moving:
         np.maximum.at(touched, (frames, clip.regions.of_joint[joints]), f)

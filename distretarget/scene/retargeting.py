@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, followed_scale, longest_strides
+from distretarget.baseline.world import rise_onto_soles
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.contact_entries import NO_CONTACTS, ContactList
@@ -190,7 +191,7 @@ def retarget_transfers(
     level = world_scale or followed_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
     prepared = [
-        performer.performer(RootScale(level, height), each.options).with_supports(each.options, settings)
+        performer.performer(_on_soles(performer, level, height), each.options).with_supports(each.options, settings)
         for performer, height, each in zip(performers, heights, transfers, strict=True)
     ]
     company = skins_in_company(performers, [each.options.skin for each in transfers])
@@ -218,6 +219,11 @@ def retarget_transfers(
         gap_error=solved.gap_error,
         units=units,
     )
+
+
+def _on_soles(performer: Match, level: float, height: float) -> RootScale:
+    """The scales of a performer, whose soles are on the floor that all share."""
+    return RootScale(level, height, height * rise_onto_soles(performer.matching, height, performer.undersides))
 
 
 def _of_each(name: str, given: Sequence[Value] | None, usual: Any, count: int, *kinds: type) -> Sequence[Value]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -21,11 +20,11 @@ from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import by_shot, smoothstep, widened
-from distretarget.numerics.vectors import Array, Flags, Numbers, normalised
+from distretarget.numerics.time_series import slices_of, smoothstep, spans_of
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.anchors import no_anchors
 from distretarget.objectives.body_skin import BodySkin, Skins
-from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, softness
+from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, softness, touching_others
 from distretarget.objectives.spots import APART, Spots, of_pairs
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
@@ -33,7 +32,8 @@ from distretarget.scene.contacts import PropContacts, SceneContacts, common_shot
 from distretarget.scene.props import PropSurface, nearest_places
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import PLACE, SEGMENTS
-from distretarget.skin.limbs import Limb, bent
+from distretarget.skin.displacement import NOTHING
+from distretarget.skin.limbs import bent
 from distretarget.skin.tangents import Displaced
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
@@ -44,9 +44,7 @@ WITHIN = 0.1  # radius of the balls that touch the surface of a prop from within
 RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh": 1}
 RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
 HARD = SEGMENTS.index("head")  # a prop is no softer than this, and all of it is one place
-WORSE = 0.01  # a limb that is this much deeper than before is not displaced [body units]
-TRIES = 4  # to find the frames in which it stays
-BLEND = 0.16  # around frames in which a limb stays, it comes back over this time [s]
+WORSE = 0.01  # a limb that is deeper than before by more than this, on average, is not displaced [body units]
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
@@ -262,7 +260,7 @@ def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
 
 
 def _drawn(one: Performer, springs: Springs) -> Performer:
-    """Return the performer with its scene springs; its own skin pass then leaves its limbs in scene contact alone."""
+    """Return the performer with its scene springs; its limbs in scene contact then touch nothing of its own body."""
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
@@ -284,7 +282,7 @@ def _apart(
     frames = Frames(
         posed=bodies.posed(posed),
         limbs=bodies.limbs(posed),
-        free=np.concatenate([how_free(p.clip, body, p.supports, p.settings) for p, body in each], axis=1),
+        free=np.concatenate([_how_free(*both) for both in each], axis=1),
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         aims=spots.least(np.maximum(in_source, least)),
         firmness=touching,
@@ -294,40 +292,32 @@ def _apart(
     return bodies.bent(posed, moves)
 
 
+def _how_free(one: Performer, body: BodySkin) -> Array:
+    """(frames, limbs, 2), how far the middle and end of limbs can move, 0 to 1: not while they touch a prop without a
+    shape.
+    """
+    alone = 1.0 - touching_others(one.clip, body, one.supports)
+    return how_free(one.clip, body, one.supports, one.settings) * alone[..., None]
+
+
 def _where_it_helps(
     performers: Sequence[Performer], bodies: Bodies, before: Sequence[Motion], after: Sequence[Motion]
 ) -> Sequence[Motion]:
-    """The motions `after` limbs are bent, with each limb as `before` where it is deeper in others than then, blended
-    over time: between a body and a wall that leave it no room, it is not displaced.
+    """The motions `after` limbs are bent, with each limb that was in a prop as `before`, from where it leaves its way
+    until it is back, if it is deeper in others meanwhile: between a body and a wall that leave it no room.
     """
-    shots, time = common_shots(performers), performers[0].clip.frame_time
-    on = bodies.displaced.limbs[bodies.balls.carriers[bodies.balls.of_ball[bodies.balls.pairs[:, 0]]]]
-    limbs = range(sum(len(skin.limbs) for skin in bodies.skins))
-
-    def depths(motions: Sequence[Motion]) -> Array:
-        """(frames, limbs)."""
-        gaps = bodies.gaps(motions)
-        return np.stack([-gaps[:, on == limb].min(axis=1, initial=0.0) for limb in limbs], axis=1)
-
-    least, result, deeper = depths(before) + WORSE, after, np.zeros((len(shots), len(limbs)), bool)
-    for _ in range(TRIES):
-        worse = depths(result) > least
-        if not worse.any():
-            break
-        deeper |= worse
-        kept = 1.0 - by_shot(partial(widened, frames=BLEND / time), shots, deeper.astype(float))
-        shares = np.split(kept.T, np.cumsum([len(skin.limbs) for skin in bodies.skins])[:-1])
-        each = zip(bodies.skins, before, after, shares, strict=True)
-        result = [_blended(skin.limbs, one, other, share) for skin, one, other, share in each]
-    return result
-
-
-def _blended(limbs: Sequence[Limb], before: Motion, after: Motion, shares: Array) -> Motion:
-    """The motion `after` with its limbs turned as `before` but for a share, (limbs, frames)."""
-    rotations = after.rotations.copy()
-    for limb, share in zip(limbs, shares, strict=True):
-        cells = np.ix_(share < 1.0, after.skeleton.subtree(limb.top))
-        a, b = before.rotations[cells], after.rotations[cells]
-        a = np.where((a * b).sum(axis=-1, keepdims=True) < 0.0, -a, a)
-        rotations[cells] = normalised(a + share[share < 1.0, None, None] * (b - a))
-    return replace(after, rotations=rotations)
+    balls, (limbs, others) = bodies.balls, bodies.balls.pairs.T
+    on, of_prop = bodies.displaced.limbs[balls.carriers[balls.of_ball[limbs]]], others >= COUNT * len(after)
+    gaps, own_gaps = (bodies.gaps(motions) for motions in (before, after))
+    moves = np.abs(bodies.limbs(after) - bodies.limbs(before)).max(axis=(2, 3)) > NOTHING
+    shots, rotations = common_shots(performers), [motion.rotations.copy() for motion in after]
+    for limb, (number, joint) in enumerate((i, each.top) for i, skin in enumerate(bodies.skins) for each in skin.limbs):
+        depth, own_depth = (-each[:, on == limb].min(axis=1, initial=0.0) for each in (gaps, own_gaps))
+        in_prop = gaps[:, (on == limb) & of_prop].min(axis=1, initial=0.0) < 0.0
+        joints = np.array([*after[number].skeleton.subtree(joint)])
+        for shot in slices_of(shots):
+            for first, end in shot.start + spans_of(moves[shot, limb]):
+                way = slice(first, end)
+                if in_prop[way].any() and own_depth[way].mean() > depth[way].mean() + WORSE:
+                    rotations[number][way, joints] = before[number].rotations[way, joints]
+    return [replace(motion, rotations=own) for motion, own in zip(after, rotations, strict=True)]
