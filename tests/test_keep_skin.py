@@ -31,7 +31,7 @@ def test_hands_part_about_as_far_between_claps_as_those_of_the_rotation_copy():
         for motion in (run.motion, run.rotation_copy)
     )
     assert kept[75:85].min() > 2.0 * kept[66]  # two claps, and the hands are apart between them
-    np.testing.assert_allclose(kept[75:85], copied[75:85], rtol=0.15)
+    np.testing.assert_allclose(kept[75:85], copied[75:85], rtol=0.2)
 
 
 def test_where_nothing_is_near_nothing_changes():

@@ -23,11 +23,11 @@ from distretarget.skin.tangents import Displaced, place_displaced
 # Stiffness is relative to that of displacements: a term of 99 leaves a hundredth of what it asks for. Where limbs are
 # asked for something that changes in time, they follow within about tau / stiffness^(1/4) (`limb_bends`).
 FIRM = 5000.0  # of gaps that are too small
-TOUCH = 150.0  # of contacts
+TOUCH = 600.0  # of contacts
 TIE = 75.0  # of anchors: place gives way to the gap where a body cannot have both
 ASKED = 1500.0  # of anchors without a ray, which a user asks for
 GIVES = 0.01  # skin is softer up to this depth, from nothing, so that limbs come upon it smoothly [body units]
-WITHIN = 0.02  # contacts that are farther off than this pull no more, and no limb into others [body units]
+WITHIN = 0.01  # contacts that are farther off than this pull no more, and no limb into others [body units]
 FAR = 1.0  # contacts of a firmness beyond 1, which a user asks for, are found this far apart [body units]
 NEAR = 0.01  # what is less than this farther than the nearest shares a contact: its place does not jump [body units]
 HELD = 0.01  # the share of its displacement that is left to the end of a limb that rests

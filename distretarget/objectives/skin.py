@@ -40,7 +40,7 @@ from distretarget.skin.tangents import Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
 ROUNDS = 2  # the mesh is looked at so many times, as other places of it may be nearest once limbs have moved
-BY_USER = 4.0  # contacts that a user asks for are firmer than others by this factor
+BY_USER = 2.0  # contacts that a user asks for are firmer than others by this factor
 REACH = 0.12  # what is farther apart than this in the result is not brought to touch [body units]
 
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
