@@ -27,9 +27,10 @@ def asked(skin, motion, firmness=0.0, free=1.0):
     return Frames(skin.posed(motion), limbs, free, none, none, firm, **no_anchors(count, len(skin.limbs)))
 
 
-def solved(skin, motion, firmness=0.0, rate=RATE):
+def solved(skin, motion, firmness=0.0, rate=RATE, **anchors):
     """The displacements of limbs, and the gaps of the bent motion."""
-    frames, arms = asked(skin, motion, firmness), np.array([limb.is_arm for limb in skin.limbs])
+    frames = asked(skin, motion, firmness)._replace(**anchors)
+    arms = np.array([limb.is_arm for limb in skin.limbs])
     start = displacements(skin.balls, skin.displaced, *frames[:4])
     spots, shots = np.arange(len(skin.balls.pairs)), np.zeros(len(motion), np.intp)
     d = bends(skin.balls, skin.displaced, spots, frames, arms, start, shots, 1.0 / rate, REACH)
@@ -83,6 +84,18 @@ def test_a_contact_is_closed_from_its_first_frame_to_its_last():
     assert abs(open_by[75]) < 0.05
     np.testing.assert_allclose(open_by[[0, 149]], 1.0, atol=0.05)
     assert np.abs(np.diff(d, axis=0)).max() < 0.1 * np.abs(d).max()
+
+
+def test_a_place_out_of_reach_opens_no_contact():
+    """The hand belongs far aside of where it touches, on a part that leads farther out there."""
+    still, skin = hand_in_belly(-0.02)
+    chest, wrist = (still.positions[0, PERSON.index(joint)] for joint in ("Chest", "LeftWrist"))
+    out = normalised(wrist - chest)
+    frames, aside = 60, normalised(np.cross(out, [0.0, 0.0, 1.0]))
+    fields = no_anchors(frames, len(skin.limbs), 1)
+    fields["off"][:, 0, 0], fields["rays"][:, 0, 0], fields["ties"][:, 0, 0] = 0.1 * out + 0.2 * aside, out, 1.0
+    _, gaps = solved(skin, still[np.zeros(frames, int)], np.ones(frames), **fields)
+    assert abs(gaps[30].min()) < 0.08 * 0.02 / skin.unit
 
 
 def test_time_may_run_backwards():
