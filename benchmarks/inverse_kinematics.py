@@ -166,6 +166,5 @@ def _xml(motion: Motion, turning: Sequence[int], unit: float) -> str:
 
 def _ends(body: Body) -> list[int]:
     """Hips, ankles and wrists."""
-    roles = body.anatomy.roles if body.anatomy else {}
-    parts = [roles[role] for role in ("hips", "leftHand", "rightHand") if role in roles]
+    parts = [body.roles[role] for role in ("hips", "leftHand", "rightHand") if role in body.roles]
     return sorted({*(parts or [0]), *(leg.ankle for leg in body.legs or ())})

@@ -145,7 +145,7 @@ def _source_gaps(clip: Path, average: Path, sampling: Sampling) -> Array:
     gaps, body = source_gaps(actor.gaps, run, frames), run.matching.source
     hips, up = [leg.hip for leg in body.legs or ()], run.world.up_vector
     for arm, side in product(body.arms, SIDES):
-        if body.anatomy and body.anatomy.roles.get(f"{side}Hand") == arm.wrist:
+        if body.roles.get(f"{side}Hand") == arm.wrist:
             own = [hand == f"{side} hand" and part != "right hand" for hand, part in PAIRS]
             gaps[np.ix_(raised(run.source[frames].positions, arm, hips, up) <= 0.0, own)] = np.nan
     return gaps
@@ -204,8 +204,7 @@ def direction_error(run: RetargetResult, motion: Motion) -> float:
     """Mean angle between the directions of upper arms, forearms, thighs and shins, from joint to joint, in a motion and
     in the source [degrees]; nan without such limbs.
     """
-    anatomy, drivers = run.matching.target.anatomy, run.drivers
-    roles = anatomy.roles if anatomy else {}
+    roles, drivers = run.matching.target.roles, run.drivers
     ends = np.array([[roles[end] for end in limb] for limb in LIMBS if all(end in roles for end in limb)]).reshape(
         -1, 2
     )

@@ -38,7 +38,7 @@ def find_needless(copy: Motion, result: Motion, body: Body, of_copy: Comparison,
 
     `of_copy` and `of_result` are what was measured of the two.
     """
-    sides = [side for side in SIDES if body.anatomy and f"{side}UpperArm" in body.anatomy.roles]
+    sides = [side for side in SIDES if f"{side}UpperArm" in body.roles]
     joints = body.anatomy.joints(*(f"{side}UpperArm" for side in sides)) if body.anatomy else []
     angles = [np.maximum(_angles(copy, result, joint), _off_direction(of_result, joint)) for joint in joints]
     needed = [_needed(of_copy, side, result.frame_time) for side in sides]

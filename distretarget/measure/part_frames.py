@@ -53,7 +53,7 @@ class PartFrames:
 def find_part_frames(body: Body) -> PartFrames:
     """Return the axes of the parts of a body."""
     reference, of_joint = body.reference, find_segments(body).of_joint
-    roles = body.anatomy.roles if body.anatomy else {}
+    roles = body.roles
     known = np.isin(np.arange(len(SEGMENTS)), of_joint)
     joints = np.where(known, (of_joint == np.arange(len(SEGMENTS))[:, None]).argmax(axis=1), 0)
     ends = np.full((len(PARTS), 2, 3), np.nan)

@@ -84,7 +84,7 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
     trunks = [_trunk_ends(body) for body in bodies]
     if all(trunks) and all(body.up_at_rest for body in bodies):
         add("trunk_tilt", trunks[1][0], (partial(_trunk, *each) for each in zip(bodies, trunks, strict=True)))
-    heads = [body.anatomy.roles["head"] for body in bodies if body.anatomy and "head" in body.anatomy.roles]
+    heads = [body.roles["head"] for body in bodies if "head" in body.roles]
     if len(heads) == len(bodies):
         add_axes("head_tilt", heads, [*map(_head_axes, bodies, heads)])
     for hands in _hands(matching):
@@ -199,7 +199,7 @@ def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
 
 def _hands(matching: Matching) -> Iterator[list[list[int]]]:
     """For each hand whose palm both bodies show: wrist, knuckle of the index finger and of an outer one, of each."""
-    roles = [body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target)]
+    roles = [body.roles for body in (matching.source, matching.target)]
     for side in SIDES:
         for finger in OUTER_FINGERS:
             names = [side + part for part in ("Hand", "Index1", f"{finger}1")]

@@ -107,7 +107,7 @@ def _skin(points: SkinPoints, solids: Solids, body: Body) -> Skin:
 
 def _folds(points: SkinPoints, body: Body) -> Flags:
     """(points,), whether each is near the top of an upper arm or thigh, where skin folds as it bends."""
-    roles, rest = body.anatomy.roles if body.anatomy else {}, body.skeleton.rest_positions
+    roles, rest = body.roles, body.skeleton.rest_positions
     places = (points.weights[..., None] * (rest[points.joints] + points.offsets)).sum(axis=1)
     folds = np.zeros(len(points), bool)
     for side, (part, (top, end, share)) in product(SIDES, FOLDS.items()):
@@ -357,7 +357,7 @@ def _hanging(motion: Motion, body: Body) -> Flags:
     """
     hanging = np.zeros((len(motion), len(LIMBS)), bool)
     for side, arm in product(SIDES, body.arms):
-        if body.anatomy and body.anatomy.roles.get(f"{side}Hand") == arm.wrist:
+        if body.roles.get(f"{side}Hand") == arm.wrist:
             hand, forearm = (LIMBS.index(f"{side} {part}") for part in ("hand", "forearm"))
             hanging[:, hand] = hanging[:, forearm] = hangs(body, motion.positions, arm)
             if body.legs and len(body.arms) == len(SIDES):

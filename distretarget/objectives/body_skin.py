@@ -126,7 +126,7 @@ class BodySkin:
 
 def limbs_of(body: Body) -> tuple[Limb, ...]:
     """Return the limbs whose three joints are known, arms before legs."""
-    roles = body.anatomy.roles if body.anatomy else {}
+    roles = body.roles
     named = [[side + part for part in parts] for parts in LIMBS for side in SIDES]
     known = [names for names in named if roles.keys() >= {*names}]
     return tuple(Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known)

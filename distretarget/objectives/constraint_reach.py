@@ -175,10 +175,8 @@ def with_looks(posed: Motion, constraints: Constraints, body: Body) -> Motion:
     clip = constraints.clip
     for constraint in constraints:
         if isinstance(constraint.entry, Look):
-            roles = body.anatomy.roles if body.anatomy else {}
-            joint = roles.get(
-                constraint.entry.look, int(constraint.joints[0][0])
-            )  # the region of the head begins at the neck
+            first = int(constraint.joints[0][0])  # the region of the head begins at the neck
+            joint = body.roles.get(constraint.entry.look, first)
             goal = Rotation.from_quat(clip.copy.world_rotations[:, joint])
             if constraint.entry.like != "source":
                 goal = _facing(goal, constraint.entry.like, front_of(body, clip.copy, joint))

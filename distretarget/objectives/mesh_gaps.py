@@ -55,10 +55,11 @@ def nearer_than_capsules(
         places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
         parts = [*zip(spots.limbs.tolist(), places, strict=True)]
         of_mesh = body.surface.gaps(some, parts, wanted, FARTHEST * body.unit) / body.unit
-        off = np.where(wanted & (of_mesh < FARTHEST), gaps - of_mesh, 0.0)
+        known = wanted & (of_mesh < FARTHEST)
+        off = np.where(known, gaps - of_mesh, 0.0)
         off = off.clip(np.where(touching[frames] > 0.0, -MOST, -THICKER), MOST)
         averaged_in = partial(_averaged, reach=round(STEADY / (step * motion.frame_time)))
-        off = by_shot(averaged_in, shots[frames], off, wanted & (of_mesh < FARTHEST))
+        off = by_shot(averaged_in, shots[frames], off, known)
         for spot in np.flatnonzero(wanted.any(axis=0)):
             change[:, spot] = np.interp(np.arange(len(motion)), frames, off[:, spot])
     return change

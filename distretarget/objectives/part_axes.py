@@ -48,7 +48,7 @@ class Landmarks:
     @classmethod
     def of(cls, body: Body, head_length: float) -> Landmarks | None:
         """Return those of a body; None where it lacks any."""
-        roles = body.anatomy.roles if body.anatomy else {}
+        roles = body.roles
         if not roles.keys() >= {*ROLES} or head_length <= 0.0:
             return None
         up, front = body.reference.axes[:, 1], body.reference.axes[:, 2]
