@@ -175,7 +175,7 @@ def quoted(names: Iterable[str], most: int = 6) -> str:
     return ", ".join(repr(cut(name)) for name in names[:most]) + more
 
 
-def difference(names: Iterable[str], expected: Iterable[str]) -> str:
+def name_difference(names: Iterable[str], expected: Iterable[str]) -> str:
     """Return which names of those expected it lacks, and which others it has."""
     names, expected = set(names), set(expected)
     sides = (("lacks", expected - names), ("has", names - expected))

@@ -7,7 +7,7 @@ from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_
 from distretarget.ik.floor import no_floor
 from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import part_of_joint
-from distretarget.ik.springs import FrameSprings, Springs, room_for, spring_energy
+from distretarget.ik.springs import FrameSprings, Springs, room_for_springs, spring_energy
 from distretarget.objectives.contact import TOLERANCE
 from distretarget.objectives.contact_terms import ContactFrames, NearPairs, solve_contact_frames
 
@@ -100,6 +100,6 @@ class Case:
             v[:first] = before
         rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
         copy, frames = CopiedBones(self.bones[first:], self.root[first:]), len(self.root) - first
-        given = ContactFrames(no_pairs(frames), rows, no_floor(frames), room_for(len(rows.a)))
+        given = ContactFrames(no_pairs(frames), rows, no_floor(frames), room_for_springs(len(rows.a)))
         solve_contact_frames(self.body, copy, given, TOLERANCE, v, first, log, Workspace.of(self.body))
         return v, log

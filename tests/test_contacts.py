@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
 from distretarget.measure.comparison import Reference
-from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_contacts
+from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_region_contacts
 from distretarget.measure.metrics import BY_KEY
 
 FEET_TOGETHER = {"LeftKnee": np.array([0, 0, -0.1]), "RightKnee": np.array([0, 0, 0.1])}
@@ -28,7 +28,7 @@ def hook(last, frames=2, links=3):
 def contacts_of(source, result, rest=()):
     """The contacts of two motions; `rest` is whether both feet rest in each frame."""
     feet_rest = np.repeat(np.array(rest, bool)[:, None], 2, axis=1) if len(rest) else np.zeros((len(source), 0), bool)
-    return find_contacts(source, matched(source.rigid_skeleton, result.skeleton), feet_rest).in_result(result)
+    return find_region_contacts(source, matched(source.rigid_skeleton, result.skeleton), feet_rest).in_result(result)
 
 
 def standing(frames, path=0.0, turns=None):
@@ -143,10 +143,10 @@ def test_regions_of_a_hand_make_no_contact_with_each_other():
 def test_what_no_joint_drives_and_no_frame_has_is_no_contact():
     source = clapping(np.array([1.0]))
     matching = matched(PERSON, PERSON, {name: None for name in PERSON.names if name.startswith("LeftWrist")})
-    found = find_contacts(source, matching, np.zeros((1, 2), bool))
+    found = find_region_contacts(source, matching, np.zeros((1, 2), bool))
     assert "left hand - right hand" not in names_of(found)
     empty = source[:0]
-    assert find_contacts(empty, matching, np.zeros((0, 2), bool)).touches == ()
+    assert find_region_contacts(empty, matching, np.zeros((0, 2), bool)).touches == ()
 
 
 def test_contacts_do_not_depend_on_where_the_body_is():

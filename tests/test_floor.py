@@ -5,7 +5,7 @@ import pytest
 from spring_case import Case, at
 
 from distretarget.ik.floor import FrameFloor, add_floor, depth_below, floor_energy, no_floor
-from distretarget.ik.springs import room_for, spring_energy
+from distretarget.ik.springs import room_for_springs, spring_energy
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -47,7 +47,7 @@ def test_joints_above_are_left_alone():
 
 def behind(springs, count):
     """Room for some springs behind given ones."""
-    room = room_for(len(springs.a) + count)
+    room = room_for_springs(len(springs.a) + count)
     for values, given in zip(room, springs, strict=True):
         values[: len(given)] = given
     return room

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, read_bvh, retarget, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
-from distretarget.measure.gaps import measure_overlap, measure_skin_gap
+from distretarget.measure.gaps import measure_overlap, measure_skin_contacts
 from distretarget.measure.skin import find_skin
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies
@@ -142,7 +142,7 @@ def test_how_deep_performers_are_in_each_other_has_known_answers():
 def test_performers_who_overlap_in_the_source_may_just_touch():
     def errors(aside, of_source=0.2):
         (source, _), (motions, skins) = two_heroes(of_source), two_heroes(aside)
-        return np.array([touch.error for touch in measure_skin_gap(source, motions, skins, skins).touches])
+        return np.array([touch.error for touch in measure_skin_contacts(source, motions, skins, skins).touches])
 
     assert errors(0.2).max() < 1e-9
     assert np.median(errors(0.202)) == 0.0

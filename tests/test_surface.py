@@ -13,7 +13,7 @@ from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_depths import PARTS, find_depths
 from distretarget.objectives.spots import APART
 from distretarget.skin.capsules import SEGMENTS
-from distretarget.skin.surface import Surface
+from distretarget.skin.surface import SurfaceSamples
 
 LEFT, RIGHT = (SEGMENTS.index(f"{side} hand") for side in ("left", "right"))
 TRUNK = tuple(SEGMENTS.index(name) for name in ("chest", "belly", "pelvis", "left thigh", "right thigh"))
@@ -31,7 +31,7 @@ def surface_of(clip, turned_in=()):
     triangles[turned_in] = triangles[turned_in][:, ::-1]
     other = type(mesh)(vertices=mesh.vertices, joints=mesh.joints, weights=mesh.weights, triangles=triangles)
     skin = result.skins.target
-    return Surface.of(other, result.motion.skeleton, skin.of_joint, skin.capsules)
+    return SurfaceSamples.of(other, result.motion.skeleton, skin.of_joint, skin.capsules)
 
 
 def posed(bound, motion):
@@ -111,7 +111,7 @@ def test_triangles_between_two_parts_count_so_that_coarse_meshes_have_no_holes()
     coarse, round_arm = capsule_surface(tall, [0.1, 0.1], rings=4), capsule_surface(beside, [0.05, 0.05])
     mesh = mesh_of([(roles["hips"], coarse), (arm, round_arm)])
     mesh.joints[len(coarse[0]) // 2 : len(coarse[0])] = roles["chest"]
-    surface = Surface.of(mesh, body.skeleton, skin.of_joint, skin.capsules)
+    surface = SurfaceSamples.of(mesh, body.skeleton, skin.of_joint, skin.capsules)
     still = Motion(body.skeleton, rest[:1], np.tile([0.0, 0.0, 0.0, 1.0], (1, len(rest), 1)), "0.1")
     parts = [(skin.of_joint[arm], tuple(np.unique(skin.of_joint[[roles["hips"], roles["chest"]]]).tolist()))]
     assert surface.gaps(still, parts, np.ones((1, 1), bool), 1.0)[0, 0] == pytest.approx(

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.conventions import NamedTree, name_meanings
-from distretarget.body.limbs import bends
+from distretarget.body.limbs import is_bend
 from distretarget.body.named_anatomy import by_tree
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Numbers, extent, lengths
@@ -66,7 +66,7 @@ def _goes_on(skeleton: Skeleton, motion: Motion | None, upper: int, lower: int, 
     usual = float(np.median(length))
     if not SHORTEST < usual / max(float(np.median(lengths(bone))), 1e-300) < LONGEST:
         return False
-    return not bends(bone[0], onward[0], STRAIGHT) if motion is None else bool(np.ptp(length) < STRETCH * usual)
+    return not is_bend(bone[0], onward[0], STRAIGHT) if motion is None else bool(np.ptp(length) < STRETCH * usual)
 
 
 class Tree(NamedTuple):

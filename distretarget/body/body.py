@@ -19,7 +19,7 @@ from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
 from distretarget.body.resting import feet_at_rest
 from distretarget.checks import check_kind
-from distretarget.errors import MotionError, difference
+from distretarget.errors import MotionError, name_difference
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
@@ -370,7 +370,7 @@ class Body:
             raise MotionError("the given rest pose has no frames")
         keys, others = ({skeleton.keys[j] for j in skeleton.joints} for skeleton in (self.skeleton, rest.skeleton))
         if keys != others:
-            raise MotionError(f"the given rest pose has other joints than the source: {difference(others, keys)}")
+            raise MotionError(f"the given rest pose has other joints than the source: {name_difference(others, keys)}")
         world = np.tile(self.skeleton.unturned, (1, 1, 1))
         for joint in self.skeleton.joints:
             world[0, joint] = rest.rotations[0, rest.skeleton.index(self.skeleton.keys[joint])]

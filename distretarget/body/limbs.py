@@ -132,7 +132,7 @@ def are_alike(skeleton: Skeleton, a: Sequence[int], b: Sequence[int]) -> bool:
     return len(a) == len(b) and bool(2 * np.abs(one - other).sum() <= LIKENESS * (one + other).sum())
 
 
-def bends(bone: Array, onward: Array, angle: float) -> bool:
+def is_bend(bone: Array, onward: Array, angle: float) -> bool:
     """Return whether the directions of two vectors, (3,) each, differ by more than an angle [rad]."""
     return bool(bone @ onward < np.cos(angle) * np.linalg.norm(bone) * np.linalg.norm(onward))
 
@@ -151,7 +151,7 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     if not len(long):
         return Leg(chain[0], chain[-1], chain[-1])
     bones = skeleton.offsets[chain]
-    bent = [k for k in range(1, len(chain) - 1) if bends(bones[k], bones[k + 1], JOINT_BEND)]
+    bent = [k for k in range(1, len(chain) - 1) if is_bend(bones[k], bones[k + 1], JOINT_BEND)]
     first = max([k for k in bent if along[k] < LOWEST_HIP], default=long[0] - 1)
     last = min([k for k in bent if along[k] > HIGHEST_ANKLE], default=long[-1])
     return Leg(chain[first], chain[last], chain[min(last + 1, len(chain) - 1)])

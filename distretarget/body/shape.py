@@ -12,7 +12,7 @@ import numpy as np
 
 from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
-from distretarget.body.limbs import SHORTEST_LIMB, Leg, are_alike, bends, limb_length, longest_limbs, tree_legs
+from distretarget.body.limbs import SHORTEST_LIMB, Leg, are_alike, is_bend, limb_length, longest_limbs, tree_legs
 from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
@@ -143,7 +143,7 @@ def _limb(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int
 def _is_bent(skeleton: Skeleton, joint: int, below: int) -> bool:
     """Whether the rest pose bends at a joint, between its own bone and the line to a joint below it."""
     x = skeleton.rest_positions
-    return bends(skeleton.offsets[joint], x[below] - x[joint], STRAIGHT)
+    return is_bend(skeleton.offsets[joint], x[below] - x[joint], STRAIGHT)
 
 
 def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, int, int]]:

@@ -12,7 +12,7 @@ from tqdm import tqdm
 from distretarget.batch.audit import LIMITS, AuditedClip, audit, audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
 from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, limit_of, quiet
-from distretarget.cli.outputs import aligned, check_outputs, check_suffix, complain, is_quiet, say, write_outputs
+from distretarget.cli.outputs import check_outputs, check_suffix, complain, is_quiet, say, table_lines, write_outputs
 from distretarget.errors import BatchError, closest
 from distretarget.measure.clip_faults import KINDS
 from distretarget.report.diff_document import csv_lines
@@ -80,7 +80,7 @@ def audit_command(
     faulty = [each for each in clips if each.faults(limits)]
     if faulty:
         head = ("clip", "frames", "frames/s", "leg", "up", "faults")
-        say(*aligned([head, *(_row(each, limits) for each in faulty)], "<>>><<"))
+        say(*table_lines([head, *(_row(each, limits) for each in faulty)], "<>>><<"))
     say(*summary_lines(clips, limits))
     complain(*(f"not searched: {error}" for error in unread))
     if faulty or unread:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading
-from distretarget.cli.outputs import aligned, check_outputs, read_input, read_source, say, write_outputs
+from distretarget.cli.outputs import check_outputs, read_input, read_source, say, table_lines, write_outputs
 from distretarget.errors import in_file
 from distretarget.io.contacts_file import contacts_to_json
 from distretarget.io.map_json import joint_map, load_map
@@ -57,7 +57,7 @@ def contacts_command(
     write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
     spans = ["frames {:.0f}-{:.0f}".format(*(entry.frames or (0, 0))) for entry in found]
     names = [" - ".join(entry.named) for entry in found]
-    for line in aligned([*zip(names, spans, [entry.found for entry in found], strict=True)], "<<<"):
+    for line in table_lines([*zip(names, spans, [entry.found for entry in found], strict=True)], "<<<"):
         say(line)
     if not len(found):
         say("no contacts found: no parts of the body touch, and none is planted")

@@ -19,7 +19,7 @@ from distretarget.cli.options import (
     positive,
     quiet,
 )
-from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
+from distretarget.cli.outputs import LISTED, about, check_outputs, read_input, say, table_lines, write_outputs
 from distretarget.errors import FileError, counted, in_file, quoted
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.formats import MOTION_SUFFIXES
@@ -195,7 +195,7 @@ def _table(a: MetricValues, b: MetricValues) -> Iterator[str]:
     for metric in METRICS:
         own = _number(a[metric.key]) if metric.of_source else ""
         rows.append((metric.label, own, _number(b[metric.key]), _meaning(metric, a.get(metric.key), b[metric.key])))
-    return aligned(rows, "<>><")
+    return table_lines(rows, "<>><")
 
 
 def _number(value: float | None) -> str:
@@ -390,4 +390,4 @@ def _scene_lines(metrics: Values, verdicts: Mapping[str, Sequence[str]]) -> Iter
 def _table_lines(table: Table, most: int | None = None) -> Iterator[str]:
     """A line for the columns of a table and for each of its first rows."""
     rows = [table["columns"], *([str(cell) for cell in row] for row in table["rows"][:most])]
-    return aligned(rows, "<" + ">" * (len(rows[0]) - 1))
+    return table_lines(rows, "<" + ">" * (len(rows[0]) - 1))

@@ -131,7 +131,7 @@ def _print(lines: Sequence[str], err: bool) -> None:
         click.echo(shown(line), err=err)
 
 
-def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
+def table_lines(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
     """Yield the lines of a table; `sides` has < for each column that is aligned left, > for each aligned right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:

@@ -23,7 +23,7 @@ from distretarget.cli.options import (
     quiet,
     rest_option,
 )
-from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_outputs
+from distretarget.cli.outputs import STANDARD, check_outputs, check_suffix, read_input, say, table_lines, write_outputs
 from distretarget.errors import FileError, closest, counted, cut
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
@@ -266,7 +266,7 @@ def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[st
         if name in names:
             thick = 2.0 * float(capsules.radii[[each == name for each in names]].mean())
             rows.append((f"  {name}", f"{thick:.4g}", f"{100.0 * thick / height:.1f} %"))
-    yield from aligned(rows, "<>>")
+    yield from table_lines(rows, "<>>")
 
 
 def _tree(skeleton: Skeleton) -> Iterator[str]:
@@ -279,7 +279,7 @@ def _tree(skeleton: Skeleton) -> Iterator[str]:
         indents[joint] = indents[parent] + ("   " if last else "│  ")
         end_site = "  End Site" if skeleton.end_sites[joint] else ""
         rows.append((branch + cut(skeleton.names[joint]), f"{skeleton.lengths[joint]:10.4f}{end_site}"))
-    return aligned(rows, "<<")
+    return table_lines(rows, "<<")
 
 
 def recognised(body: Body) -> str:
@@ -304,7 +304,7 @@ def headline(matching: Matching) -> Iterator[str]:
 def matching_rows(matching: Matching) -> Iterator[str]:
     """Yield a table of the target's joints, depth first without End Sites."""
     target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
-    return aligned([MATCHING, *(_pair(matching, joint) for joint in target.depth_first if joint in joints)], "<<<<")
+    return table_lines([MATCHING, *(_pair(matching, joint) for joint in target.depth_first if joint in joints)], "<<<<")
 
 
 def _pair(matching: Matching, joint: int) -> tuple[str, str, str, str]:

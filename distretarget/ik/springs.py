@@ -49,7 +49,7 @@ def no_springs(frames: int) -> Springs:
     return Springs(none, none, np.zeros((frames, 0, 3)), np.zeros((frames, 0, 3, 3)))
 
 
-def room_for(count: int) -> FrameSprings:
+def room_for_springs(count: int) -> FrameSprings:
     """Room for `count` springs of one frame."""
     ends = np.zeros((2, count), np.intp)
     return FrameSprings(ends[0], ends[1], np.zeros((count, 3)), np.zeros((count, 3, 3)))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from distretarget.body.body import Body
-from distretarget.errors import FileError, MapError, MotionError, SkeletonFileError, difference, entry_place
+from distretarget.errors import FileError, MapError, MotionError, SkeletonFileError, entry_place, name_difference
 from distretarget.io.files import read_text
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node, on_lines, parse_json
@@ -38,7 +38,7 @@ class RestPose:
         keys = {skeleton.keys[joint] for joint in skeleton.joints}
         if keys != self.rotations.keys():
             raise FileError(
-                self.path, f"the rest pose has other joints than SOURCE: {difference(self.rotations, keys)}"
+                self.path, f"the rest pose has other joints than SOURCE: {name_difference(self.rotations, keys)}"
             )
         rotations = np.tile(skeleton.unturned, (1, 1, 1))
         for key, rotation in self.rotations.items():

@@ -10,7 +10,7 @@ import numpy as np
 
 from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
-from distretarget.measure.contacts import Contacts, find_candidates, find_contacts
+from distretarget.measure.contacts import Contacts, find_candidates, find_region_contacts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.movement import (
     bone_error,
@@ -138,7 +138,7 @@ class Reference:
         skins = skins or (find_skin(matching.source, no_capsules()), find_skin(matching.target, no_capsules()))
         self._skin = find_source_skin(source, matching.source, *skins)
         self._feet = find_feet(source, matching, up, surface)
-        self._contacts = find_contacts(source, matching, self._feet.stance)
+        self._contacts = find_region_contacts(source, matching, self._feet.stance)
         self._supports = find_supports(source, matching, up, surface, self._feet.thickness)
         self._posture = find_posture(source, matching, up, self._feet.stance)
         self._bones = shared_bones(matching)

@@ -48,7 +48,7 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Touch:
+class RegionContact:
     """The contacts between two regions over a clip, and how well the result keeps them."""
 
     name: str  # of the two regions, such as "left hand - right hand"
@@ -115,13 +115,13 @@ class Contacts:
         return farthest
 
     @property
-    def touches(self) -> tuple[Touch, ...]:
+    def touches(self) -> tuple[RegionContact, ...]:
         """The contacts of each pair of regions that touches in the source, the most interesting first."""
         found = []
         for k in np.unique(self.regions).tolist():
             rows = np.flatnonzero(self.regions == k)
             worst = rows[self.error[rows].argmax()]
-            touch = Touch(
+            touch = RegionContact(
                 name=self.candidates.names[k],
                 frames=self.frame[rows],
                 distance_source=float(self.distance_source[rows].mean()),
@@ -135,7 +135,7 @@ class Contacts:
         return tuple(found)
 
 
-def find_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
+def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
     """Find the contacts of a source, which is its own result until `in_result`. `feet_rest`, (frames, foot joints), is
     whether each foot joint rests in the source; without legs it has no columns.
     """

@@ -117,7 +117,7 @@ def measure_gaps(
             yield between, measure_gap(between, one, other, each)
 
 
-class Touch(NamedTuple):
+class SkinContact(NamedTuple):
     """A hand or forearm of one performer that touches the other in the source."""
 
     frame: int  # of the clip
@@ -127,10 +127,10 @@ class Touch(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SkinGap:
+class SkinContacts:
     """How well two performers keep touching, by their touches, one or more."""
 
-    touches: tuple[Touch, ...]
+    touches: tuple[SkinContact, ...]
 
     @property
     def frames(self) -> int:
@@ -143,7 +143,7 @@ class SkinGap:
         return float(np.mean([touch.error for touch in self.touches]))
 
     @property
-    def worst(self) -> Touch:
+    def worst(self) -> SkinContact:
         """The touch with the largest error."""
         return max(self.touches, key=lambda touch: touch.error)
 
@@ -190,11 +190,11 @@ def measure_overlap(motions: Sequence[Motion], skins: Sequence[Skin]) -> Overlap
     return deepest
 
 
-def measure_skin_gap(
+def measure_skin_contacts(
     sources: Sequence[Motion], results: Sequence[Motion], source_skins: Sequence[Skin], skins: Sequence[Skin]
-) -> SkinGap | None:
+) -> SkinContacts | None:
     """Measure the gaps of two performers' skins in source and result, with the same frames; None where none touch."""
-    touches: list[Touch] = []
+    touches: list[SkinContact] = []
     for one, other in ((0, 1), (1, 0)):
         for block in blocks_of(len(sources[0])):
             gaps = _gaps(sources, source_skins, one, other, block, 2.0 * TOUCHING)  # gaps end there, but for rounding
@@ -207,9 +207,9 @@ def measure_skin_gap(
                 gap = gaps[frame, limb, part]
                 now = after[frame, limb][PLACE_OF[part] == PLACE_OF].min()
                 error = float(max(now - max(gap, 0.0), gap - now, 0.0))
-                own, others = str(LIMBS[limb]), str(SEGMENTS[part])
-                touches.append(Touch(block.start + int(frame), error, (own, others) if one == 0 else (others, own)))
-    return SkinGap(tuple(touches)) if touches else None
+                names = str(LIMBS[limb]), str(SEGMENTS[part])
+                touches.append(SkinContact(block.start + int(frame), error, names if one == 0 else names[::-1]))
+    return SkinContacts(tuple(touches)) if touches else None
 
 
 def _gaps(

@@ -8,7 +8,7 @@ import numpy as np
 
 from distretarget.measure.surface_distances import squared_distance
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.quaternions import turned
+from distretarget.numerics.quaternions import rotated
 from distretarget.numerics.vectors import F1, F2, I1, I2
 
 PASSES = 4  # in which a point is brought back to the bind pose
@@ -67,7 +67,7 @@ def pose(posed, body, x, q):  # type: ignore[no-untyped-def]
         for column in range(3):
             u, v = 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0
             turn = q[joint]
-            m[column], m[3 + column], m[6 + column] = turned(turn[0], turn[1], turn[2], turn[3], u, v, 1.0 - u - v)
+            m[column], m[3 + column], m[6 + column] = rotated(turn[0], turn[1], turn[2], turn[3], u, v, 1.0 - u - v)
         for row in range(3):
             posed.places[joint, row] = m[9 + row] = x[joint, row]
             if joint < len(body.rest):

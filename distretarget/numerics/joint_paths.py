@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled
-from distretarget.numerics.quaternions import multiply, turned
+from distretarget.numerics.quaternions import multiply, rotated
 from distretarget.numerics.vectors import F1, F2, F3, I1, I2, Array, Numbers
 
 
@@ -165,7 +165,7 @@ def write_directions(
             for k in range(2):
                 if turning[n, k] >= 0 and (k == 0 or blend[n] > 0.0):
                     r, v = world[frame, turning[n, k]], bones[n, k]
-                    x, y, z = turned(r[0], r[1], r[2], r[3], v[0], v[1], v[2])
+                    x, y, z = rotated(r[0], r[1], r[2], r[3], v[0], v[1], v[2])
                     share = blend[n] if k else 1.0
                     way[0] = share * x + (1.0 - share) * way[0]
                     way[1] = share * y + (1.0 - share) * way[1]

@@ -19,7 +19,7 @@ def multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def turned(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
+def rotated(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
     """Return the vector a b c turned by the quaternion x y z w."""
     i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
     return (
@@ -40,7 +40,7 @@ def turned_by(rotations: Array, vector: Array) -> Array:
 def _write_turned(rotations: F2, vector: F1, vectors: Out[F2]) -> None:
     for n in range(len(rotations)):
         q = rotations[n]
-        vectors[n, 0], vectors[n, 1], vectors[n, 2] = turned(q[0], q[1], q[2], q[3], vector[0], vector[1], vector[2])
+        vectors[n, 0], vectors[n, 1], vectors[n, 2] = rotated(q[0], q[1], q[2], q[3], vector[0], vector[1], vector[2])
 
 
 def rotation_products(first: Array, of_first: Numbers, second: Array) -> Array:

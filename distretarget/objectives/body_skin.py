@@ -20,7 +20,7 @@ from distretarget.skin.balls import NEVER, Balls, balls_of
 from distretarget.skin.capsules import IS_ARM, SEGMENTS, Capsules
 from distretarget.skin.limbs import Limb, shares_of
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.skin.surface import Surface
+from distretarget.skin.surface import SurfaceSamples
 from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
@@ -44,7 +44,7 @@ class BodySkin:
     of_joint: Numbers  # (joints,), the segment of each joint, that of its nearest ancestor with a capsule; -1 for none
     landmarks: Landmarks | None  # of the axes of its parts
     unit: float  # the body unit
-    surface: Surface | None = None  # of the mesh, if it has one
+    surface: SurfaceSamples | None = None  # of the mesh, if it has one
 
     def on_mesh(self, mesh: SkinnedMesh | None, skeleton: Skeleton) -> BodySkin:
         """Return the skin with this mesh, whose joints are those of the body's skeleton."""
@@ -162,6 +162,6 @@ def _skin_of(body: Body, capsules: Capsules) -> BodySkin:
 
 
 @lru_cache(maxsize=4)
-def _surface_of(mesh: SkinnedMesh, skeleton: Skeleton, skin: BodySkin) -> Surface:
+def _surface_of(mesh: SkinnedMesh, skeleton: Skeleton, skin: BodySkin) -> SurfaceSamples:
     """The surface of a mesh, cached for a batch of clips with the same target."""
-    return Surface.of(mesh, skeleton, skin.of_joint, skin.capsules)
+    return SurfaceSamples.of(mesh, skeleton, skin.of_joint, skin.capsules)

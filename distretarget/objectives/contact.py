@@ -27,7 +27,7 @@ from distretarget.body.axes import perpendicular
 from distretarget.ik.articulation import Articulation
 from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks, subtree_lengths
-from distretarget.ik.springs import joined, room_for
+from distretarget.ik.springs import joined, room_for_springs
 from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of
@@ -171,7 +171,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
         near = contacts.near(block, held.standing)
         held_springs = support_springs(held, body, bones[block], unit, firmness)
         springs = joined(held_springs, held.scene_springs, held.user_springs)
-        room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
+        room = room_for_springs(len(near.a) + len(springs.a) + len(held.floor.joints))
         given = ContactFrames(near, springs, held.floor, room)
         solve_contact_frames(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit

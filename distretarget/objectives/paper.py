@@ -156,7 +156,7 @@ def aligned(x: Array, onto: Array) -> Array:
     return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))
 
 
-class Posed(NamedTuple):
+class BareClip(NamedTuple):
     """What `solve_poses` needs of a `Clip`."""
 
     source: Motion
@@ -167,7 +167,7 @@ class Posed(NamedTuple):
 
 
 def solve_poses(
-    clip: Clip | Posed, guess: Array, progress: Progress = ignore_progress, set_by_user: UserDistances | None = None
+    clip: Clip | BareClip, guess: Array, progress: Progress = ignore_progress, set_by_user: UserDistances | None = None
 ) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame of a clip; `progress` and `set_by_user` as in `solve_paper`.
     `guess`, (frames, parts + 1, 3), is the start pose of a frame unless the previous frames give a better one.

@@ -20,7 +20,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
-from distretarget.objectives.paper import Posed, solve_poses
+from distretarget.objectives.paper import BareClip, solve_poses
 from distretarget.skeleton import Skeleton
 
 SURE = 0.15  # a limb that is bent by more than this shows its twist [sine]
@@ -42,7 +42,7 @@ def motion_of_positions(skeleton: Skeleton, joints: Numbers, positions: Array, f
     copy = _fitted(skeleton, source, scale, drivers >= 0)
     distances = distance_problem(given, skeleton, drivers)
     parts = part_of_joint(skeleton, np.arange(len(skeleton)))
-    start = Posed(source, copy, copy.root_positions, distances, parts)
+    start = BareClip(source, copy, copy.root_positions, distances, parts)
     poses = solve_poses(start, np.zeros((len(copy), int(parts.max()) + 2, 3)))
     posed = posed_motion(copy, poses.v, parts, copy.root_positions + poses.v[:, -1])
     return _placed(posed, scale * source.positions, np.flatnonzero(drivers >= 0))

@@ -21,7 +21,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff, SceneDiff
-from distretarget.measure.gaps import TOUCH_DISTANCE, SkinGap, Touch
+from distretarget.measure.gaps import TOUCH_DISTANCE, SkinContact, SkinContacts
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.numerics.vectors import Array, lengths
 from distretarget.pipeline.result import RetargetResult
@@ -127,7 +127,7 @@ def _player_page(
     first: RetargetResult | Diff,
     scale: float,
     tables: Sequence[Table],
-    skin_gaps: Mapping[tuple[int, int], SkinGap | None],
+    skin_gaps: Mapping[tuple[int, int], SkinContacts | None],
 ) -> str:
     """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props; `skin_gaps`
     are those of two performers with skins.
@@ -156,9 +156,9 @@ def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
     return math.atan2(-z, x) - 0.55
 
 
-def _skins(pair: Pair, bodies: Sequence[ShownBody], gap: SkinGap | None) -> Iterator[Row]:
+def _skins(pair: Pair, bodies: Sequence[ShownBody], gap: SkinContacts | None) -> Iterator[Row]:
     """A row for each two parts of two performers whose skins touch on the first side: how far their gap is off."""
-    touches: dict[tuple[str, str], list[Touch]] = defaultdict(list)
+    touches: dict[tuple[str, str], list[SkinContact]] = defaultdict(list)
     for touch in gap.touches if gap else ():
         touches[touch.parts].append(touch)
     for parts, found in touches.items():

@@ -23,11 +23,11 @@ from distretarget.measure.gaps import (
     Gap,
     Overlap,
     ScenePart,
-    SkinGap,
+    SkinContacts,
     body_part,
     measure_gaps,
     measure_overlap,
-    measure_skin_gap,
+    measure_skin_contacts,
 )
 from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion, same_time
@@ -81,7 +81,7 @@ class SceneResult:
     longest_strides: tuple[float, ...]
     gaps: Gaps
     copy_gaps: Gaps
-    skin_gaps: dict[tuple[int, int], SkinGap | None]
+    skin_gaps: dict[tuple[int, int], SkinContacts | None]
     overlaps: dict[tuple[int, int], Overlap]
     sweeps: int
     gap_error: float
@@ -213,7 +213,7 @@ def retarget_transfers(
         longest_strides=tuple(longest),
         gaps=_gaps(touching, results, motions),
         copy_gaps=_gaps(touching, results, copies),
-        skin_gaps=_of_pairs(results, measure_skin_gap),
+        skin_gaps=_of_pairs(results, measure_skin_contacts),
         overlaps=_of_pairs(results, lambda _sources, motions, _skins, skins: measure_overlap(motions, skins)),
         sweeps=solved.sweeps,
         gap_error=solved.gap_error,

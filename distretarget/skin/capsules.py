@@ -9,7 +9,7 @@ import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import over_blocks
-from distretarget.numerics.quaternions import turned
+from distretarget.numerics.quaternions import rotated
 from distretarget.numerics.vectors import F3, F4, I1, Array, Flags, Numbers, cross, normalised
 from distretarget.skeleton import HALF_TURN
 
@@ -81,7 +81,7 @@ def _write_posed(world: F3, positions: F3, joints: I1, ends: F3, posed: Out[F4])
             q, x = world[frame, joints[capsule]], positions[frame, joints[capsule]]
             for end in range(2):
                 v = ends[capsule, end]
-                a, b, c = turned(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
+                a, b, c = rotated(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
                 posed[frame, capsule, end, 0] = x[0] + a
                 posed[frame, capsule, end, 1] = x[1] + b
                 posed[frame, capsule, end, 2] = x[2] + c

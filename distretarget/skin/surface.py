@@ -25,7 +25,7 @@ Part = tuple[int, ...]  # the numbers of its segments
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class SurfaceSamples:
     """Points on the outside of a mesh, bound to the joints of its skeleton: exactly as the corners of their triangles
     are, since what moves a point is the sum of what moves these.
     """
@@ -33,7 +33,7 @@ class Surface:
     points: Points  # [file units]
 
     @classmethod
-    def of(cls, mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules) -> Surface:
+    def of(cls, mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules) -> SurfaceSamples:
         """Return the surface of a body with these capsules, whose joints belong to segments `of_joint`, (joints,)."""
         triangles, radii, segments = _spread(mesh, skeleton, of_joint, capsules)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
