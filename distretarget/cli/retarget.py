@@ -135,10 +135,11 @@ def retarget_command(
     check_outputs([output, metrics, report], [source, target, contacts_path, *recipe_files.paths], overwrite)
     started = time.perf_counter()
     source_file, target_file = read_source(source, recipe_files.skeleton_path), read_input(target)
-    recipe, contacts = recipe_files.read(), load_contacts(contacts_path) if contacts_path else NO_CONTACTS
-    if project:
-        contacts = contacts if contacts_path else project.order.contacts
-        recipe = recipe if recipe_files.map_path else project.with_map(recipe)
+    recipe, contacts = recipe_files.read(), project.order.contacts if project else NO_CONTACTS
+    if contacts_path:
+        contacts = load_contacts(contacts_path)
+    if project and not recipe_files.map_path:
+        recipe = project.with_map(recipe)
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, recipe)
