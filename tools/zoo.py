@@ -70,37 +70,14 @@ class Naming:
         return self.name(self.part, side, part)
 
 
-NAMING: Mapping[str, Naming] = {
-    **dict.fromkeys(("xsens", "lafan1", "cmu"), Naming()),
-    "mixamo": Naming(**{key: f"mixamorig:{getattr(Naming, key)}" for key in ("part", "finger", "palm")}),
-    "unreal": Naming(part="{part}_{l}", finger="{part}_0{number}_{l}", palm="{part}_metacarpal_{l}", root="root"),
-    "character_creator": Naming(
-        **dict.fromkeys(("part", "palm"), "CC_Base_{L}_{Part}"),
-        finger="CC_Base_{L}_{Part}{number}",
-        face="CC_Base_{Part}",
-    ),
-    "bandai": Naming(part="{Part}_{L}", finger="{Part}{number}_{L}", palm="InHand{Part}_{L}", root="joint_Root"),
-}
-# The names that three more conventions give to the joints of the LAFAN1 rig; LeftArm becomes UpperArm_L, and so on.
-CMU = {
-    "Spine": "LowerBack",
-    "Spine1": "Spine",
-    "Spine2": "Spine1",
-    "LeftToe": "LeftToeBase",
-    "RightToe": "RightToeBase",
-}
-BANDAI = {"Arm": "UpperArm", "ForeArm": "LowerArm", "UpLeg": "UpperLeg", "Leg": "LowerLeg", "Toe": "Toes"}
-BANDAI |= {name: name for name in ("Shoulder", "Hand", "Foot")}
-CREATOR = {"Shoulder": "Clavicle", "Arm": "Upperarm", "ForeArm": "Forearm", "UpLeg": "Thigh", "Leg": "Calf"}
-CREATOR |= {"Toe": "ToeBase", "Hand": "Hand", "Foot": "Foot"}
-CREATOR_TRUNK = {"Hips": "Hip", "Spine": "Waist", "Spine1": "Spine01", "Spine2": "Spine02", "Neck": "NeckTwist01"}
-RENAMED: Mapping[str, Mapping[str, str]] = {
-    "cmu": CMU,
-    "bandai": {"Spine2": "Chest"}
-    | {f"{side}{name}": f"{new}_{side[0]}" for side in ("Left", "Right") for name, new in BANDAI.items()},
-    "character_creator": {"Head": "CC_Base_Head"}
-    | {name: f"CC_Base_{new}" for name, new in CREATOR_TRUNK.items()}
-    | {f"{side}{name}": f"CC_Base_{side[0]}_{new}" for side in ("Left", "Right") for name, new in CREATOR.items()},
+NAMING = {name: Naming(**patterns) for name, patterns in TABLES["conventions"].items()}
+RENAMED = {
+    convention: {
+        old.format(Left=side): new.format(Left=side, L=side[0])
+        for old, new in names.items()
+        for side in ("Left", "Right")
+    }
+    for convention, names in TABLES["renamed"].items()
 }
 HAND = 17.5  # from the wrist to the End Site of a hand [cm]
 NO_BODY = ("ik_", "twist")  # in the names of joints of the Unreal rig that are not part of the body
