@@ -297,10 +297,6 @@ class Kind:
     t_pose: bool = False
 
 
-FAT = Build(weight="max", muscle="min")
-THIN = Build(gender="female", weight="min", muscle="min")
-
-
 def made(data: Path, kind: Kind) -> Character:
     """The character of a kind."""
     base, points = base_mesh(data), moved(data, kind.build)

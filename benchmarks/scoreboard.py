@@ -15,16 +15,17 @@ import importlib.util
 import json
 import sys
 import tempfile
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from itertools import chain, product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
-from anny_characters import FAT, THIN, Build, Kind, made, mixamo, unreal
+from anny_characters import Build, Kind, made, mixamo, unreal
 from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, found, markdown_option
 from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
@@ -46,28 +47,16 @@ from distretarget.target import Target
 
 Array = NDArray[np.float64]
 
-MIXAMO = {"names": mixamo, "t_pose": True}
-BODIES = {
-    "average": Kind(Build(), **MIXAMO),
-    "thin": Kind(THIN, **MIXAMO),
-    "fat": Kind(FAT, **MIXAMO),
-    "child": Kind(Build(gender="female", age="child"), "game_engine", unreal),
-    "old": Kind(Build(gender="female", age="old"), "cmu_mb", rolled=False),
-    "muscular": Kind(Build(muscle="max", proportions="ideal"), "game_engine", unreal),
-    "long arms": Kind(
-        Build(targets={f"arms/measure-{part}arm-length-incr": 1.0 for part in ("upper", "lower")}), **MIXAMO
-    ),
-    "barrel belly": Kind(
-        Build(weight="max", targets={"stomach/stomach-pregnant-incr": 1.0}), "game_engine", unreal, t_pose=True
-    ),
-    "dwarf": Kind(
-        Build(height="min", muscle="max", weight="max", parts={"LeftUpLeg": 0.75, "RightUpLeg": 0.75, "Head": 1.25}),
-        **MIXAMO,
-    ),
-    "big head and hands": Kind(
-        Build(gender="female", age="child", parts={"Head": 2.2, "LeftHand": 1.4, "RightHand": 1.4}), **MIXAMO
-    ),
-}
+TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+NAMES = {"mixamo": mixamo, "unreal": unreal}
+
+
+def _kind(names: str = "", build: Mapping[str, Any] | None = None, **how: Any) -> Kind:
+    """A character, as the table says."""
+    return Kind(Build(**(build or {})), names=NAMES.get(names), **how)
+
+
+BODIES = {name: _kind(**kind) for name, kind in TABLES["bodies"].items()}
 AVERAGE = "average"  # the body that the sources of clips are given
 TWENTY = (
     *CLIPS,
@@ -78,13 +67,8 @@ TWENTY = (
 )
 FRAME_TIME = "0.0333333"
 SPEED_CLIP, SPEED_BODIES, ROUNDS = "hands_on_hips.bvh", ("average", "fat", "child"), 3  # what speed is measured on
-LIMBS = [
-    (f"{side}{upper}", f"{side}{lower}")
-    for side, (upper, lower) in product(
-        ("left", "right"),
-        (("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot")),
-    )
-]
+BONES = (("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"))
+LIMBS = [(side + upper, side + lower) for side, (upper, lower) in product(SIDES, BONES)]
 
 
 @dataclass(frozen=True)
@@ -249,28 +233,7 @@ class Column(NamedTuple):
     second: str = ""
 
 
-COLUMNS = {
-    "inside": Column("skin inside, %"),
-    "frames_inside": Column("frames with more than 1 % inside, %", ".1f"),
-    "deepest": Column("deepest, mean / largest, % of height", second="deepest_largest"),
-    "above_copy": Column("runs with more inside than the copy", ".0f"),
-    "gap": Column("gap of contacts off the source's, samples / all clips, % of height", second="gap_all"),
-    "touch_missed": Column("touches missed, %", ".1f"),
-    "touch_place": Column("place of touches off, half widths"),
-    "touch_time": Column("begin and end of touches off, ms", ".0f"),
-    "part_depth": Column("upper arms, legs and head in others, % of height"),
-    "foot_skate": Column("foot skate over the source's"),
-    "foot_height": Column("feet off their height, % of leg"),
-    "direction": Column("direction error, degrees"),
-    "floor": Column("lowest point off the floor, % of leg"),
-    "sole_tilt": Column("soles tilted, degrees"),
-    "needless": Column("arms turned without need, degrees, 99th percentile"),
-    "jerk": Column("jerk over the copy's"),
-    "hips_acceleration": Column("acceleration of the hips, 99th percentile, over the copy's"),
-    "turn": Column("turn, largest, degrees", ".1f"),
-    "speed": Column("frames/s", ",.0f"),
-    "conversion": Column("frames/s, from file to file", ",.0f"),
-}
+COLUMNS = {key: Column(*column) for key, column in TABLES["columns"].items()}
 FURTHER = ("touch_missed", "touch_place", "touch_time", "part_depth", "floor", "sole_tilt", "needless")
 
 

