@@ -43,11 +43,12 @@ def documents() -> dict[Path, str]:
 
 
 EXAMPLES = re.compile(r"^(?:  (?:\w+ [^\n|]+\| )?distretarget [^\n]+\n)+\n", re.MULTILINE)
+COMMANDS = re.compile(r"\n\nCommands:\n.*", re.DOTALL)  # the headings say the same
 
 
 def reference() -> str:
-    """The help text of every command, `retarget` first, without the examples, which the guides have; an option that two
-    commands share has its text once.
+    """The help text of every command, `retarget` first, without the examples, which the guides have, and without lists
+    of commands; an option that two commands share has its text once.
     """
     first: dict[tuple[str, str], str] = {}  # where an option and its text were first seen
     sections = []
@@ -62,7 +63,7 @@ def reference() -> str:
             else:
                 shared.setdefault(where, []).append(f"`{param.opts[-1]}`")
         context.command = own
-        text = context.get_help().rstrip()
+        text = COMMANDS.sub("", context.get_help().rstrip())
         section = f"## {path}\n\n```text\n{EXAMPLES.sub('', text) if context.parent else text}\n```\n"
         also = (f"{', '.join(names)} as in `{where}`" for where, names in shared.items())
         sections.append(section + (f"\nAlso {'; '.join(also)}.\n" if shared else ""))
