@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 import numpy as np
 from clips import ROOT
-from draw import VIEWS, Cell, body_height, write_picture, write_strip
+from draw import VIEWS, Cell, body_height, cells, tallest, write_picture
 from numpy.typing import NDArray
 from paper_case import GROUPS, PERCENT, POSTURE, case, on_table_one
 from paper_tables import LONG_SPINE, tables
@@ -50,11 +50,12 @@ def draw_spine(path: Path) -> None:
 
 
 def draw_walk(path: Path) -> None:
-    """Draw frames of the walk by every method."""
+    """Draw frames of the walk by every method, all in the same scale."""
     one = case(WALK)
-    rows = [("original", one.source), (f"rotation copy, {WALK}", one.paper.rotation_copy)]
-    rows += [("paper, exact bones", one.paper.motion), ("contact", one.contact.motion)]
-    write_strip(path, rows, STEPS, "side")
+    rows = {"original": one.source, f"rotation copy, {WALK}": one.paper.rotation_copy}
+    rows |= {"paper, exact bones": one.paper.motion, "contact": one.contact.motion}
+    scenes = [cells(motion, STEPS, tallest(rows.values())) for motion in rows.values()]
+    write_picture(path, scenes, list(rows), [[f"frame {frame}" for frame in STEPS]] * len(rows), VIEWS["side"])
 
 
 def metric(skeleton: Skeleton, points: NDArray[np.float64]) -> Cell:

@@ -261,18 +261,6 @@ def write_picture(
     Image.open(path).convert("RGB").quantize(STILL_COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
-def write_strip(
-    path: Path, rows: Sequence[tuple[str, Motion]], frames: Sequence[int], view: str, turn: Turn = None
-) -> None:
-    """Draw a row for each label and motion, with frames from left to right, all in the same scale and view; `turn`
-    turns all motions, by default their up axes to Y.
-    """
-    size = tallest(motion for _, motion in rows)
-    scenes = [cells(motion, frames, size, turn=turn) for _, motion in rows]
-    labels = [[f"frame {frame}" for frame in frames]] * len(rows)
-    write_picture(path, scenes, [label for label, _ in rows], labels, VIEWS[view])
-
-
 def write_loop(
     path: Path,
     labels: Sequence[str],

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from gltf_file import Gltf
 from numpy.typing import NDArray
-from sample_mesh import Body, Surface, behind, both_sides, cut, ellipsoid, joined, limb, surface, weights
+from sample_mesh import Surface, behind, both_sides, cut, ellipsoid, joined, limb, surface, weights
 from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.quaternions import least_rotation
@@ -107,94 +107,72 @@ def _roll(name: str) -> float:
 
 # ---- the parts of the body
 
-
-def suit() -> Body:
-    """Jacket and trousers."""
-    trunk = joined(
-        [
-            ellipsoid((0, 94, -0.5), (14.8, 11.5, 10.8)),
-            ellipsoid((0, 108, 0), (13.6, 16, 9.6)),
-            ellipsoid((0, 126.5, -1.5), (17.6, 16.5, 11)),
-            limb((0, 136, -2), (0, 143, -2), 9.0, 7.0),
-        ],
-        6.0,
-    )
-    arm = joined(
-        [
-            limb((8, 138.5, -2), (17.5, 139, -2), 6.8, 7.0),
-            limb((17, 139.4, -2), (43, 140, -2.8), 6.3, 4.8),
-            limb((43, 140, -2.8), (66, 140, -2), 4.9, 3.9),
-        ],
-        3.0,
-    )
-    leg = joined(
-        [
-            limb((9, 88, -0.5), (9.5, 49, 0.8), 9.6, 6.2),
-            limb((9.5, 49, 0.8), (10, 12, -1.5), 6.2, 5.4),
-            ellipsoid((9.8, 37, -2.2), (5.7, 11, 6.0)),
-        ],
-        3.0,
-    )
-    return joined([trunk, both_sides(arm), both_sides(leg)], 5.0)
-
-
-def head() -> Body:
-    """Neck and head."""
-    ear = ellipsoid((8.5, 161, -1), (1.3, 3.0, 2.0))
-    return joined(
-        [
-            limb((0, 139, -2), (0, 155, -0.5), 5.2, 5.0),
-            ellipsoid((0, 164.5, 0.5), (8.8, 11.3, 10.2)),
-            ellipsoid((0, 157, 3.5), (6.3, 6.4, 6.6)),
-            limb((0, 162.5, 10.6), (0, 159.8, 11.8), 0.9, 1.5),
-            both_sides(ear),
-        ],
-        2.2,
-    )
-
-
-def hair() -> Body:
-    """Hair."""
-    cap = ellipsoid((0, 166, -0.6), (9.7, 11.4, 10.8))
-    return cut(cap, behind((0, 168, 4.6), (0, -0.55, 1)), 1.5)
-
-
-def eye() -> Body:
-    """The left eye."""
-    return ellipsoid((3.4, 163.6, 9.75), (1.15, 1.5, 0.9))
-
-
-def hand() -> Body:
-    """The left hand."""
-    fingers = [
-        limb((76, 139.6, z), (76 + length, 138.8, 1.12 * (z + 2) - 2), 1.35, 1.0)
-        for z, length in ((1.4, 7.2), (-0.8, 8.2), (-3.0, 7.6), (-5.1, 5.8))
-    ]
-    palm = [limb((64, 140, -2), (70, 140, -2), 2.9, 2.6), ellipsoid((73, 139.8, -1.9), (5.4, 2.0, 4.6))]
-    thumb = [limb((70, 139.6, 1), (76, 138.6, 5), 1.8, 1.2)]
-    return joined([*palm, *thumb, *fingers], 1.2)
-
-
-def shoe() -> Body:
-    """The left shoe."""
-    whole = joined(
-        [
-            limb((10, 10, -1.8), (10, 6, -2), 3.7, 4.6),
-            limb((10, 4.2, -3), (10.6, 3.4, 8), 5.2, 5.0),
-            ellipsoid((10.9, 2.6, 12.5), (5.6, 4.3, 8.2)),
-        ],
-        3.0,
-    )
-    return cut(whole, behind((0, 0, 0), (0, -1, 0)), 1.5)
-
-
+TRUNK = joined(
+    [
+        ellipsoid((0, 94, -0.5), (14.8, 11.5, 10.8)),
+        ellipsoid((0, 108, 0), (13.6, 16, 9.6)),
+        ellipsoid((0, 126.5, -1.5), (17.6, 16.5, 11)),
+        limb((0, 136, -2), (0, 143, -2), 9.0, 7.0),
+    ],
+    6.0,
+)
+LEFT_ARM = joined(
+    [
+        limb((8, 138.5, -2), (17.5, 139, -2), 6.8, 7.0),
+        limb((17, 139.4, -2), (43, 140, -2.8), 6.3, 4.8),
+        limb((43, 140, -2.8), (66, 140, -2), 4.9, 3.9),
+    ],
+    3.0,
+)
+LEFT_LEG = joined(
+    [
+        limb((9, 88, -0.5), (9.5, 49, 0.8), 9.6, 6.2),
+        limb((9.5, 49, 0.8), (10, 12, -1.5), 6.2, 5.4),
+        ellipsoid((9.8, 37, -2.2), (5.7, 11, 6.0)),
+    ],
+    3.0,
+)
+CLOTHES = joined([TRUNK, both_sides(LEFT_ARM), both_sides(LEFT_LEG)], 5.0)
+HEAD = joined(
+    [
+        limb((0, 139, -2), (0, 155, -0.5), 5.2, 5.0),
+        ellipsoid((0, 164.5, 0.5), (8.8, 11.3, 10.2)),
+        ellipsoid((0, 157, 3.5), (6.3, 6.4, 6.6)),
+        limb((0, 162.5, 10.6), (0, 159.8, 11.8), 0.9, 1.5),
+        both_sides(ellipsoid((8.5, 161, -1), (1.3, 3.0, 2.0))),
+    ],
+    2.2,
+)
+HAIR = cut(ellipsoid((0, 166, -0.6), (9.7, 11.4, 10.8)), behind((0, 168, 4.6), (0, -0.55, 1)), 1.5)
+LEFT_EYE = ellipsoid((3.4, 163.6, 9.75), (1.15, 1.5, 0.9))
+LEFT_HAND = joined(
+    [
+        limb((64, 140, -2), (70, 140, -2), 2.9, 2.6),
+        ellipsoid((73, 139.8, -1.9), (5.4, 2.0, 4.6)),
+        limb((70, 139.6, 1), (76, 138.6, 5), 1.8, 1.2),
+        *(
+            limb((76, 139.6, z), (76 + length, 138.8, 1.12 * (z + 2) - 2), 1.35, 1.0)
+            for z, length in ((1.4, 7.2), (-0.8, 8.2), (-3.0, 7.6), (-5.1, 5.8))
+        ),
+    ],
+    1.2,
+)
+WHOLE_SHOE = joined(
+    [
+        limb((10, 10, -1.8), (10, 6, -2), 3.7, 4.6),
+        limb((10, 4.2, -3), (10.6, 3.4, 8), 5.2, 5.0),
+        ellipsoid((10.9, 2.6, 12.5), (5.6, 4.3, 8.2)),
+    ],
+    3.0,
+)
+LEFT_SHOE = cut(WHOLE_SHOE, behind((0, 0, 0), (0, -1, 0)), 1.5)
 PARTS = (  # body, colour, box, cell, whether of the left side alone
-    (suit, SUIT, ((-72, 3, -17), (72, 156, 17)), 4.2, False),
-    (head, SKIN, ((-12, 131, -13), (12, 178, 16)), 2.25, False),
-    (hand, SKIN, ((58, 133, -12), (90, 145, 10)), 1.5, True),
-    (hair, DARK, ((-12, 152, -14), (12, 180, 13)), 2.7, False),
-    (eye, DARK, ((1.5, 161, 7.5), (6, 166, 12)), 0.9, True),
-    (shoe, DARK, ((2, -2, -11), (20, 19, 24)), 2.7, True),
+    (CLOTHES, SUIT, ((-72, 3, -17), (72, 156, 17)), 4.2, False),
+    (HEAD, SKIN, ((-12, 131, -13), (12, 178, 16)), 2.25, False),
+    (LEFT_HAND, SKIN, ((58, 133, -12), (90, 145, 10)), 1.5, True),
+    (HAIR, DARK, ((-12, 152, -14), (12, 180, 13)), 2.7, False),
+    (LEFT_EYE, DARK, ((1.5, 161, 7.5), (6, 166, 12)), 0.9, True),
+    (LEFT_SHOE, DARK, ((2, -2, -11), (20, 19, 24)), 2.7, True),
 )
 
 
@@ -219,20 +197,17 @@ class Part:
 
 def mesh(bones: Joints) -> list[Part]:
     """The mesh in the bind pose."""
-    made = [(colour, each) for *part, colour in _bodies() for each in part]
-    colours = (("Suit", SUIT), ("Skin", SKIN), ("Dark", DARK))
+    made, colours = list(_surfaces()), (("Suit", SUIT), ("Skin", SKIN), ("Dark", DARK))
     return [_part(name, colour, [each for other, each in made if other == colour], bones) for name, colour in colours]
 
 
-def _bodies() -> Iterator[tuple]:
-    """The surfaces of each body, one or two, and its colour."""
+def _surfaces() -> Iterator[tuple[tuple[float, float, float], Surface]]:
+    """The surfaces of all bodies, each with its colour."""
     for body, colour, (low, high), cell, left in PARTS:
-        made = surface(body(), low, high, cell)
+        made = surface(body, low, high, cell)
+        yield colour, made
         if left:
-            flip = (-1.0, 1.0, 1.0)
-            yield made, Surface(made.points * flip, made.normals * flip, made.triangles[:, ::-1]), colour
-        else:
-            yield made, colour
+            yield colour, Surface(made.points * (-1, 1, 1), made.normals * (-1, 1, 1), made.triangles[:, ::-1])
 
 
 def _part(name: str, colour: tuple[float, float, float], surfaces: Sequence[Surface], bones: Joints) -> Part:
