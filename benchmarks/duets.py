@@ -100,14 +100,10 @@ def cells(name: str, duet: Duet) -> Iterator[str]:
     yield f"{max(one.metrics['result']['foot_height'] or 0.0 for one in scene.results):.2f}"
     yield several(jerks, ".2f")
     for key, form in (("turn", ".1f"), ("pop", ".0f")):
-        yield _both(scene, key, form)
+        yield several([one.metrics["result"][key] or 0.0 for one in scene.results], form)
     yield several(duet.worst_gaps, ".1f")
     yield several(duet.hips, ".1f")
     yield f"{seconds[0] / seconds[1]:.2f}"
-
-
-def _both(scene: SceneResult, key: str, form: str) -> str:
-    return several([one.metrics["result"][key] or 0.0 for one in scene.results], form)
 
 
 @click.command(help=__doc__)

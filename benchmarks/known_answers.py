@@ -101,7 +101,8 @@ def known_answer(frames: int, corpus: Path, way: tuple[str, str], clip: str) -> 
         place, height = np.linalg.norm(level(apart, up), axis=-1), np.abs(apart @ up)
         if not rests.any():
             continue
-        metrics["foot"].append(float(100 * place[rests].mean() / _height(answer, up)))
+        tall = np.median(np.ptp(answer.positions @ up, axis=1))
+        metrics["foot"].append(float(100 * place[rests].mean() / tall))
         metrics["hips"].append(float(100 * height[rests].mean() / body.leg_length))
     return metrics
 
@@ -109,11 +110,6 @@ def known_answer(frames: int, corpus: Path, way: tuple[str, str], clip: str) -> 
 def _bones(motion: Motion, lower: NDArray[np.intp]) -> Array:
     """(frames, bones, 3), the bones above some joints."""
     return np.asarray(motion.positions[:, lower] - motion.positions[:, motion.skeleton.parents[lower]])
-
-
-def _height(motion: Motion, up: Array) -> float:
-    """The height of a person in a motion: from the lowest joint to the highest, the median over frames."""
-    return float(np.median(np.ptp(motion.positions @ up, axis=1)))
 
 
 # ---- equivalent results

@@ -36,7 +36,7 @@ class Solid:
     """A part of a skin as a closed surface: its own triangles, and fans that close its holes."""
 
     def __init__(self, skin: Skin, *parts: str) -> None:
-        self.triangles = skin.triangles_of(skin.of_parts(*parts))
+        self.triangles = skin.triangles[skin.of_parts(*parts)[skin.triangles].all(axis=1)]
         fans, self._holes = capped(self.triangles, len(skin.points))
         self._closed = np.concatenate([self.triangles, fans])
 

@@ -64,10 +64,9 @@ class Skin:
         starts = np.cumsum([0, *(len(piece.points) for piece in pieces)])
         widest = max(piece.joints.shape[1] for piece in pieces)
         points = np.concatenate([piece.points for piece in pieces])
-        joints, weights = (
-            np.concatenate([_widened(getattr(piece, name), widest) for piece in pieces])
-            for name in ("joints", "weights")
-        )
+        wider = [((0, 0), (0, widest - piece.joints.shape[1])) for piece in pieces]
+        joints = np.concatenate([np.pad(piece.joints, more) for piece, more in zip(pieces, wider, strict=True)])
+        weights = np.concatenate([np.pad(piece.weights, more) for piece, more in zip(pieces, wider, strict=True)])
         triangles = np.concatenate([piece.triangles + start for piece, start in zip(pieces, starts, strict=False)])
         binds = np.concatenate([piece.binds for piece in pieces])
         on = np.concatenate([piece.bound for piece in pieces])
@@ -103,10 +102,6 @@ class Skin:
         """(points,), whether each belongs to one of these parts; the name "hand" means both hands."""
         wanted = [number for number, part in enumerate(PARTS) if part in parts or part.split()[-1] in parts]
         return np.isin(self.parts, wanted)
-
-    def triangles_of(self, chosen: NDArray[np.bool_]) -> Numbers:
-        """The triangles whose corners are all among the chosen points."""
-        return self.triangles[chosen[self.triangles].all(axis=1)]
 
     def posed(self, positions: Array, rotations: Array) -> Array:
         """The points in one frame by linear blend skinning, (points, 3).
@@ -188,11 +183,6 @@ def _pieces(document: dict, buffer: bytes, skeleton: Skeleton) -> Iterator[_Piec
             )
             triangles = corners.astype(int).reshape(-1, 3)
             yield _Piece(points, joints[moved], weights, triangles, binds[own], joints[own])
-
-
-def _widened(values: NDArray[np.generic], columns: int) -> NDArray[np.generic]:
-    """An array with columns of 0 behind its own, so many altogether."""
-    return np.pad(values, ((0, 0), (0, columns - values.shape[1])))
 
 
 def _similarity(places: Array, wanted: Array) -> tuple[Rotation, float, Array]:

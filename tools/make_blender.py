@@ -47,21 +47,11 @@ files = "Read clips, and keep a job in a temporary folder while it runs"
 """
 
 
-def own_version() -> str:
-    """Return the version of the package."""
-    return str(tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"])
-
-
 def download(folder: Path, platform: str) -> None:
     """Download the wheels of what is needed for a platform."""
     systems = [word for name in PLATFORMS[platform] for word in ("--platform", name)]
     command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--only-binary=:all:", "-d", str(folder)]
     subprocess.run([*command, "--python-version", PYTHON, *systems, *NEEDED], check=True)
-
-
-def own_wheel(folder: Path) -> None:
-    """Build the wheel of distretarget."""
-    subprocess.run([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(folder), str(ROOT)], check=True)
 
 
 @click.command(help=__doc__)
@@ -75,10 +65,11 @@ def main(folder: Path, platform: str, wheel: Path | None) -> None:
         wheels = Path(name)
         download(wheels, platform)
         if wheel is None:
-            own_wheel(wheels)
+            subprocess.run([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", name, str(ROOT)], check=True)
         files = sorted([*wheels.glob("*.whl"), *([wheel] if wheel else [])], key=lambda path: path.name)
         listed = "\n".join(f'  "./wheels/{path.name}",' for path in files)
-        manifest = MANIFEST.format(version=own_version(), platform=platform, wheels=listed)
+        version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+        manifest = MANIFEST.format(version=version, platform=platform, wheels=listed)
         path = folder / f"distretarget_blender_{platform}.zip"
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("blender_manifest.toml", manifest)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import product
 from pathlib import Path
 
@@ -26,7 +26,6 @@ from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, capsules_of
 from distretarget.body.segments import HEAD, frames
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
-from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 TABLE = Path(__file__).resolve().parents[1] / "distretarget" / "body" / "average_builds.json"
@@ -75,16 +74,11 @@ def skeleton_of(rig: Rig, ends: Mapping[int, np.ndarray] | None = None) -> Skele
 def average_parts(body: Body, mesh: SkinnedMesh) -> dict[str, np.ndarray]:
     """The capsules of the left side and the trunk in the frames of their parts, (capsules, 2, 4)."""
     capsules = capsules_of(body, mesh)
-    trunk = [Build.of(body, each).parts["trunk"] for each in by_joint(capsules)]
+    by_joint = (capsules[capsules.joints == joint] for joint in np.unique(capsules.joints))
+    trunk = [Build.of(body, each).parts["trunk"] for each in by_joint]
     parts = Build.of(body, capsules).parts | {"trunk": np.concatenate([symmetric(each) for each in trunk if len(each)])}
     one_side = {part.removeprefix("left "): found for part, found in parts.items() if not part.startswith("right ")}
     return one_side | {part: symmetric(one_side[part]) for part in ("neck", "head")}
-
-
-def by_joint(capsules: Capsules) -> Iterator[Capsules]:
-    """The capsules that each joint carries."""
-    for joint in np.unique(capsules.joints):
-        yield capsules[capsules.joints == joint]
 
 
 def symmetric(capsules: np.ndarray) -> np.ndarray:

@@ -29,28 +29,17 @@ MIDDLE = (
     ("Head", "Neck", (0, 153, -0.5)),
     ("HeadTop_End", "Head", (0, 176, 0)),
 )
-LEFT = (
-    ("Shoulder", "Spine2", (3, 141, -1)),
-    ("Arm", "Shoulder", (17, 140, -2)),
-    ("ForeArm", "Arm", (43.5, 140, -2.8)),
-    ("Hand", "ForeArm", (68, 140, -2)),
-    ("UpLeg", "Hips", (9, 88, 0)),
-    ("Leg", "UpLeg", (9.5, 49, 0.8)),
-    ("Foot", "Leg", (10, 9, -1.5)),
-    ("ToeBase", "Foot", (10.5, 2.5, 11.5)),
-    ("Toe_End", "ToeBase", (11, 2.5, 18)),
+LEFT = (  # likewise, and how far the joint is rolled about its bone [rad]
+    ("Shoulder", "Spine2", (3, 141, -1), 1.2),
+    ("Arm", "Shoulder", (17, 140, -2), 1.6),
+    ("ForeArm", "Arm", (43.5, 140, -2.8), 1.6),
+    ("Hand", "ForeArm", (68, 140, -2), 1.6),
+    ("UpLeg", "Hips", (9, 88, 0), 3.1),
+    ("Leg", "UpLeg", (9.5, 49, 0.8), 3.1),
+    ("Foot", "Leg", (10, 9, -1.5), 0.1),
+    ("ToeBase", "Foot", (10.5, 2.5, 11.5), 3.0),
+    ("Toe_End", "ToeBase", (11, 2.5, 18), 0.0),
 )
-ROLLS = {
-    "Shoulder": 1.2,
-    "Arm": 1.6,
-    "ForeArm": 1.6,
-    "Hand": 1.6,
-    "UpLeg": 3.1,
-    "Leg": 3.1,
-    "Foot": 0.1,
-    "ToeBase": 3.0,
-}
-"""How far joints of the left side are rolled about their bones [rad]."""
 HAND_LENGTH = 17.0
 BLEND = 9.0  # over which length a joint bends the mesh
 
@@ -75,18 +64,17 @@ class Joints:
 
 def joints() -> Joints:
     """The joints of the sample character."""
-    rows = [*MIDDLE]
+    rows = [(*row, 0.0) for row in MIDDLE]
     names = {name for name, *_ in LEFT}
     for side, sign in (("Left", 1), ("Right", -1)):
         rows += [
-            (side + name, side + parent if parent in names else parent, (sign * x, y, z))
-            for name, parent, (x, y, z) in LEFT
+            (side + name, side + parent if parent in names else parent, (sign * x, y, z), sign * roll)
+            for name, parent, (x, y, z), roll in LEFT
         ]
     order = tuple(name for name, *_ in rows)
-    parents = tuple(order.index(parent) if parent else -1 for _, parent, _ in rows)
-    places = np.array([place for *_, place in rows], float)
+    parents = tuple(order.index(parent) if parent else -1 for _, parent, *_ in rows)
+    places, rolls = np.array([row[2] for row in rows], float), np.array([row[3] for row in rows])
     ends = np.array([_end(joint, order, parents, places) for joint in range(len(order))])
-    rolls = np.array([_roll(name) for name in order])
     along = ends - places
     least = Rotation.from_quat(least_rotation(np.tile([0.0, 1.0, 0.0], (len(along), 1)), along))
     return Joints(order, parents, places, ends, least * Rotation.from_rotvec(rolls[:, None] * [0.0, 1.0, 0.0]))
@@ -98,11 +86,6 @@ def _end(joint: int, names: tuple[str, ...], parents: tuple[int, ...], places: A
         return places[parents.index(joint)]
     along = places[joint] - places[parents[joint]]
     return places[joint] + (HAND_LENGTH if "Hand" in names[joint] else 4.0) * along / np.linalg.norm(along)
-
-
-def _roll(name: str) -> float:
-    side = next((side for side in ("Left", "Right") if name.startswith(side)), "")
-    return ROLLS.get(name.removeprefix(side), 0.0) * (-1 if side == "Right" else 1)
 
 
 # ---- the parts of the body
