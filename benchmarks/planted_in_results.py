@@ -24,6 +24,7 @@ from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import METRICS
+from distretarget.numerics.vectors import level, normalised
 from distretarget.objectives import clip
 from distretarget.pipeline.result import RetargetResult
 
@@ -55,12 +56,16 @@ class Stage:
         """The joint with a role."""
         return self.result.matching.target.anatomy.roles[role]
 
-    def axes(self, frame: int = 0) -> Array:
-        """The axes of the body in a frame: to its left, up and ahead."""
-        left, right = (self.motion.positions[frame, self.joint(f"{side}UpperLeg")] for side in ("left", "right"))
-        across = left - right
-        across = (across - (across @ self.up) * self.up) / np.linalg.norm(across - (across @ self.up) * self.up)
-        return np.stack([across, self.up, np.cross(across, self.up)])
+    @property
+    def left(self) -> Array:
+        """The unit vector to the left of the body in the first frame, (3,)."""
+        left, right = (self.motion.positions[0, self.joint(f"{side}UpperLeg")] for side in ("left", "right"))
+        return normalised(level(left - right, self.up))
+
+    @property
+    def ahead(self) -> Array:
+        """The unit vector ahead of it, (3,)."""
+        return np.cross(self.left, self.up)
 
     def all(self) -> Array:
         """The numbers of all frames."""
@@ -109,10 +114,9 @@ class Stage:
     def crouched(self, degrees: float) -> Motion:
         """The motion with knees more bent, and hips so much lower that the ankles stay where they are."""
         stage, ankles = self, [self.joint(f"{side}Foot") for side in ("left", "right")]
-        across = self.axes()[0]
         for side in ("left", "right"):
             for part, share in (("UpperLeg", -1.0), ("LowerLeg", 2.0), ("Foot", -1.0)):
-                stage = stage.on(stage.turned(f"{side}{part}", share * degrees * across))
+                stage = stage.on(stage.turned(f"{side}{part}", share * degrees * self.left))
         lower = (stage.motion.positions[:, ankles] - self.motion.positions[:, ankles]).mean(axis=1)
         return stage.moved(-lower)
 
@@ -132,58 +136,50 @@ def _shaking(stage: Stage, degrees: float) -> Array:
     return degrees * axes / np.linalg.norm(axes, axis=1)[:, None]
 
 
-@dataclass(frozen=True)
-class Fault:
-    """A fault that is planted in a result of a clip."""
-
-    clip: str
-    plant: Callable[[Stage], Motion]
-
-
-def _levelled(stage: Stage, share: float) -> Motion:
+def _along_floor(stage: Stage, share: float) -> Motion:
     """The motion with a share of the path along the floor."""
     path = stage.motion.positions[:, stage.joint("hips")]
-    path = path - path[0]
-    along = path - np.outer(path @ stage.up, stage.up)
-    return stage.moved((share - 1.0) * along)
+    return stage.moved((share - 1.0) * level(path - path[0], stage.up))
 
 
+Fault = tuple[str, Callable[[Stage], Motion]]
+"""A clip, and what plants a fault in its result."""
 ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
-FAULTS = {
-    "root 3 % of height lower": Fault("walk", lambda s: s.moved(-0.03 * s.height * s.up)),
-    "root 2 % of height higher": Fault("walk", lambda s: s.moved(0.02 * s.height * s.up)),
-    "a foot's toes 20 degrees up": Fault("squat", lambda s: s.turned("leftFoot", -20.0 * s.axes()[0])),
-    "a foot 20 degrees on its edge": Fault("squat", lambda s: s.turned("leftFoot", 20.0 * s.axes()[2])),
-    "a foot points 20 degrees aside": Fault("squat", lambda s: s.turned("leftFoot", 20.0 * s.up)),
-    "a hand's contact 5 % of height aside": Fault(
-        "hands_on_hips", lambda s: s.hand_moved("right", -0.05 * s.height * s.axes()[0])
+FAULTS: dict[str, Fault] = {
+    "root 3 % of height lower": ("walk", lambda s: s.moved(-0.03 * s.height * s.up)),
+    "root 2 % of height higher": ("walk", lambda s: s.moved(0.02 * s.height * s.up)),
+    "a foot's toes 20 degrees up": ("squat", lambda s: s.turned("leftFoot", -20.0 * s.left)),
+    "a foot 20 degrees on its edge": ("squat", lambda s: s.turned("leftFoot", 20.0 * s.ahead)),
+    "a foot points 20 degrees aside": ("squat", lambda s: s.turned("leftFoot", 20.0 * s.up)),
+    "a hand's contact 5 % of height aside": (
+        "hands_on_hips",
+        lambda s: s.hand_moved("right", -0.05 * s.height * s.left),
     ),
-    "a contact 5 frames late": Fault("clap", lambda s: s.late(tuple(f"right{part}" for part in ARM), 5)),
-    "an upper arm 4 % of height in the trunk": Fault("walk", lambda s: s.turned("leftUpperArm", -14.0 * s.axes()[2])),
-    "a hand 3 % of height in the belly": Fault(
-        "hands_on_hips", lambda s: s.hand_moved("left", -0.03 * s.height * s.axes()[0])
+    "a contact 5 frames late": ("clap", lambda s: s.late(tuple(f"right{part}" for part in ARM), 5)),
+    "an upper arm 4 % of height in the trunk": ("walk", lambda s: s.turned("leftUpperArm", -14.0 * s.ahead)),
+    "a hand 3 % of height in the belly": ("hands_on_hips", lambda s: s.hand_moved("left", -0.03 * s.height * s.left)),
+    "a head 30 degrees down": ("squat", lambda s: s.turned("head", 30.0 * s.left)),
+    "a pop of an elbow": (
+        "wave",
+        lambda s: s.turned("leftLowerArm", 40.0 * s.ahead, s.all()[len(s.motion) // 2 :][:1]),
     ),
-    "a head 30 degrees down": Fault("squat", lambda s: s.turned("head", 30.0 * s.axes()[0])),
-    "a pop of an elbow": Fault(
-        "wave", lambda s: s.turned("leftLowerArm", 40.0 * s.axes()[2], s.all()[len(s.motion) // 2 :][:1])
+    "jitter of 0.5 degrees while a contact holds": (
+        "hands_on_hips",
+        lambda s: s.turned("leftUpperArm", _shaking(s, 0.5)),
     ),
-    "jitter of 0.5 degrees while a contact holds": Fault(
-        "hands_on_hips", lambda s: s.turned("leftUpperArm", _shaking(s, 0.5))
+    "left and right exchanged": ("wave", lambda s: s.mirrored()),
+    "half the path": ("walk", lambda s: _along_floor(s, 0.5)),
+    "a drift of 0.1 leg lengths a second": (
+        "squat",
+        lambda s: s.moved(np.outer(s.all() * s.motion.frame_time, 0.05 * s.height * s.left)),
     ),
-    "left and right exchanged": Fault("wave", lambda s: s.mirrored()),
-    "half the path": Fault("walk", lambda s: _levelled(s, 0.5)),
-    "a drift of 0.1 leg lengths a second": Fault(
-        "squat", lambda s: s.moved(np.outer(s.all() * s.motion.frame_time, 0.05 * s.height * s.axes()[0]))
-    ),
-    "a crouch": Fault("squat", lambda s: s.crouched(15.0)),
-    "palms turned by 90 degrees": Fault("clap", lambda s: s.turned("rightHand", 90.0 * s.up)),
-    "a trunk that leans by 20 degrees": Fault("wave", lambda s: s.turned("spine", 20.0 * s.axes()[0])),
-    "an arm 25 degrees out without need": Fault("walk", lambda s: s.turned("leftUpperArm", 25.0 * s.axes()[2])),
-    "legs 10 degrees apart": Fault("walk", lambda s: s.turned("leftUpperLeg", 10.0 * s.axes()[2])),
-    "legs that pass through each other": Fault("squat", lambda s: s.turned("leftUpperLeg", -14.0 * s.axes()[2])),
-    "hips that shake": Fault(
-        "walk", lambda s: s.moved(np.outer(0.003 * s.height * (-1.0) ** (s.all() // 2), s.axes()[0]))
-    ),
+    "a crouch": ("squat", lambda s: s.crouched(15.0)),
+    "palms turned by 90 degrees": ("clap", lambda s: s.turned("rightHand", 90.0 * s.up)),
+    "a trunk that leans by 20 degrees": ("wave", lambda s: s.turned("spine", 20.0 * s.left)),
+    "an arm 25 degrees out without need": ("walk", lambda s: s.turned("leftUpperArm", 25.0 * s.ahead)),
+    "legs 10 degrees apart": ("walk", lambda s: s.turned("leftUpperLeg", 10.0 * s.ahead)),
+    "legs that pass through each other": ("squat", lambda s: s.turned("leftUpperLeg", -14.0 * s.ahead)),
+    "hips that shake": ("walk", lambda s: s.moved(np.outer(0.003 * s.height * (-1.0) ** (s.all() // 2), s.left))),
 }
 
 
@@ -203,21 +199,23 @@ def told(result: RetargetResult, before: RetargetResult) -> set[str]:
 
 def seen(character: Path, fault: Fault) -> set[str]:
     """The keys of the metrics that tell of a fault in a result."""
-    stage = stage_of(character, fault.clip)
-    return told(replace(stage.result, motion=fault.plant(stage)), stage.result)
+    sample, plant = fault
+    stage = stage_of(character, sample)
+    return told(replace(stage.result, motion=plant(stage)), stage.result)
 
 
 def seen_of_solver(character: Path, fault: Fault) -> set[str]:
     """The keys of the metrics that tell of a fault in the rotation copy that the solver begins with."""
-    stage, right = stage_of(character, fault.clip), clip.rotation_copy
+    (sample, plant), right = fault, clip.rotation_copy
+    stage = stage_of(character, sample)
 
     def wrong(matching: Matching, scale: RootScale) -> Motion:
         baseline = replace(stage.result.baseline, matching=matching)
-        return fault.plant(Stage(replace(stage.result, baseline=baseline, motion=right(matching, scale))))
+        return plant(Stage(replace(stage.result, baseline=baseline, motion=right(matching, scale))))
 
     clip.rotation_copy = wrong
     try:
-        return told(retarget(read_bvh(SAMPLES / f"{fault.clip}.bvh"), load_target(character)), stage.result)
+        return told(retarget(read_bvh(SAMPLES / f"{sample}.bvh"), load_target(character)), stage.result)
     finally:
         clip.rotation_copy = right
 

@@ -52,10 +52,11 @@ def test_there_are_twenty_and_each_has_its_figure():
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_planted_fault_is_seen_and_named_by_the_verdict(name):
-    stage = stage_of(HERO, FAULTS[name].clip)
+    sample, plant = FAULTS[name]
+    stage = stage_of(HERO, sample)
     key = BY[name]
     assert key in seen(HERO, FAULTS[name])
-    text = replace(stage.result, motion=FAULTS[name].plant(stage)).verdict
+    text = replace(stage.result, motion=plant(stage)).verdict
     assert BY_KEY[key].label in text.partition("Check: ")[2]
 
 
@@ -66,4 +67,4 @@ def test_a_fault_in_what_the_solver_begins_with_is_seen(name):
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_without_the_fault_its_figure_is_within_its_limit(name):
-    assert not BY_KEY[BY[name]].over_limit(stage_of(HERO, FAULTS[name].clip).result.metrics)
+    assert not BY_KEY[BY[name]].over_limit(stage_of(HERO, FAULTS[name][0]).result.metrics)
