@@ -9,7 +9,7 @@ import gzip
 import itertools
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -26,66 +26,6 @@ from distretarget.numerics.quaternions import least_rotation
 Array = np.ndarray
 DECIMETRE = 0.1  # the base mesh is in dm
 SKIN = (0.8, 0.6, 0.5)  # its colour
-
-# ---- names of joints, by the roles that VRM names bones by
-
-FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
-TRUNK = ("hips", "spine", "chest", "upperChest", "neck", "head")
-LIMBS = ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toes")
-SIDES = ("left", "right")
-
-
-def segments(finger: str) -> tuple[str, ...]:
-    """The bones of a finger, from the hand on."""
-    return ("Metacarpal", "Proximal", "Distal") if finger == "Thumb" else ("Proximal", "Intermediate", "Distal")
-
-
-FINGER_BONES = tuple(finger + segment for finger in FINGERS for segment in segments(finger))
-ROLES = (*TRUNK, *(side + part for side in SIDES for part in (*LIMBS, *FINGER_BONES)))
-
-
-@dataclass(frozen=True)
-class Naming:
-    """How a convention names joints: patterns for those of trunk, limbs and fingers, and its names of the parts."""
-
-    trunk: str
-    limb: str
-    finger: str
-    parts: Mapping[str, str]
-
-    def __call__(self, role: str) -> str:
-        """The name of the joint with a role."""
-        side = next((side for side in SIDES if role.startswith(side)), "")
-        rest, sides = role[len(side) :], {"Left": side.title(), "l": side[:1]}
-        for finger in FINGERS:
-            if rest.startswith(finger):
-                number = 1 + segments(finger).index(rest[len(finger) :])
-                name = self.parts.get(finger, finger)
-                return self.finger.format(**sides, name=name, number=number)
-        return (self.limb if side else self.trunk).format(**sides, name=self.parts.get(rest, rest))
-
-
-def named(names: Iterable[str], as_named: str) -> dict[str, str]:
-    """Other names for parts, in one line."""
-    return dict(zip(names, as_named.split(), strict=True))
-
-
-MIXAMO = {
-    **named(TRUNK, "Hips Spine Spine1 Spine2 Neck Head"),
-    **named(LIMBS, "Shoulder Arm ForeArm Hand UpLeg Leg Foot ToeBase"),
-    "Little": "Pinky",
-}
-UNREAL = {
-    **named(TRUNK, "pelvis spine_01 spine_02 spine_03 neck_01 head"),
-    **named(LIMBS, "clavicle upperarm lowerarm hand thigh calf foot ball"),
-    **named(FINGERS, "thumb index middle ring pinky"),
-}
-
-mixamo = Naming("mixamorig:{name}", "mixamorig:{Left}{name}", "mixamorig:{Left}Hand{name}{number}", MIXAMO)
-unreal = Naming("{name}", "{name}_{l}", "{name}_0{number}_{l}", UNREAL)
-
-
-# ---- bodies
 
 
 @dataclass(frozen=True)
@@ -216,35 +156,39 @@ def scaled(points: Array, rig: Rig, parts: Mapping[str, float]) -> Array:
     made = points.copy()
     for name, factor in parts.items():
         joint = rig.bones.names.index(f"mixamorig:{name}")
-        below = [other for other in range(joint, len(rig.bones.names)) if joint in _line(rig.bones, other)]
-        share = np.asarray(rig.weights[:, below].sum(axis=1)).ravel() / _sums(rig)
+        share = np.asarray(rig.weights[:, _below(rig.bones, joint)].sum(axis=1)).ravel() / _sums(rig)
         made += share[:, None] * (factor - 1) * (points - rig.bones.positions[joint])
     return made
 
 
-def _line(bones: Bones, joint: int) -> list[int]:
-    line = [joint]
-    while bones.parents[line[-1]] >= 0:
-        line.append(int(bones.parents[line[-1]]))
-    return line
+def _below(bones: Bones, joint: int) -> list[int]:
+    """A joint and all below it."""
+    found = [joint]
+    for other, parent in enumerate(bones.parents):
+        found += [other] if parent in found else []
+    return found
 
 
 def _sums(rig: Rig) -> Array:
     return np.maximum(np.asarray(rig.weights.sum(axis=1)).ravel(), 1e-9)
 
 
-def in_t_pose(points: Array, rig: Rig, joint_of: Callable[[str], str]) -> tuple[Array, Rig]:
-    """The body with arms and hands straight to the sides, by linear blend skinning."""
-    bones, at = rig.bones, rig.bones.names.index
+def _arm(rig: str, side: str) -> list[str]:
+    """The names of upper arm, forearm, hand and first bone of the middle finger in a rig of the data."""
+    if rig == "game_engine":
+        return [f"{part}_{side[0]}" for part in ("upperarm", "lowerarm", "hand", "middle_01")]
+    return [f"mixamorig:{side.title()}{part}" for part in ("Arm", "ForeArm", "Hand", "HandMiddle1")]
+
+
+def in_t_pose(points: Array, rig: Rig, name: str) -> tuple[Array, Rig]:
+    """The body with arms and hands straight to the sides, by linear blend skinning; `name` is that of the rig."""
+    bones = rig.bones
     turns = Rotation.from_quat(np.tile([0.0, 0.0, 0.0, 1.0], (len(bones.names), 1))).as_matrix()
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        chain = [at(joint_of(f"{side}{bone}")) for bone in ("UpperArm", "LowerArm", "Hand", "MiddleProximal")]
-        for upper, lower in itertools.pairwise(chain):
+        for upper, lower in itertools.pairwise(map(bones.names.index, _arm(name, side))):
             along = bones.positions[lower] - bones.positions[upper]
             turn = Rotation.from_quat(least_rotation(along[None], np.array([[sign, 0.0, 0.0]]))[0]).as_matrix()
-            for joint in range(len(bones.names)):
-                if upper in _line(bones, joint):
-                    turns[joint] = turn
+            turns[_below(bones, upper)] = turn
     positions = bones.positions.copy()
     for joint, parent in enumerate(bones.parents):
         if parent >= 0:
@@ -285,14 +229,12 @@ class Kind:
 
     Attributes:
         rig: of the data, "mixamo", "game_engine" or "cmu_mb".
-        names: renames by role, of the rigs "mixamo" and "game_engine".
         rolled: whether joints lie along their bones, or along the axes of the world.
         t_pose: whether it binds with arms to the sides, or as the base mesh stands.
     """
 
     build: Build
     rig: str = "mixamo"
-    names: Callable[[str], str] | None = None
     rolled: bool = True
     t_pose: bool = False
 
@@ -303,15 +245,12 @@ def made(data: Path, kind: Kind) -> Character:
     if kind.build.parts:
         points = scaled(points, rig_of(data, "mixamo", points), kind.build.parts)
     rig = rig_of(data, kind.rig, points)
-    own = unreal if kind.rig == "game_engine" else mixamo  # names of joints in the rig, by role
     if kind.t_pose:
-        points, rig = in_t_pose(points, rig, own)
-    names = {own(role): kind.names(role) for role in ROLES} if kind.names else {}
+        points, rig = in_t_pose(points, rig, kind.rig)
     floor = np.array([0.0, points[base.group("body"), 1].min(), 0.0])
 
     def place(places: Array) -> Array:
         return DECIMETRE * (places - floor)
 
-    bones = replace(rig.bones, positions=place(rig.bones.positions)).renamed(names)
-    rig = replace(rig, bones=bones, tips=place(rig.tips))
-    return character(bones, axes=rig.axes() if kind.rolled else None, meshes=[mesh_of(base, place(points), rig)])
+    rig = replace(rig, bones=replace(rig.bones, positions=place(rig.bones.positions)), tips=place(rig.tips))
+    return character(rig.bones, axes=rig.axes() if kind.rolled else None, meshes=[mesh_of(base, place(points), rig)])

@@ -18,7 +18,6 @@ import numpy as np
 from clips import markdown_option
 
 sys.path += [str(Path(__file__).resolve().parents[1] / "tools")]
-from anny_characters import unreal
 from make_thickness import LEVELS, mean_of, skeleton_of
 from tables import publish, table
 
@@ -36,8 +35,8 @@ PARTS = ("hand", "forearm", "upper arm", "thigh", "shin", "foot", "head", "neck"
 
 def person(data: Path, name: str, gender: str, race: str) -> tuple[Body, SkinnedMesh]:
     """The body and the mesh of a person of a build."""
-    rig, mesh = mean_of(data, [(gender, race)], name, "game_engine", unreal)
-    at = rig.bones.names.index(unreal("head"))
+    rig, mesh = mean_of(data, [(gender, race)], name, "game_engine")
+    at = rig.bones.names.index("head")
     root, head = rig.bones.positions[[0, at], 1]
     crown = np.array([0.0, mesh.vertices[:, 1].max() + root - head, 0.0])
     return Body.of(skeleton_of(rig, {at: crown})), mesh

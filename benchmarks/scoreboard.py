@@ -21,11 +21,11 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from itertools import chain, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 import numpy as np
-from anny_characters import Build, Kind, made, mixamo, unreal
+from anny_characters import Build, Kind, made
 from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, found, markdown_option
 from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
@@ -48,15 +48,7 @@ from distretarget.target import Target
 Array = NDArray[np.float64]
 
 TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
-NAMES = {"mixamo": mixamo, "unreal": unreal}
-
-
-def _kind(names: str = "", build: Mapping[str, Any] | None = None, **how: Any) -> Kind:
-    """A character, as the table says."""
-    return Kind(Build(**(build or {})), names=NAMES.get(names), **how)
-
-
-BODIES = {name: _kind(**kind) for name, kind in TABLES["bodies"].items()}
+BODIES = {name: Kind(Build(**kind.pop("build", {})), **kind) for name, kind in TABLES["bodies"].items()}
 AVERAGE = "average"  # the body that the sources of clips are given
 TWENTY = (
     *CLIPS,

