@@ -24,7 +24,7 @@ from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import METRICS
-from distretarget.numerics.vectors import level, normalised
+from distretarget.numerics.vectors import angles_between, level, normalised
 from distretarget.objectives import clip
 from distretarget.pipeline.result import RetargetResult
 
@@ -97,19 +97,17 @@ class Stage:
             rotations[:, self.joint(role)] = rotations[before, self.joint(role)]
         return replace(self.motion, rotations=rotations)
 
-    def hand_moved(self, side: str, by: Array, frames: Array | None = None) -> Motion:
+    def hand_moved(self, side: str, by: Array) -> Motion:
         """The motion with a hand moved by (3,) [file units] from the shoulder and the elbow; the hand is not turned."""
-        stage, frames = self, self.all() if frames is None else frames
-        goal = self.motion.positions[frames, self.joint(f"{side}Hand")] + by
-        kept = Rotation.from_quat(self.motion.world_rotations_of(self.joint(f"{side}Hand"))[frames])
+        stage, hand = self, self.joint(f"{side}Hand")
+        goal = self.motion.positions[:, hand] + by
+        kept = Rotation.from_quat(self.motion.world_rotations_of(hand))
         for role in ("LowerArm", "UpperArm") * 12:
-            at, hand = (stage.motion.positions[frames, self.joint(side + name)] for name in (role, "Hand"))
-            axis = np.cross(hand - at, goal - at)
-            angle = np.arctan2(np.linalg.norm(axis, axis=1), ((hand - at) * (goal - at)).sum(axis=1))
-            axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-12)[:, None]
-            stage = stage.on(stage.turned(side + role, np.degrees(angle)[:, None] * axis, frames))
-        world = Rotation.from_quat(stage.motion.world_rotations_of(self.joint(f"{side}Hand"))[frames])
-        return stage.turned(f"{side}Hand", (kept * world.inv()).as_rotvec(degrees=True), frames)
+            at, end = (stage.motion.positions[:, joint] for joint in (self.joint(side + role), hand))
+            axis, angle = np.cross(end - at, goal - at), angles_between(end - at, goal - at)
+            stage = stage.on(stage.turned(side + role, np.degrees(angle)[:, None] * normalised(axis)))
+        world = Rotation.from_quat(stage.motion.world_rotations_of(hand))
+        return stage.turned(hand, (kept * world.inv()).as_rotvec(degrees=True))
 
     def crouched(self, degrees: float) -> Motion:
         """The motion with knees more bent, and hips so much lower that the ankles stay where they are."""

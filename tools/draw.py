@@ -20,10 +20,9 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 from skeleton_edits import only
 
-from distretarget import Body, Motion, RetargetResult, Skeleton
-from distretarget.body.axes import axes_of, axis_vector
+from distretarget import Motion, RetargetResult, Skeleton
+from distretarget.body.axes import axis_vector
 from distretarget.body.conventions import stem_and_side, words
-from distretarget.numerics.vectors import level, normalised
 
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", None: "#3b4252"}  # of the sides of the body, and of the trunk
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
@@ -38,7 +37,6 @@ STILL_COLOURS, MOVING_COLOURS = 64, 32  # of a picture, of all frames together; 
 MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
 
 Array = NDArray[np.float64]
-Turn = Rotation | None
 
 
 class Camera(NamedTuple):
@@ -76,63 +74,40 @@ class Cell:
     size: float = 1.0
 
 
-def upright(up: Array) -> Rotation:
-    """The smallest rotation that turns an axis, (3,), to Y."""
-    return Rotation.align_vectors([0.0, 1.0, 0.0], up)[0]
-
-
-def facing(motion: Motion, body: Body, frame: int) -> Rotation:
-    """The rotation that turns up to Y and, with legs, makes the hips face +Z in a frame."""
-    if body.legs is None:
-        return upright(body.up_vector)
-    left, right = (motion.positions[frame, leg.hip] for leg in body.legs)
-    return Rotation.from_matrix(axes_of(normalised(level(left - right, body.up_vector)), body.up_vector).T)
-
-
 def cells(
-    motion: Motion, frames: Sequence[int], size: float | None = None, floor: float | None = None, turn: Turn = None
+    motion: Motion, frames: Sequence[int], size: float, up: Array | None = None, floor: float | None = None
 ) -> list[Cell]:
     """Frames as figures, each moved to the origin; a motion that stays on the spot is moved as a whole. Lengths are
-    divided by `size`, by default the height of the body; the default floor is the lowest joint of all frames; `turn`
-    turns the whole motion, by default the skeleton's up axis to Y.
+    divided by `size`; `up`, (3,), by default the skeleton's, is turned to Y; the default floor is the lowest joint of
+    all frames.
     """
-    height = body_height(motion.skeleton)
-    size = size or height
-    turn = turn or upright(axis_vector(motion.skeleton.up or "Y"))
+    turn, _ = Rotation.align_vectors([0.0, 1.0, 0.0], axis_vector(motion.skeleton.up or "Y") if up is None else up)
     points = motion.positions @ turn.as_matrix().T / size
     points[..., 1] -= points[..., 1].min() if floor is None else floor / size
     grounds = points[frames, 0] * (1, 0, 1)
     if np.all(np.ptp(grounds, axis=0) < ON_THE_SPOT):
         grounds[:] = grounds.mean(axis=0)
     return [
-        Cell(motion.skeleton, points[frame] - ground, ground, height / size)
+        Cell(motion.skeleton, points[frame] - ground, ground, body_height(motion.skeleton) / size)
         for frame, ground in zip(frames, grounds, strict=True)
     ]
 
 
-def figures_of(result: RetargetResult, frames: Sequence[int], turn: Turn = None) -> list[list[Cell]]:
-    """Frames of source, rotation copy and result, equally tall; each stands on the source's floor, scaled."""
-    source, target = result.matching.source, result.matching.target
-    floor = source.lowest(result.world.up_vector)
-    return [
-        body_cells(result.source, source, frames, floor, turn),
-        body_cells(result.rotation_copy, target, frames, result.root_scale * floor, turn),
-        body_cells(result.motion, target, frames, result.root_scale * floor, turn),
-    ]
-
-
-def body_cells(
-    motion: Motion, body: Body, frames: Sequence[int], floor: float | None = None, turn: Turn = None
-) -> list[Cell]:
-    """Frames of a body of height 1, without helper joints such as IK handles and props; arguments as in `cells`."""
-    shown = np.flatnonzero(body.regions.of_joint >= 0)
-    drawn = only(motion.skeleton, shown)
-    ends = ~np.isin(np.arange(len(drawn)), drawn.parents)
-    drawn = replace(drawn, channels=((),) * len(drawn), end_sites=ends)
-    return [
-        replace(cell, skeleton=drawn, points=cell.points[shown], size=1.0)
-        for cell in cells(motion, frames, body.height, floor, turn or upright(body.up_vector))
-    ]
+def figures_of(result: RetargetResult, frames: Sequence[int]) -> list[list[Cell]]:
+    """Frames of source, rotation copy and result, equally tall, without helper joints such as IK handles and props;
+    each stands on the source's floor, scaled.
+    """
+    source, target, figures = result.matching.source, result.matching.target, []
+    floors = source.lowest(result.world.up_vector) * np.array([1.0, result.root_scale, result.root_scale])
+    motions = (result.source, source), (result.rotation_copy, target), (result.motion, target)
+    for (motion, body), floor in zip(motions, floors, strict=True):
+        shown = np.flatnonzero(body.regions.of_joint >= 0)
+        drawn = only(motion.skeleton, shown)
+        ends = ~np.isin(np.arange(len(drawn)), drawn.parents)
+        drawn = replace(drawn, channels=((),) * len(drawn), end_sites=ends)
+        whole = cells(motion, frames, body.height, body.up_vector, floor)
+        figures.append([replace(cell, skeleton=drawn, points=cell.points[shown], size=1.0) for cell in whole])
+    return figures
 
 
 def body_height(skeleton: Skeleton) -> float:

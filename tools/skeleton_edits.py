@@ -18,14 +18,10 @@ def places(skeleton: Skeleton) -> NDArray[np.float64]:
 
 
 def with_chain(
-    skeleton: Skeleton,
-    parent: int,
-    offsets: Mapping[str, ArrayLike],
-    end: ArrayLike | None = None,
-    channels: tuple[str, ...] | None = None,
+    skeleton: Skeleton, parent: int, offsets: Mapping[str, ArrayLike], end: ArrayLike | None = None
 ) -> Skeleton:
     """The skeleton with a chain of new joints below the joint `parent`, each the child of the one before, with its
-    offset (3,) by name, and perhaps an End Site after the last. By default joints have the root's rotation channels.
+    offset (3,) by name and the root's rotation channels, and perhaps an End Site after the last.
     """
     ends = [] if end is None else [end]
     rows = [*offsets.values(), *ends]
@@ -36,7 +32,7 @@ def with_chain(
         names=(*skeleton.names, *names),
         parents=np.append(skeleton.parents, [parent, *range(first, first + len(rows) - 1)]),
         offsets=np.append(skeleton.offsets, np.array(rows, float), axis=0),
-        channels=(*skeleton.channels, *[channels or skeleton.channels[0][-3:]] * len(offsets), *[() for _ in ends]),
+        channels=(*skeleton.channels, *[skeleton.channels[0][-3:]] * len(offsets), *[() for _ in ends]),
         end_sites=np.append(skeleton.end_sites, np.arange(len(rows)) >= len(offsets)),
     )
 

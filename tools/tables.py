@@ -23,11 +23,11 @@ def several(values: Iterable[float | None], form: str) -> str:
     return " / ".join("-" if value is None else f"{value:{form}}" for value in values)
 
 
-def mean_and_largest(values: ArrayLike, form: str = ".2f", largest: ArrayLike | None = None) -> str:
-    """Mean and largest of the finite values; the largest may be taken from other values. `-` without finite values."""
-    values, largest = (np.asarray(each, float) for each in (values, values if largest is None else largest))
-    values, largest = values[np.isfinite(values)], largest[np.isfinite(largest)]
-    return several([values.mean(), largest.max()], form) if values.size else "-"
+def mean_and_largest(values: ArrayLike, form: str) -> str:
+    """Mean and largest of the finite values; `-` without finite values."""
+    values = np.asarray(values, float)
+    finite = values[np.isfinite(values)]
+    return several([finite.mean(), finite.max()], form) if finite.size else "-"
 
 
 def with_tables(page: Path, tables: Mapping[str, str]) -> str:
