@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 from characters import Bones, Character, Mesh, character
+from sample_mesh import normals_of
 
 from distretarget.numerics.quaternions import least_rotation
 
@@ -208,19 +209,13 @@ def mesh_of(base: Base, points: Array, rig: Rig) -> Mesh:
     numbers = np.zeros(len(points), int)
     numbers[used] = np.arange(len(used))
     triangles = np.array([[f[0], *f[n : n + 2]] for f in faces for n in range(1, len(f) - 1)])
-    sides = points[triangles]
-    normals = np.zeros_like(points)
-    across = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-    for corner in range(3):
-        np.add.at(normals, triangles[:, corner], across)
     weights = rig.weights[used].toarray()
     joints = np.argsort(-weights, axis=1)[:, :4]
     shares = np.take_along_axis(weights, joints, axis=1)
     shares[shares.sum(axis=1) == 0, 0] = 1.0
     shares /= shares.sum(axis=1, keepdims=True)
-    lengths = np.maximum(np.linalg.norm(normals[used], axis=1, keepdims=True), 1e-12)
     joints = np.where(shares > 0, joints, 0)
-    return Mesh(points[used], numbers[triangles], joints, shares, normals[used] / lengths, SKIN)
+    return Mesh(points[used], numbers[triangles], joints, shares, normals_of(points, triangles)[used], SKIN)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image
 from numpy.typing import NDArray
+from sample_mesh import normals_of
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
@@ -45,14 +46,6 @@ def drawn_figure(mesh: SkinnedMesh, motion: Motion) -> Array:
     for corners, material in zip(mesh.triangles, mesh.looks.of_triangle, strict=True):
         _fill(colours, depths, seen[corners], shade[corners], materials[material])
     return colours.reshape(SIZE[1], FINER, SIZE[0], FINER, 3).mean(axis=(1, 3))
-
-
-def normals_of(points: Array, triangles: NDArray[np.intp]) -> Array:
-    """(points, 3), unit vectors out of the surface: the mean of those of the triangles about each point, by area."""
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
-    normals = np.zeros_like(points)
-    np.add.at(normals, triangles, np.cross(b - a, c - a)[:, None])
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 
 def _fill(colours: Array, depths: Array, corners: Array, shade: Array, colour: Array) -> None:

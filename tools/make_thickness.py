@@ -9,7 +9,6 @@ build, with the rig named as Mixamo's and its skin weights. Prints the shares of
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterable, Mapping
 from itertools import product
@@ -25,6 +24,7 @@ from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, capsules_of
 from distretarget.body.segments import HEAD, frames
+from distretarget.io.json_node import on_lines
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -103,16 +103,7 @@ def entry(data: Path, name: str) -> dict[str, object]:
     return {"head": larger, "leg": round(leg, 3), "crown": round(float(crown), 3), "parts": rounded}
 
 
-def line(key: str, value: object, indent: int) -> str:
-    """The lines of an entry of a JSON object: a line for each number and each part."""
-    space = " " * indent
-    if not isinstance(value, dict):
-        return f"{space}{json.dumps(key)}: {json.dumps(value)}"
-    inner = ",\n".join(line(*item, indent + 2) for item in value.items())
-    return f"{space}{json.dumps(key)}: {{\n{inner}\n{space}}}"
-
-
 if __name__ == "__main__":
     folder = Path(sys.argv[1]) / "data" / "mpfb2"
     table = {"source": SOURCE, "builds": {name: entry(folder, name) for name in BUILDS}}
-    TABLE.write_text("{\n" + ",\n".join(line(*item, 2) for item in table.items()) + "\n}\n")
+    TABLE.write_text(f"{on_lines(table, 4)}\n")

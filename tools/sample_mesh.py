@@ -162,6 +162,14 @@ def _slope(body: Body, points: Array) -> Array:
     return np.stack([(body(points + step) - body(points - step)) / (2 * STEP) for step in steps], axis=-1)
 
 
+def normals_of(points: Array, triangles: NDArray[np.intp]) -> Array:
+    """(points, 3), unit vectors out of the surface: the mean of those of the triangles about each point, by area."""
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    normals = np.zeros_like(points)
+    np.add.at(normals, triangles, np.cross(b - a, c - a)[:, None])
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+
 # ---- weights
 
 
