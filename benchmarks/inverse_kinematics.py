@@ -10,9 +10,9 @@ import mink
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, RetargetResult
+from distretarget.numerics.kinematics import make_local
 
 Array = NDArray[np.float64]
 
@@ -57,15 +57,11 @@ class ScaledGoals:
         """The solved frames as a motion of the target."""
         copy = self.copy
         places, turns = zip(*((data.xpos[1].copy(), data.xquat[1:].copy()) for data in self.solved(steps)), strict=True)
-        world = np.tile([0.0, 0.0, 0.0, 1.0], (*copy.rotations.shape[:2], 1))
-        world[:, self.bodies] = np.array(turns)[..., W_LAST]
-        local = world.copy()
-        for joint in self.bodies[1:]:
-            above = Rotation.from_quat(world[:, copy.skeleton.parents[joint]])
-            local[:, joint] = (above.inv() * Rotation.from_quat(world[:, joint])).as_quat()
-        for joint in np.flatnonzero(copy.skeleton.end_sites):
-            local[:, joint] = [0.0, 0.0, 0.0, 1.0]
-        return Motion(copy.skeleton, np.array(places) * self.unit, local, copy.frame_time_text)
+        rotations = np.tile([0.0, 0.0, 0.0, 1.0], (*copy.rotations.shape[:2], 1))
+        rotations[:, self.bodies] = np.array(turns)[..., W_LAST]
+        make_local(copy.skeleton.parents, rotations)
+        rotations[:, copy.skeleton.end_sites] = [0.0, 0.0, 0.0, 1.0]
+        return Motion(copy.skeleton, np.array(places) * self.unit, rotations, copy.frame_time_text)
 
     def solved(self, steps: int) -> Iterator[mujoco.MjData]:
         """The state of the model in each frame."""
