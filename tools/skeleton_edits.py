@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
+from distretarget.body.recognition import by_names
+from distretarget.numerics.rotations import least
+
+NO_BONE = 0.1  # a joint this near to its parent shows no bone [cm]
+
+
+def roles(skeleton: Skeleton) -> Mapping[str, int]:
+    """The joint of each role, such as "leftFoot", found by name."""
+    anatomy = by_names(skeleton)
+    if anatomy is None:
+        raise ValueError("the names of the joints are not those of a person")
+    return anatomy.roles
 
 
 def places(skeleton: Skeleton) -> NDArray[np.float64]:
@@ -83,15 +95,37 @@ def turned_below(skeleton: Skeleton, joint: int, turn: Rotation) -> Skeleton:
     return with_offset(skeleton, below, turn.apply(skeleton.offsets[below]))
 
 
-def along_x(skeleton: Skeleton) -> Skeleton:
-    """The skeleton in the rest pose of LAFAN1's files, in which nobody can stand: every only child lies along +X of its
-    parent, and the offsets of siblings are in axes that point up, forward and left.
+@dataclass(frozen=True)
+class Along:
+    """A rest pose in which nobody can stand: bones lie along an axis of their joints, those of the right side against
+    it if `mirrored`. `base` has the axes of the hips as columns, in those of a body in T-pose.
     """
-    alone = [joint for joint in range(1, len(skeleton)) if len(skeleton.children[skeleton.parents[joint]]) == 1]
-    offsets = np.array(skeleton.offsets)[:, [1, 2, 0]]
-    offsets[alone] = skeleton.lengths[alone, None] * np.array([1.0, 0.0, 0.0])
-    offsets[0] = skeleton.offsets[0]
-    return skeleton.with_offsets(offsets)
+
+    base: NDArray[np.float64]
+    axis: int
+    mirrored: bool = False
+
+    def axes(self, skeleton: Skeleton) -> Rotation:
+        """The axes of each joint of a skeleton in T-pose; a joint with no bone or several has those of its parent."""
+        joints = roles(skeleton)
+        right = {*skeleton.subtree(joints["rightShoulder"]), *skeleton.subtree(joints["rightUpperLeg"])}
+        axes = [Rotation.identity()] * joints["hips"]
+        for joint in range(len(axes), len(skeleton)):
+            below = [child for child in skeleton.children[joint] if skeleton.lengths[child] > NO_BONE]
+            turn = Rotation.from_matrix(self.base) if joint == joints["hips"] else axes[skeleton.parents[joint]]
+            if len(below) == 1:
+                along = turn.as_matrix()[:, self.axis] * (-1.0 if self.mirrored and joint in right else 1.0)
+                turn = least(along[None], skeleton.offsets[below]) * turn
+            axes.append(turn)
+        return Rotation.from_quat(np.array([turn.as_quat() for turn in axes]))
+
+
+LEFT, UP, FORWARD = np.eye(3)
+LYING: Mapping[str, Along] = {
+    "X": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0),  # LAFAN1
+    "Y": Along(np.eye(3), axis=1),  # Character Creator
+    "X mirrored": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0, mirrored=True),  # Bandai Namco
+}
 
 
 def with_axes(skeleton: Skeleton, axes: Rotation) -> Skeleton:

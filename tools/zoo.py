@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from sample_rigs import rig
 from scipy.spatial.transform import Rotation
 from skeleton_edits import (
+    LYING,
     bare,
     below_root,
     in_axes,
     only,
     places,
+    roles,
     turned_below,
     with_axes,
     with_chain,
@@ -31,21 +33,11 @@ from skeleton_edits import (
 
 from distretarget import Motion, Skeleton, retarget
 from distretarget.body.anatomy import SIDES
-from distretarget.body.recognition import by_names
-from distretarget.numerics.rotations import least
 from distretarget.skeleton import POSITION_CHANNELS
 
 INWARDS = {"left": -1.0, "right": 1.0}  # along X
 TABLES: Mapping[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 BUILDS, FINGERS, HANDS, HANDLES = (TABLES[name] for name in ("builds", "fingers", "hands", "handles"))
-
-
-def roles(skeleton: Skeleton) -> Mapping[str, int]:
-    """The joint of each role, such as "leftFoot", found by name."""
-    anatomy = by_names(skeleton)
-    if anatomy is None:
-        raise ValueError("the names of the joints are not those of a person")
-    return anatomy.roles
 
 
 # ---- conventions: the names of the joints, and the order of the rotation channels
@@ -220,40 +212,6 @@ def standing(skeleton: Skeleton) -> Skeleton:
 # ---- rest poses
 
 POSES: Mapping[str, float] = {"T": 0.0, "A": 45.0, "I": 85.0}  # the arms, below the horizontal [degrees]
-NO_BONE = 0.1  # a joint this near to its parent shows no bone [cm]
-
-
-@dataclass(frozen=True)
-class Along:
-    """A rest pose in which nobody can stand: bones lie along an axis of their joints, those of the right side against
-    it if `mirrored`. `base` has the axes of the hips as columns, in those of a body in T-pose.
-    """
-
-    base: NDArray[np.float64]
-    axis: int
-    mirrored: bool = False
-
-    def axes(self, skeleton: Skeleton) -> Rotation:
-        """The axes of each joint of a skeleton in T-pose; a joint with no bone or several has those of its parent."""
-        joints = roles(skeleton)
-        right = {*skeleton.subtree(joints["rightShoulder"]), *skeleton.subtree(joints["rightUpperLeg"])}
-        axes = [Rotation.identity()] * joints["hips"]
-        for joint in range(len(axes), len(skeleton)):
-            below = [child for child in skeleton.children[joint] if skeleton.lengths[child] > NO_BONE]
-            turn = Rotation.from_matrix(self.base) if joint == joints["hips"] else axes[skeleton.parents[joint]]
-            if len(below) == 1:
-                along = turn.as_matrix()[:, self.axis] * (-1.0 if self.mirrored and joint in right else 1.0)
-                turn = least(along[None], skeleton.offsets[below]) * turn
-            axes.append(turn)
-        return Rotation.from_quat(np.array([turn.as_quat() for turn in axes]))
-
-
-LEFT, UP, FORWARD = np.eye(3)
-LYING: Mapping[str, Along] = {
-    "X": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0),  # LAFAN1
-    "Y": Along(np.eye(3), axis=1),  # Character Creator
-    "X mirrored": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0, mirrored=True),  # Bandai Namco
-}
 
 
 def posed(skeleton: Skeleton, pose: str) -> Skeleton:
