@@ -80,36 +80,8 @@ def pose_solver(
     stops when the norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of
     the objective].
     """
-
-    @inlined()
-    def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
-        body, scratch = problem.body, problem.scratch
-        pose_body(v, body, problem.bones, problem.root, scratch)
-        potential = energy(scratch, problem.terms)
-        pose_gradient(v, body, scratch, gradient)
-        return potential + stiffness_energy(v, body)
-
-    @inlined()
-    def pose_best(starts, count, body, bones, root, terms, scratch, pose, gradient):  # type: ignore[no-untyped-def]
-        """Write the best of the first `count` starts to `pose`, and pose the body in it. Return the objective there,
-        with its `gradient`, and the number of evaluations.
-        """
-        best, least, sigma, tried = 0, 0.0, 0.0, 0
-        for trial in range(count + 1):
-            if trial == count and best == count - 1:
-                break  # the body is in the best one
-            start = starts[trial if trial < count else best]
-            pose_body(start, body, bones, root, scratch)
-            potential = energy(scratch, terms)
-            sigma = potential + stiffness_energy(start, body)
-            tried += 1
-            if trial == 0 or sigma < least:
-                least, best = sigma, trial
-        copy_to(pose, starts[best])
-        pose_gradient(pose, body, scratch, gradient)
-        return sigma, tried
-
-    minimise = spectral_gradient(objective, _steepest_in_metric, adaptive=False)
+    pose_best = _best_start(energy)
+    minimise = spectral_gradient(_objective(energy), _steepest_in_metric, adaptive=False)
 
     @inlined()
     def solve(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
@@ -151,6 +123,46 @@ def pose_solver(
             record(Minimum(minimum.value, iterations, evaluations, minimum.reason), log, first + frame)
 
     return solve
+
+
+def _objective(energy: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the objective of a `_Problem` in a pose, for the spectral gradient method, as an `inlined` function."""
+
+    @inlined()
+    def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
+        body, scratch = problem.body, problem.scratch
+        pose_body(v, body, problem.bones, problem.root, scratch)
+        potential = energy(scratch, problem.terms)
+        pose_gradient(v, body, scratch, gradient)
+        return potential + stiffness_energy(v, body)
+
+    return objective
+
+
+def _best_start(energy: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the choice of a start pose, as an `inlined` function."""
+
+    @inlined()
+    def pose_best(starts, count, body, bones, root, terms, scratch, pose, gradient):  # type: ignore[no-untyped-def]
+        """Write the best of the first `count` starts to `pose`, and pose the body in it. Return the objective there,
+        with its `gradient`, and the number of evaluations.
+        """
+        best, least, sigma, tried = 0, 0.0, 0.0, 0
+        for trial in range(count + 1):
+            if trial == count and best == count - 1:
+                break  # the body is in the best one
+            start = starts[trial if trial < count else best]
+            pose_body(start, body, bones, root, scratch)
+            potential = energy(scratch, terms)
+            sigma = potential + stiffness_energy(start, body)
+            tried += 1
+            if trial == 0 or sigma < least:
+                least, best = sigma, trial
+        copy_to(pose, starts[best])
+        pose_gradient(pose, body, scratch, gradient)
+        return sigma, tried
+
+    return pose_best
 
 
 @inlined(fastmath=True)
