@@ -48,8 +48,7 @@ def main(context: click.Context) -> None:
 @click.pass_obj
 def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
     """Convert clips of one length with 1 process and with 2 in turn; print time ratio, first clip, and start."""
-    for number in range(clips):
-        write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
+    write_samples(scratch, clips, frames)
     ratio, first = alternately(scratch, rounds)
     print(f"{clips} clips of {frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
     ready = []
@@ -96,8 +95,7 @@ def together(scratch: Path, runs: int, clips: int, frames: int, rounds: int, kil
     again, some times; then let all finish. Outputs and metrics must be those of an undisturbed run, all runs must exit
     with 0, and only metrics and database may lie beside the outputs.
     """
-    for number in range(clips):
-        write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
+    write_samples(scratch, clips, frames)
     whole, wrong = scratch / "whole", 0
     run(scratch / "in", whole, "--jobs", 2).wait()
     for number in range(rounds):
@@ -128,8 +126,7 @@ def tiny(scratch: Path, clips: int, frames: int, rounds: int) -> None:
     """Convert very short clips with 1 process and with 2 in turn, and find that they are done; print the time, disk
     space and memory that each costs beyond its frames.
     """
-    for number in range(clips):
-        write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
+    write_samples(scratch, clips, frames)
     run(scratch / "in", scratch / "first").wait()  # which compiles
     for what, jobs in (("1 job", 1), ("2 jobs", 2), ("done before", 1)):
         seconds = []
@@ -149,10 +146,12 @@ def memory() -> float:
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
-def write_sample(scratch: Path, number: int, name: str, frames: int) -> None:
-    """Write an input of the batch: a sample clip, played forwards and backwards until it has this many frames."""
-    (scratch / "in").mkdir(exist_ok=True)
-    write_bvh(scratch / "in" / f"{number}.bvh", back_and_forth(read_bvh(SAMPLES / f"{name}.bvh"), frames))
+def write_samples(scratch: Path, clips: int, frames: int) -> None:
+    """Write the inputs of the batch: sample clips in turn, played forwards and backwards for so many frames."""
+    (scratch / "in").mkdir()
+    for number in range(clips):
+        sample = read_bvh(SAMPLES / f"{CLIPS[number % len(CLIPS)]}.bvh")
+        write_bvh(scratch / "in" / f"{number}.bvh", back_and_forth(sample, frames))
 
 
 def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sample_rigs import rig
 from scipy.spatial.transform import Rotation
 from skeleton_edits import (
@@ -228,31 +228,20 @@ OVERHEAD = np.array([0.0, 1.2, 0.0])  # height of a root over the head [body hei
 BESIDE = np.array([0.0, 0.03, 0.06])  # a root from its child, the hips [body heights]
 
 
-def floor(skeleton: Skeleton, naming: Naming) -> Skeleton:
-    """A root on the floor, and hips with position channels, as in Bandai Namco's files."""
-    return below_root(skeleton, naming.root, np.zeros(3), skeleton.channels[0])
-
-
-def above(skeleton: Skeleton, naming: Naming) -> Skeleton:
-    """A root over the head, like the hand of a puppeteer; only the root has position channels."""
-    return _fixed_hips(skeleton, naming, OVERHEAD * places(skeleton)[:, 1].max())
-
-
-def offset_child(skeleton: Skeleton, naming: Naming) -> Skeleton:
-    """A root above and before the hips, like a centre of mass; only the root has position channels."""
-    return _fixed_hips(skeleton, naming, skeleton.offsets[0] + BESIDE * places(skeleton)[:, 1].max())
-
-
-def _fixed_hips(skeleton: Skeleton, naming: Naming, place: NDArray[np.float64]) -> Skeleton:
+def _fixed_hips(skeleton: Skeleton, naming: Naming, start: ArrayLike, away: NDArray[np.float64]) -> Skeleton:
+    """A root that alone has position channels, `away`, (3,) [body heights], from a place, (3,)."""
     rotations = tuple(channel for channel in skeleton.channels[0] if channel not in POSITION_CHANNELS)
-    return below_root(skeleton, naming.root, place, rotations)
+    return below_root(skeleton, naming.root, start + away * places(skeleton)[:, 1].max(), rotations)
 
 
 ROOTS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
     "hips": lambda skeleton, _naming: skeleton,
-    "floor": floor,
-    "above": above,
-    "offset child": offset_child,
+    # on the floor, with position channels at the hips too, as in Bandai Namco's files
+    "floor": lambda skeleton, naming: below_root(skeleton, naming.root, np.zeros(3), skeleton.channels[0]),
+    # over the head, like the hand of a puppeteer
+    "above": lambda skeleton, naming: _fixed_hips(skeleton, naming, np.zeros(3), OVERHEAD),
+    # above and before the hips, like a centre of mass
+    "offset child": lambda skeleton, naming: _fixed_hips(skeleton, naming, skeleton.offsets[0], BESIDE),
 }
 
 # ---- helpers: joints that are not part of the body
