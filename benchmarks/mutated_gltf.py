@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import copy
+import functools
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -109,13 +110,13 @@ def _one(draw: Draw, choices: Sequence[Any]) -> Any:
 
 # ---- places in a document
 
+PARTS = ("nodes", "skins", "animations", "accessors", "bufferViews", "buffers", "extensions", "asset")
 Place = tuple[Any, Any]  # what holds a value, and its key or number
 
 
 def _places(draw: Draw, document: Document) -> Place:
     """A place in a document, at random, most of them where the reader looks."""
-    parts = ("nodes", "skins", "animations", "accessors", "bufferViews", "buffers", "extensions", "asset")
-    keys = [key for key in parts if key in document] if draw.random() < 0.9 else list(document)
+    keys = [key for key in PARTS if key in document] if draw.random() < 0.9 else list(document)
     if not keys or draw.random() < 0.03:
         keys = list(document) or ["asset"]
     holder, key = document, _one(draw, keys)
@@ -127,20 +128,13 @@ def _places(draw: Draw, document: Document) -> Place:
 
 
 def _odd(draw: Draw, document: Document) -> Any:
-    """Some value of any kind."""
-    kind = draw.integers(8)
-    if kind < 3:
-        return _one(draw, ODD_NUMBERS)
-    if kind == 3:
-        return _one(draw, ODD_NAMES)
-    if kind == 4:
-        return _one(draw, (None, True, False, [], {}, [[]], [{}], {"": None}))
-    if kind == 5:
-        return [ODD_NUMBERS[n] for n in draw.integers(len(ODD_NUMBERS), size=draw.choice([1, 3, 4, 16]))]
-    if kind == 6:
-        return int(draw.integers(-1, 60))
+    """Some value of any kind, most often a number."""
     holder, key = _places(draw, document)
-    return copy.deepcopy(holder[key])
+    number, name, count = _one(draw, ODD_NUMBERS), _one(draw, ODD_NAMES), _one(draw, (1, 3, 4, 16))
+    numbers = [ODD_NUMBERS[n] for n in draw.integers(len(ODD_NUMBERS), size=count)]
+    others = (None, True, False, [], {}, [[]], [{}], {"": None})
+    near = int(draw.integers(-1, 60))
+    return _one(draw, (number, number, number, name, _one(draw, others), numbers, near, copy.deepcopy(holder[key])))
 
 
 def _replace(draw: Draw, document: Document) -> None:
@@ -182,33 +176,31 @@ def _nudge(draw: Draw, document: Document) -> None:
             return
 
 
+def _entries(document: Document, *keys: str) -> list[Document]:
+    """The objects of some lists of a document."""
+    return [entry for key in keys for entry in document.get(key, ()) if isinstance(entry, dict)]
+
+
 def _rename(draw: Draw, document: Document) -> None:
     """Odd names of nodes, bones and animations."""
-    entries = [
-        entry for entry in document.get(("nodes", "animations")[draw.integers(2)], ()) if isinstance(entry, dict)
-    ]
+    entries = _entries(document, _one(draw, ("nodes", "animations")))
     for number in draw.integers(len(entries), size=draw.integers(1, 9)) if entries else ():
         entries[number]["name"] = _one(draw, ODD_NAMES)
 
 
 def _transform(draw: Draw, document: Document) -> None:
     """Odd transforms of a node."""
-    nodes = [entry for entry in document.get("nodes", ()) if isinstance(entry, dict)]
-    if not nodes:
-        return
-    node, size = _one(draw, nodes), _one(draw, ODD_FLOATS)
-    key, count = [("translation", 3), ("rotation", 4), ("scale", 3), ("matrix", 16)][draw.integers(4)]
-    node[key] = (size * draw.choice([0, 1, -1, 0.3], count)).tolist()
+    if nodes := _entries(document, "nodes"):
+        node, size = _one(draw, nodes), _one(draw, ODD_FLOATS)
+        key, count = _one(draw, (("translation", 3), ("rotation", 4), ("scale", 3), ("matrix", 16)))
+        node[key] = (size * draw.choice([0, 1, -1, 0.3], count)).tolist()
 
 
 def _retarget(draw: Draw, document: Document) -> None:
     """Another index where one is: children, joints, accessors, views."""
-    found: list[Place] = []
-    for key, lists in (("nodes", ("children",)), ("skins", ("joints",))):
-        for entry in document.get(key, ()):
-            for name in lists:
-                if isinstance(entry, dict) and isinstance(entry.get(name), list):
-                    found += [(entry[name], number) for number in range(len(entry[name]))]
+    entries = _entries(document, "nodes", "skins")
+    lists = [entry[key] for entry in entries for key in ("children", "joints") if isinstance(entry.get(key), list)]
+    found: list[Place] = [(each, number) for each in lists for number in range(len(each))]
     for key in ("skin", "mesh", "inverseBindMatrices", "input", "output", "sampler", "bufferView", "buffer", "node"):
         found += [(entry, key) for entry in _objects(document) if key in entry]
     if found:
@@ -228,47 +220,42 @@ def _objects(value: Any) -> list[dict[str, Any]]:
     return found
 
 
+def _line_of_nodes(draw: Draw, document: Document, many: int) -> None:
+    """A deep line of nodes below one of the document, whose end may be a joint of the first skin."""
+    nodes, name = document["nodes"], _one(draw, ("a", "", "Hips"))
+    first = len(nodes)
+    nodes += [{"name": name, "translation": [0, 0.1, 0], "children": [first + n + 1]} for n in range(many)]
+    nodes.append({})
+    nodes[draw.integers(first)]["children"] = [first]
+    if draw.random() < 0.5:
+        document["skins"][0]["joints"][0] = len(nodes) - 1
+
+
 def _grow(draw: Draw, document: Document) -> None:
-    """Much of something: deep lines of nodes, many entries, deep nesting, a long name."""
+    """Much of something: deep lines of nodes, many entries or keys, deep nesting, long names and animations."""
     many = int(draw.choice([30, 300, 1200, 5000, 30000], p=[0.4, 0.3, 0.2, 0.08, 0.02]))
-    nodes, kind = document.get("nodes"), draw.integers(6)
-    if kind == 0 and isinstance(nodes, list):
-        first = len(nodes)
-        name = ["a", "", "Hips"][draw.integers(3)]
-        nodes += [{"name": name, "translation": [0, 0.1, 0], "children": [first + n + 1]} for n in range(many)]
-        nodes.append({})
-        above = nodes[draw.integers(first)] if first else {}
-        if isinstance(above, dict):
-            above["children"] = [first]
-        for skin in document.get("skins", ())[: int(draw.integers(2))]:
-            if isinstance(skin, dict) and isinstance(skin.get("joints"), list):
-                skin["joints"][0] = len(nodes) - 1
+    kind, (holder, key) = draw.integers(6), _places(draw, document)
+    if kind == 0:
+        _line_of_nodes(draw, document, many)
     elif kind == 1:
-        key = ("nodes", "skins", "animations", "accessors", "bufferViews", "buffers", "meshes")[draw.integers(7)]
-        if isinstance(entries := document.get(key), list) and entries:
-            entry = copy.deepcopy(entries[draw.integers(len(entries))])
-            entries += [entry] * min(many, LARGEST // len(json.dumps(entry)))
+        entries = document[_one(draw, (*PARTS[:6], "meshes"))]
+        entries += _times(_one(draw, entries), many)
     elif kind == 2:
-        deep: Any = 0
-        for _ in range(min(many, 900)):
-            deep = [deep]
-        holder, key = _places(draw, document)
-        holder[key] = deep
+        holder[key] = functools.reduce(lambda deep, _: [deep], range(min(many, 900)), 0)
+    elif kind == 3 and isinstance(holder, list):
+        holder += _times(holder[key], many)
     elif kind == 3:
-        holder, key = _places(draw, document)
-        if isinstance(holder, list):
-            holder += [holder[key]] * min(many, LARGEST // len(json.dumps(holder[key])))
-        else:
-            holder[key] = "n" * (20 * many)
-    elif kind == 4 and document.get("animations"):
-        entry = document["animations"][0]
-        for key in ("channels", "samplers"):
-            if isinstance(entry, dict) and isinstance(entry.get(key), list):
-                entry[key] *= max(many // 30, 2)
-    else:
-        holder, key = _places(draw, document)
-        if isinstance(holder, dict):
-            holder |= {f"key {n}": 0 for n in range(many)}
+        holder[key] = "n" * (20 * many)
+    elif kind == 4:
+        for name in ("channels", "samplers"):
+            document["animations"][0][name] *= max(many // 30, 2)
+    elif isinstance(holder, dict):
+        holder |= {f"key {n}": 0 for n in range(many)}
+
+
+def _times(value: Any, many: int) -> list[Any]:
+    """A value many times, but not more than `LARGEST` allows."""
+    return [copy.deepcopy(value)] * min(many, LARGEST // len(json.dumps(value)))
 
 
 STRUCTURE = (_replace, _replace, _remove, _remove, _double, _swap, _nudge, _rename, _transform, _retarget, _retarget)
@@ -279,18 +266,13 @@ STRUCTURE = (_replace, _replace, _remove, _remove, _double, _swap, _nudge, _rena
 
 def _numbers(draw: Draw, document: Document, buffer: bytearray) -> None:
     """Odd numbers in what animations and skins use."""
-    used = [entry.get("inverseBindMatrices") for entry in document.get("skins", ()) if isinstance(entry, dict)]
-    samplers = [entry for entry in _objects(document.get("animations")) if "input" in entry and "output" in entry]
-    used += [entry[key] for entry in samplers for key in ("input", "output")]
-    used = sorted({each for each in used if isinstance(each, int) and 0 <= each < len(document["accessors"])})
-    if not used:
-        return
+    used = [entry["inverseBindMatrices"] for entry in document.get("skins", ()) if "inverseBindMatrices" in entry]
+    samplers = [sampler for animation in document["animations"] for sampler in animation["samplers"]]
+    used = sorted({*used, *(sampler[key] for sampler in samplers for key in ("input", "output"))})
     accessor = document["accessors"][used[0] if draw.random() < 0.3 else _one(draw, used)]
     view = document["bufferViews"][accessor.get("bufferView", 0)]
     start, length = view.get("byteOffset", 0), view["byteLength"] // 4 * 4
     values = np.frombuffer(buffer, "<f4", length // 4, start).copy()
-    if not len(values):
-        return
     kind = draw.integers(6)
     at = draw.integers(len(values), size=draw.integers(1, 5))
     if kind <= 1:
