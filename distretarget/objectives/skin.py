@@ -30,6 +30,7 @@ from distretarget.objectives.approach import approached
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.mesh_gaps import nearer_than_capsules
+from distretarget.objectives.sliding import stays
 from distretarget.objectives.spots import APART, IS_HARD, Spots, of_pairs
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, mean_radii, segment_gaps
@@ -127,7 +128,8 @@ def _displaced(
     begins with the frame `first`; `free` as `how_free`, and `alone`, (frames, limbs), is 0 while a limb touches others.
     """
     body, source, balls = skins.target, skins.source, skins.target.balls
-    in_source = segment_gaps(source.balls, source.posed(clip.source), APART)
+    ends = source.posed(clip.source)
+    in_source = segment_gaps(source.balls, ends, APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
     gaps = spots.least(in_source)
@@ -135,7 +137,7 @@ def _displaced(
     gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
     firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
-    firmness *= _alone(body, spots, alone)
+    firmness *= _alone(body, spots, alone) * stays(source, clip.source, ends, spots, touching, clip.shots)
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
