@@ -52,7 +52,7 @@ def stays(skin: BodySkin, motion: Motion, ends: Array, spots: Spots, near: Array
 
 def _place(axes: Axes, part: int, points: Array) -> Array:
     """(frames, 3), points along the axis of a part, to its front and to its left."""
-    return np.einsum("fij,fj->fi", axes.directions[:, part], points - axes.starts[:, part])
+    return np.asarray(np.einsum("fij,fj->fi", axes.directions[:, part], points - axes.starts[:, part]))
 
 
 def _speed(places: Array, near: Array, frame_time: float) -> Array:
