@@ -174,7 +174,7 @@ def test_a_path_of_squares_is_solved_as_by_dense_equations():
             bands[:, : n - k, k] = np.diagonal(K[span], -k, 1, 2)
 
     path = _Path(np.zeros((count, n)), h, tau, write)
-    path.settle()
+    path.settle(20)
     differences = [np.diff(np.eye(count), k, axis=0) for k in range(3)]
     M = sum(c * D.T @ D for c, D in zip((1.0, 2.0 * tau**2, tau**4), differences, strict=True))
     whole = np.kron(M, np.diag(h))

@@ -33,7 +33,7 @@ LONGEST = 60.0  # at more than 500 frames a second tau is so many frames, as its
 UPPER = 6.0  # upper arms and thighs are this much stiffer: elbows bend before shoulders turn
 FADES = 10.0  # what is farther away in time than so many tau has no effect
 NEAR = 2.0  # where a limb moved in a step, so many tau around it take the next
-STEPS = 20  # at most
+STEPS = 16  # at most
 SETTLED = 2e-3  # a limb whose parts turn by less in a step does not move [rad]
 FARTHEST = 0.5  # no part turns by more in a step [rad]
 TRIES = 6  # of a step that leads up ...
@@ -51,6 +51,7 @@ def bends(
     shots: Shots,
     frame_time: float,
     reach: float,
+    steps: int = STEPS,
 ) -> Array:
     """Return how far to displace middle and end of each limb in each frame, (frames, limbs, 2, 3) [body units].
 
@@ -64,6 +65,7 @@ def bends(
         shots: (frames,); nothing is smooth across cuts.
         frame_time: between frames [s].
         reach: balls and capsules that are farther apart than this do not touch [body units].
+        steps: how many are taken at most.
     """
     count, tau = len(are_arms), min(TAU / frame_time, LONGEST)
     displaced = displaced._replace(limbs=displaced.limbs % (count + 1))  # the last is that of what no limb carries
@@ -79,7 +81,7 @@ def bends(
             for span in _around(acts[shot], FADES * tau):
                 first, end = shot.start + span.start, shot.start + span.stop
                 x, h = w[first:end, own].reshape(end - first, -1), np.repeat(stiffness[own].ravel(), 3)
-                _Path(x, h, tau, partial(limbs.write, first)).settle()
+                _Path(x, h, tau, partial(limbs.write, first)).settle(steps)
     d = np.zeros_like(start)
     write_displacements(w, frames.limbs, room, d)
     return d
@@ -146,11 +148,11 @@ class _Path:
         self.damping = np.zeros(count)
         self.terms = np.zeros(count), np.zeros((count, n)), np.zeros((count, n, 2 * n + 1))
 
-    def settle(self) -> None:
-        """Take steps until no limb moves."""
+    def settle(self, steps: int) -> None:
+        """Take steps until no limb moves, at most so many."""
         self._evaluate(slice(0, len(self.x)), self.x)
         moves, near = np.ones(len(self.x), bool), 0.0
-        for _ in range(STEPS):
+        for _ in range(steps):
             spans = _around(moves, near)
             moves[:], near = False, self.near
             for span in spans:

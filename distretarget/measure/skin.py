@@ -14,6 +14,7 @@ from distretarget.body.segments import find_segments
 from distretarget.measure.hanging import beside, hangs
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, PartFrames, difference, find_part_frames
+from distretarget.measure.passing import passing, speeds
 from distretarget.measure.skin_depths import LIMBS, PARTS, Patches, find_depths
 from distretarget.measure.skin_places import PLACE_OF
 from distretarget.measure.skin_shapes import SkinPoints, one_by_one, patches_of, points_of_capsules, points_of_mesh
@@ -64,6 +65,7 @@ TOUCHABLE = np.array([_can_touch(part) for part in PARTS])
 BESIDE = np.array([_are(limb.split()[0], BESIDE_ARM) for limb in LIMBS])
 # (limbs, places), the places of the latter
 BESIDE_PLACES = np.array([np.isin(np.arange(PLACE_OF.max() + 1), PLACE_OF[beside]) for beside in BESIDE])
+IS_ARM = np.array([name.endswith(OWN_ARM) for name in SEGMENTS])  # (segments,)
 # (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
 # at the wrist, which is not at the same place of every mesh.
 HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
@@ -298,8 +300,20 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
         touches, gaps, seen = np.hstack([touches, others]), np.append(gaps, of_others), np.union1d(seen, between)
         order = np.argsort(touches[0], kind="stable")
         touches, gaps, spots = touches[:, order], gaps[order], np.concatenate([spots, spots_of_others])[order]
+    stay = ~_passing(source, body, skin, seen, touches)
+    touches, gaps, spots = touches[:, stay], gaps[stay], spots[stay]
     touches[0] = np.searchsorted(seen, touches[0])
     return SourceSkin(target, seen, touches, gaps, spots, hanging, source.frame_time)
+
+
+def _passing(source: Motion, body: Body, skin: Skin, seen: Numbers, touches: Numbers) -> Flags:
+    """(contacts,), whether the hand of what touches passes by; arms that meet never do."""
+    frame, limb, segment = touches
+    wrists = np.array([body.roles.get(f"{name.split()[0]}Hand", -1) for name in LIMBS])[limb]
+    known, speed = (wrists >= 0) & ~IS_ARM[segment], np.zeros(len(frame))
+    speed[known] = speeds(source, frame[known], wrists[known], skin.frames.joints[segment[known]])
+    of_place = limb * len(SEGMENTS) + PLACE_OF[segment]
+    return passing(speed, np.searchsorted(seen, frame), of_place, skin.height)
 
 
 def _of_arms(depths: Array) -> Array:

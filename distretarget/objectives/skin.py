@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.body.anatomy import SIDES
-from distretarget.ik.limb_bends import FADES, TAU, bends
+from distretarget.ik.limb_bends import FADES, STEPS, TAU, bends
 from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
@@ -30,6 +30,7 @@ from distretarget.objectives.approach import approached
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.mesh_gaps import nearer_than_capsules
+from distretarget.objectives.sliding import stays
 from distretarget.objectives.spots import APART, IS_HARD, Spots, of_pairs
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, mean_radii, segment_gaps
@@ -39,7 +40,9 @@ from distretarget.skin.sides import least_displacements
 from distretarget.skin.tangents import Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
-ROUNDS = 2  # the mesh is looked at so many times, as other places of it may be nearest once limbs have moved
+# The mesh is looked at before each round of the solve, as other places of it may be nearest once limbs have moved; the
+# steps of a round, at most. More rounds of fewer steps keep skin out better than fewer that settle.
+ROUNDS = (4, 4, 8)
 BY_USER = 2.0  # contacts that a user asks for are firmer than others by this factor
 REACH = 0.12  # what is farther apart than this in the result is not brought to touch [body units]
 
@@ -127,7 +130,8 @@ def _displaced(
     begins with the frame `first`; `free` as `how_free`, and `alone`, (frames, limbs), is 0 while a limb touches others.
     """
     body, source, balls = skins.target, skins.source, skins.target.balls
-    in_source = segment_gaps(source.balls, source.posed(clip.source), APART)
+    ends = source.posed(clip.source)
+    in_source = segment_gaps(source.balls, ends, APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
     gaps = spots.least(in_source)
@@ -135,7 +139,7 @@ def _displaced(
     gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
     firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
-    firmness *= _alone(body, spots, alone)
+    firmness *= _alone(body, spots, alone) * stays(source, clip.source, ends, spots, touching, clip.shots)
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
@@ -152,12 +156,12 @@ def _displaced(
     bend = partial(brought_out, balls, body.displaced, spots)
     if body.surface is None:
         return bend(frames, body.limbs, *shots, REACH, start=d)
-    for _ in range(ROUNDS):
+    for steps in ROUNDS:
         now = bent(posed, body.limbs, body.unit * d)
         nearer = near(body, spots=spots, motion=now, touching=frames.firmness)
         nearer[:, found:] = 0.0  # gaps that a user asks for are those of the capsules
         soft = np.where(IS_HARD[balls.pairs[:, 0]], frames.soft - nearer[:, spots.of_pair], frames.soft)
-        d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), body.limbs, *shots, REACH, start=d)
+        d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), body.limbs, *shots, REACH, d, steps)
     return d
 
 
@@ -190,11 +194,12 @@ def brought_out(
     frame_time: float,
     reach: float,
     start: Array | None = None,
+    steps: int = STEPS,
 ) -> Array:
     """Return how far to displace limbs, (frames, limbs, 2, 3), from where they are; see `ik.limb_bends.bends`."""
     start = find_start(balls, displaced, frames, shots, frame_time) if start is None else start
     arms = np.array([limb.is_arm for limb in limbs], bool)
-    return bends(balls, displaced, spots.of_pair, frames, arms, start, shots, frame_time, reach)
+    return bends(balls, displaced, spots.of_pair, frames, arms, start, shots, frame_time, reach, steps)
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
