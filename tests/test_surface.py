@@ -1,16 +1,19 @@
 """Points on the surface of a mesh: where they are in a pose, what is out, and how far parts are apart."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from bodies import HERO, SAMPLES
 from capsule_bodies import capsule_surface, mesh_of
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_depths import PARTS, find_depths
+from distretarget.numerics.vectors import normalised
 from distretarget.objectives.spots import APART
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.surface import SurfaceSamples
@@ -117,3 +120,38 @@ def test_triangles_between_two_parts_count_so_that_coarse_meshes_have_no_holes()
     assert surface.gaps(still, parts, np.ones((1, 1), bool), 1.0)[0, 0] == pytest.approx(
         0.25 - 0.1 * np.cos(np.pi / 6) - 0.05, abs=0.01
     )
+
+
+def box(middle, size):
+    """The corners, (8, 3), and triangles, (12, 3), of a box."""
+    signs = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3, indexing="ij")).reshape(3, -1).T
+    hull = ConvexHull(signs)
+    first, second = (signs[hull.simplices[:, k]] - signs[hull.simplices[:, 0]] for k in (1, 2))
+    out = (np.cross(first, second) * hull.equations[:, :3]).sum(axis=1)
+    triangles = np.where((out > 0.0)[:, None], hull.simplices, hull.simplices[:, ::-1])
+    return np.asarray(middle) + signs * size, triangles
+
+
+@pytest.mark.parametrize("towards", [(1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, -1)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_box_is_as_far_as_it_is_off_its_faces_edges_and_corners(towards, turned):
+    """A head of six faces, and a hand of six faces off it; `turned`, a corner of the hand points at the head."""
+    result = run("clap")
+    body, skin = result.matching.target, result.skins.target
+    rest, roles = body.skeleton.rest_positions, body.anatomy.roles
+    head, hand, sides = roles["head"], roles["leftHand"], 0.3 * np.ones(3)
+    corners, triangles = box(rest[head], sides)
+    touched = rest[head] + 0.5 * sides * np.array(towards)
+    away = normalised(np.array(towards, float))
+    small, others = box(np.zeros(3), 0.06 * np.ones(3))
+    if turned:
+        small = Rotation.align_vectors([-away], [normalised(small[0])])[0].apply(small)
+    middle = touched + (0.05 - (small @ away).min()) * away
+    mesh = mesh_of([(head, (corners, triangles)), (hand, (middle + small, others))])
+    ends = skin.capsules.ends.copy()
+    for joint, at in ((head, rest[head]), (hand, middle)):
+        ends[skin.capsules.joints == joint] = at - rest[joint]
+    surface = SurfaceSamples.of(mesh, body.skeleton, skin.of_joint, replace(skin.capsules, ends=ends))
+    still = Motion(body.skeleton, rest[:1], np.tile([0.0, 0.0, 0.0, 1.0], (1, len(rest), 1)), "0.1")
+    gap = surface.gaps(still, [(LEFT, (SEGMENTS.index("head"),))], np.ones((1, 1), bool), 1.0)[0, 0]
+    assert gap == pytest.approx(0.05, abs=0.004)

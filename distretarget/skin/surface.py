@@ -20,6 +20,7 @@ from distretarget.skin.surface_gaps import RUN, Bound, GapWorkspace, Points, wri
 POINTS = {"hand": 220, "forearm": 180, "chest": 400, "belly": 300, "pelvis": 300, "head": 400, "thigh": 200}
 OTHER_POINTS = 120
 STEPS = (0.7548776662466927, 0.5698402909980532)  # between points that spread evenly over a square
+AT_CORNER = 0.98  # the share of a corner in a point that stands for it
 
 Part = tuple[int, ...]  # the numbers of its segments
 
@@ -38,11 +39,11 @@ class SurfaceSamples:
         triangles, radii, segments = _spread(mesh, skeleton, of_joint, capsules)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
         corners = np.where((triangles > 0)[:, None], corners, corners[:, ::-1])
-        u, v = np.remainder(np.outer(STEPS, np.arange(count)) + 0.5, 1.0)
-        u, v = np.where(u + v > 1.0, 1.0 - np.array([u, v]), [u, v])  # the other half of the square
-        shares = np.array([1.0 - u - v, u, v])
+        first, second = (mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2))
+        are_large = 0.5 * lengths(cross(first, second)) > np.pi * radii**2
+        shares = _shares(triangles, are_large)
         order = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
-        corners, shares, radii = corners[order], shares[:, order], radii[order]
+        corners, shares, radii, are_large = corners[order], shares[:, order], radii[order], are_large[order]
         none, one = np.zeros(count), np.ones(count)
         rows, vertices = np.repeat(np.arange(count), 3), _bound(mesh, skeleton)
         size = count, len(mesh.vertices)
@@ -50,7 +51,8 @@ class SurfaceSamples:
             _rows(csr_array((np.transpose(each).ravel(), (rows, corners.ravel())), size) @ vertices)
             for each in (shares, [-one, one, none], [-one, none, one])
         )
-        return cls(Points(places, first, second, radii, np.searchsorted(segments, np.arange(len(SEGMENTS) + 1))))
+        of_segment = np.searchsorted(segments, np.arange(len(SEGMENTS) + 1))
+        return cls(Points(places, first, second, radii, np.ascontiguousarray(shares[1:].T), are_large, of_segment))
 
     def gaps(self, motion: Motion, parts: Sequence[tuple[int, Part]], wanted: Flags, farthest: float) -> Array:
         """Return how far limbs are from parts in each frame, (frames, pairs), negative where they are in, or `farthest`
@@ -108,6 +110,21 @@ def _spread(
             )
     triangles, radii, segments = map(np.concatenate, zip(*found, strict=True))
     return triangles, radii, segments
+
+
+def _shares(triangles: Numbers, are_large: Flags) -> Array:
+    """(3, points), the shares of the corners of its triangle in each point: spread evenly, but for the first three of a
+    large triangle, which are at its corners, as these reach out farthest.
+    """
+    u, v = np.remainder(np.outer(STEPS, np.arange(len(triangles))) + 0.5, 1.0)
+    u, v = np.where(u + v > 1.0, 1.0 - np.array([u, v]), [u, v])  # the other half of the square
+    shares = np.array([1.0 - u - v, u, v])
+    _, first, of_triangle = np.unique(triangles, return_index=True, return_inverse=True)
+    rank = np.arange(len(triangles)) - first[of_triangle]
+    at_corner = np.flatnonzero(are_large & (rank < 3))
+    shares[:, at_corner] = (1.0 - AT_CORNER) / 2.0
+    shares[rank[at_corner], at_corner] = AT_CORNER
+    return shares
 
 
 def _by_neighbours(places: Array, segments: Numbers) -> Numbers:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import B2, F1, F2, F4, I1, indices
+from distretarget.numerics.vectors import B1, B2, F1, F2, F4, I1, indices
 
 RUN = 8  # points of a limb that are looked for together
 
@@ -27,6 +27,8 @@ class Points(NamedTuple):
     one: Bound  # an edge of the triangle of each ...
     other: Bound  # ... and another, such that their cross product leads out
     radii: F1  # (points,), of the piece of surface that each stands for
+    shares: F2  # (points, 2), how far along its edges each is, 0 to 1
+    are_large: B1  # (points,), whether its triangle is larger than that piece
     of_segment: I1  # (segments + 1,), the first point of each segment; the last is their end
 
 
@@ -157,7 +159,8 @@ def _least_height(points, moved, limb, count, farthest, room):  # type: ignore[n
 @inlined(fastmath=True)
 def _height(points, moved, point, nearest, square, room):  # type: ignore[no-untyped-def]
     """How far off the surface a point is, negative beneath, by the nearest point of that: off its triangle's plane
-    within its piece of the surface, and off that piece's edge beyond.
+    within its piece of the surface, and off that piece's edge beyond. Of a triangle that is larger than the piece, the
+    triangle is the piece.
     """
     a, b, c = room.vectors
     p, q, radius = room.placed[point], room.placed[nearest], points.radii[nearest]
@@ -168,7 +171,35 @@ def _height(points, moved, point, nearest, square, room):  # type: ignore[no-unt
     height = 0.0
     for i in range(3):
         height += (p[i] - q[i]) * c[i] / max(size, 1e-300)
-    aside = max(np.sqrt(max(square - height * height, 0.0)) - radius, 0.0)
+    if points.are_large[nearest]:
+        aside = _off_triangle(a, b, p, q, points.shares[nearest])
+    else:
+        aside = max(np.sqrt(max(square - height * height, 0.0)) - radius, 0.0)
     if height < 0.0 and aside <= radius:
         return height
     return np.sqrt(height * height + aside * aside)
+
+
+@inlined(fastmath=True)
+def _off_triangle(a, b, p, q, shares):  # type: ignore[no-untyped-def]
+    """How far p is off a triangle within its plane: off its edges a and b, of which q is at these shares."""
+    aa, ab, bb, along_a, along_b = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(3):
+        aa, ab, bb = aa + a[i] * a[i], ab + a[i] * b[i], bb + b[i] * b[i]
+        along_a, along_b = along_a + (p[i] - q[i]) * a[i], along_b + (p[i] - q[i]) * b[i]
+    whole = max(aa * bb - ab * ab, 1e-300)
+    u = shares[0] + (bb * along_a - ab * along_b) / whole
+    v = shares[1] + (aa * along_b - ab * along_a) / whole
+    if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
+        return 0.0
+    of_edges = _off_edge(u, v, 1.0, 0.0, aa, ab, bb), _off_edge(u, v, 0.0, 1.0, aa, ab, bb)
+    return np.sqrt(min(of_edges[0], of_edges[1], _off_edge(u - 1.0, v, -1.0, 1.0, aa, ab, bb)))
+
+
+@inlined(fastmath=True)
+def _off_edge(u, v, x, y, aa, ab, bb):  # type: ignore[no-untyped-def]
+    """The squared distance of u a + v b from the line from 0 to x a + y b, by the products of a and b."""
+    along, square = aa * u * x + ab * (u * y + v * x) + bb * v * y, aa * x * x + 2.0 * ab * x * y + bb * y * y
+    t = min(max(along / max(square, 1e-300), 0.0), 1.0)
+    u, v = u - t * x, v - t * y
+    return max(aa * u * u + 2.0 * ab * u * v + bb * v * v, 0.0)
