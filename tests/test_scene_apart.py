@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Prop, read_bvh, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
-from distretarget.measure.gaps import measure_skin_gap
+from distretarget.measure.gaps import measure_skin_contacts
 from distretarget.measure.skin import find_skin
 from distretarget.objectives.spots import IS_HARD
 from distretarget.scene import sweeps
@@ -219,7 +219,7 @@ def test_gaps_between_skins_are_told():
     one, other = thick[0], thick[0].motion
     skin = find_skin(one.matching.target, one.skins.target.capsules)
     away = replace(other, root_positions=other.root_positions + 1000.0)
-    assert measure_skin_gap([other, away], [other, away], [skin] * 2, [skin] * 2) is None
-    far = measure_skin_gap([other, other], [other, away], [skin] * 2, [skin] * 2)
+    assert measure_skin_contacts([other, away], [other, away], [skin] * 2, [skin] * 2) is None
+    far = measure_skin_contacts([other, other], [other, away], [skin] * 2, [skin] * 2)
     assert far.frames == len(other)
     assert far.error == pytest.approx(100.0 * np.sqrt(3) * 1000.0 / skin.height, rel=0.1)

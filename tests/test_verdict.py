@@ -73,6 +73,7 @@ def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
     assert "; right hand sinks up to 2.3 % of the height into the body at frame 1; feet" in text
     assert text.endswith(" Check: skin inside.")
     assert "; skin stays outside; feet" in said(GOOD | {"skin_depth": 0.2}, tracks=deep)
+    assert "; skin stays outside, within 0.4 % of the height; feet" in said(GOOD | {"skin_depth": 0.4}, tracks=deep)
     assert "skin" not in said(GOOD)
 
 

@@ -11,7 +11,7 @@ FindCause = Callable[[Metric, int, str], str]  # of a metric in a frame and part
 
 SAME = 1.15  # contacts that are kept less than this times better are kept as well as by copied rotations
 MOST_TIMES = 100.0  # a larger ratio of contact errors is given as "more than"
-TOUCHES = 0.5  # skins this near to each other seem to touch: 9 mm on a body of 1.8 m [% of height]
+TOUCHES = 0.5  # skins so near to each other, or so deep in each other, seem to touch: 9 mm of 1.8 m [% of height]
 NO_CONTACTS = "the source has no self-contacts"
 STILL = 0.01  # feet slower than this do not slide [leg lengths/s]
 UNCHANGED = 0.05  # a smaller error of direction is not mentioned [degrees]
@@ -96,11 +96,11 @@ def _contacts(metrics: Metrics) -> str:
 def _skin(metrics: Metrics, tracks: Tracks) -> Iterator[str]:
     metric = BY_KEY["skin_depth"]
     value = metrics["result"][metric.key]
-    if value is not None and value > metric.least:
+    if value is not None and value > TOUCHES:
         frame, limb = metric.worst(tracks)
         yield f"{limb} sinks up to {value:.1f} % of the height into the body at frame {frame}"
     elif value is not None:
-        yield "skin stays outside"
+        yield "skin stays outside" + (f", within {value:.1f} % of the height" if value > metric.least else "")
 
 
 def _feet(metrics: Metrics) -> str:
