@@ -14,7 +14,6 @@ from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_depths import PARTS, find_depths
 from distretarget.numerics.vectors import normalised
-from distretarget.objectives.spots import APART
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.surface import SurfaceSamples
 
@@ -80,7 +79,7 @@ def test_a_mesh_whose_triangles_face_in_is_the_same_surface():
 def test_gaps_are_those_that_the_metrics_measure(clip, limb, part, which):
     result = run(clip)
     motion, body = getattr(result, which)[::5], result.matching.target
-    far = APART * body.height
+    far = 0.04 * body.height
     gaps = surface_of(clip).gaps(motion, [(limb, part)], np.ones((len(motion), 1), bool), far)[:, 0]
     skin, reach = (
         find_skin(body, result.skins.target.capsules, result.mesh),

@@ -10,7 +10,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.skin.capsules import SEGMENTS
 
 IS_HARD = np.array(["hand" in name or "forearm" in name for name in SEGMENTS])  # these give way to nothing
-APART = 0.04  # parts that are farther apart than this do not touch [body units]
+APART = 0.03  # parts that are farther apart than this, 5 cm on an adult, do not touch [body units]
 
 
 @dataclass(frozen=True, eq=False)
