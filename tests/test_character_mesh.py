@@ -58,6 +58,8 @@ def test_the_skin_moves_as_a_player_moves_it(tmp_path, rig):
     times = np.arange(len(motion)) * motion.frame_time
     shown = gltf_player.skinned(document, buffer, gltf_player.worlds(document, buffer, 0, times))
     np.testing.assert_allclose(mesh.posed(motion), np.concatenate(shown, axis=1), atol=2e-5)
+    up = np.array([0.6, 0.8, 0.0])
+    np.testing.assert_allclose(mesh.heights(motion, up), mesh.posed(motion) @ up, atol=1e-9)
 
 
 def test_joints_without_weight_may_be_any_number(tmp_path):

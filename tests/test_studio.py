@@ -584,6 +584,22 @@ def drawn(tab):
     return tab.frames[1]
 
 
+DRAWS_AT_REST = """async () => {
+  const { stage } = app, draw = stage.draw, second = () => new Promise((go) => setTimeout(go, 1000));
+  let draws = 0;
+  await second();
+  stage.draw = (...given) => { draws++; draw.apply(stage, given); };
+  await second();
+  return draws;
+}"""
+
+
+def test_a_player_at_rest_does_not_draw(solved):
+    """It would take time from what is solved next."""
+    tab, _ = solved
+    assert drawn(tab).evaluate(DRAWS_AT_REST) == 0
+
+
 def taken(tab, press):
     """The content of what a press on something downloads."""
     with tab.expect_download() as download:

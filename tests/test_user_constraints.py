@@ -119,6 +119,19 @@ def test_dropped_contacts_leave_the_result_of_the_clip_without_them(clap, child)
         assert np.abs(off).max() / none.matching.target.unit < 1e-9
 
 
+def test_what_is_far_from_a_contact_that_is_dropped_stays_as_it_is_on_a_body_with_skin(hero):
+    """And what is near it becomes what it is in a clip without it in any frame."""
+    motion, parts = read_motion(SAMPLES / "hands_on_hips.bvh"), ("left hand", "hips")
+    (found,) = (entry for entry in find_contacts(motion, hero) if entry.parts == tuple(sorted(parts)))
+    one = Contact(between=parts, keep=False, frames=found.frames)
+    before, near, whole = (asked(motion, hero, *each) for each in ([], [one], [replace(one, frames=None)]))
+    (first, last), on, reach = found.frames, changed(before, near), round(BLENDS / motion.frame_time) + 2
+    assert first - reach <= on.min() < first < last < on.max() <= last + reach
+    height, x = near.matching.target.height, near.motion.positions
+    assert np.abs(x - whole.motion.positions).max() < 0.004 * height
+    assert np.abs(x - before.motion.positions).max() > 0.01 * height
+
+
 def test_one_dropped_contact_changes_what_is_near_it(clap, child):
     first = next(entry for entry in find_contacts(clap) if isinstance(entry, Contact))
     before = retarget(clap, child)

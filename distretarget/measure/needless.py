@@ -47,21 +47,28 @@ def find_needless(copy: Motion, result: Motion, body: Body, of_copy: Comparison,
 
 
 def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
-    """(frames - 2, joints), how far each joint of a result is off the middle between the frames before and after, more
-    than in the rotation copy: the median over `LASTS` before and after, since a single jump is no shaking [% of leg
+    """(frames - 2, joints), by how much more than in the rotation copy each joint of a result is off the middle between
+    the frames before and after: the median over `LASTS` before and after, since a single jump is no shaking [% of leg
     length]. Joints outside the body and frames at a cut between `shots`, (frames,), count 0; frames that are farther
     apart than `INSTANT` count as much less as a smooth way bends more between them.
     """
     joints, off = np.flatnonzero(body.regions.of_joint >= 0), np.zeros((max(len(result) - 2, 0), len(result.skeleton)))
     for block in blocks_of(len(off)):
         frames = slice(block.start, block.stop + 2)
-        deviation = result.positions_in(frames)[:, joints] - copy.positions_in(frames)[:, joints]
-        off[block, joints] = lengths(deviation[1:-1] - 0.5 * (deviation[:-2] + deviation[2:]))
+        own, copied = (_off_middle(motion.positions_in(frames)[:, joints]) for motion in (result, copy))
+        off[block, joints] = np.maximum(own - copied, 0.0)
     cuts = np.diff(shots) != 0
     off[cuts[:-1] | cuts[1:]] = 0.0
     span = 2 * round(LASTS / result.frame_time) + 1
     percent = 100.0 * min(INSTANT / result.frame_time, 1.0) ** 2 / (0.5 * body.unit)
-    return np.asarray(percent * median_filter(off, (span, 1), mode="nearest"))
+    for joint in joints:  # one by one, for which scipy has a faster filter
+        off[:, joint] = percent * median_filter(off[:, joint], span, mode="nearest")
+    return off
+
+
+def _off_middle(places: Array) -> Array:
+    """(frames - 2, n), how far places, (frames, n, 3), are off the middle between the frames before and after."""
+    return lengths(places[1:-1] - 0.5 * (places[:-2] + places[2:]))
 
 
 def _columns(values: list[Array] | list[Flags], frames: int) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from distretarget.measure.surface_distances import squared_distance
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.quaternions import rotated
-from distretarget.numerics.vectors import F1, F2, I1, I2
+from distretarget.numerics.vectors import B1, F1, F2, I1, I2
 
 PASSES = 4  # in which a point is brought back to the bind pose
 RIGID = 0.999  # share of a joint from which on nothing else moves a point
@@ -45,18 +45,22 @@ class Solids(NamedTuple):
 
 
 class Posed(NamedTuple):
-    """A frame of a body, and scratch."""
+    """A frame of a body; of its vertices those that were asked for."""
 
     places: F2  # (joints, 3), of the joints
     moves: F2  # (joints, 12), how each moves what is near it in the bind pose: a matrix, row by row, and a shift
     balls: F2  # (groups, 4), one around each group of a solid
-    blended: F1  # (12,), how what is near a vertex moves
-    corners: F2  # (3, 3), of a triangle
+    vertices: F2  # (vertices, 3), the places of those that are known
+    # (vertices, 12), how what is near each of these is brought back: what is subtracted, then a matrix, row by row
+    backs: F2
+    known: B1  # (vertices,), whether each is
 
     @classmethod
     def of(cls, joints: int, body: Solids) -> Posed:
         """Room for a frame of so many joints."""
-        return cls(*(np.empty(shape) for shape in ((joints, 3), (joints, 12), (len(body.balls), 4), 12, (3, 3))))
+        places, moves, balls = np.empty((joints, 3)), np.empty((joints, 12)), np.empty((len(body.balls), 4))
+        vertices = len(body.vertices)
+        return cls(places, moves, balls, np.empty((vertices, 3)), np.empty((vertices, 12)), np.zeros(vertices, bool))
 
 
 @inlined()
@@ -75,6 +79,7 @@ def pose(posed, body, x, q):  # type: ignore[no-untyped-def]
                 m[9 + row] -= m[3 * row] * o[0] + m[3 * row + 1] * o[1] + m[3 * row + 2] * o[2]
     for group in range(len(posed.balls)):
         set_ball(posed, body.groups[group, 0], body.balls[group], posed.balls[group])
+    posed.known[:] = False
 
 
 @inlined()
@@ -139,16 +144,14 @@ def _node(lattice, axis, size, place):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _on_lattice(body, number, i, j, k):  # type: ignore[no-untyped-def]
-    """The distance of the place i j k in the bind pose from the skin of a solid, and the vertex that is nearest; -1
-    where the skin is far.
-    """
+def _distance(body, number, i, j, k):  # type: ignore[no-untyped-def]
+    """The distance of the place i j k in the bind pose from the skin of a solid, by its lattice."""
     lattice, size, d = body.lattices[number], body.sizes[number], body.distances
     l, s, u = _node(lattice, 0, size, i)
     m, t, v = _node(lattice, 1, size, j)
     n, r, w = _node(lattice, 2, size, k)
-    first, row, layer = size[3] + (l * size[1] + m) * size[2] + n, size[2], size[1] * size[2]
-    distance, node = 0.0, first
+    node, row, layer = size[3] + (l * size[1] + m) * size[2] + n, size[2], size[1] * size[2]
+    distance = 0.0
     for corner in range(2):
         share = s if corner else 1.0 - s
         low, high = (1.0 - r) * d[node] + r * d[node + 1], (1.0 - r) * d[node + row] + r * d[node + row + 1]
@@ -157,27 +160,67 @@ def _on_lattice(body, number, i, j, k):  # type: ignore[no-untyped-def]
     off = u * u + v * v + w * w
     if off > 0.0:
         distance = np.sqrt(off + max(distance, 0.0) * max(distance, 0.0))
-    triangle = body.nearest[first + (layer if s >= 0.5 else 0) + (row if t >= 0.5 else 0) + (1 if r >= 0.5 else 0)]
-    vertex, least = -1, np.inf
+    return distance
+
+
+@inlined()
+def _nearest_vertex(body, number, i, j, k):  # type: ignore[no-untyped-def]
+    """The vertex nearest to the place i j k in the bind pose, of the triangle nearest to the node of a solid's lattice
+    that is nearest to the place; -1 where the skin is far.
+    """
+    lattice, size = body.lattices[number], body.sizes[number]
+    scale = 1.0 / lattice[3]
+    l = int(min(max((i - lattice[0]) * scale + 0.5, 0.0), size[0] - 1.0))
+    m = int(min(max((j - lattice[1]) * scale + 0.5, 0.0), size[1] - 1.0))
+    n = int(min(max((k - lattice[2]) * scale + 0.5, 0.0), size[2] - 1.0))
+    triangle, vertex, least = body.nearest[size[3] + (l * size[1] + m) * size[2] + n], -1, np.inf
     for corner in range(3 if triangle >= 0 else 0):
         place = body.vertices[body.triangles[triangle, corner]]
         squared = (place[0] - i) * (place[0] - i) + (place[1] - j) * (place[1] - j) + (place[2] - k) * (place[2] - k)
         if squared < least:
             vertex, least = body.triangles[triangle, corner], squared
-    return distance, vertex
+    return vertex
 
 
 @inlined()
-def _blend(posed, body, vertex):  # type: ignore[no-untyped-def]
-    """Write how what is near a vertex in the bind pose moves, as `Posed.moves`."""
-    for i in range(12):
-        posed.blended[i] = 0.0
+def _know(posed, body, vertex):  # type: ignore[no-untyped-def]
+    """Write where a vertex is and how what is near it is brought back, if that is not known; from where its joints
+    flatten it, that is infinitely far.
+    """
+    if posed.known[vertex]:
+        return
+    posed.known[vertex] = True
+    a = b = c = d = e = f = g = h = i = u = v = w = 0.0
     for n in range(4):
         share = body.weights[vertex, n]
         if share > 0.0:
             m = posed.moves[body.joints[vertex, n]]
-            for i in range(12):
-                posed.blended[i] += share * m[i]
+            a, b, c, u = a + share * m[0], b + share * m[1], c + share * m[2], u + share * m[9]
+            d, e, f, v = d + share * m[3], e + share * m[4], f + share * m[5], v + share * m[10]
+            g, h, i, w = g + share * m[6], h + share * m[7], i + share * m[8], w + share * m[11]
+    place, back, rest = posed.vertices[vertex], posed.backs[vertex], body.vertices[vertex]
+    place[0] = a * rest[0] + b * rest[1] + c * rest[2] + u
+    place[1] = d * rest[0] + e * rest[1] + f * rest[2] + v
+    place[2] = g * rest[0] + h * rest[1] + i * rest[2] + w
+    j, k, l = e * i - f * h, f * g - d * i, d * h - e * g
+    determinant = a * j + b * k + c * l
+    if abs(determinant) < 1e-3:
+        back[:3], back[3:] = -np.inf, 1.0
+        return
+    s = 1.0 / determinant
+    back[0], back[1], back[2] = u, v, w
+    back[3], back[4], back[5] = s * j, s * (c * h - b * i), s * (b * f - c * e)
+    back[6], back[7], back[8] = s * k, s * (a * i - c * g), s * (c * d - a * f)
+    back[9], back[10], back[11] = s * l, s * (b * g - a * h), s * (a * e - b * d)
+
+
+@inlined()
+def _brought_back(posed, body, vertex, a, b, c):  # type: ignore[no-untyped-def]
+    """The place in the bind pose of what is at a b c if it moves as a vertex does."""
+    _know(posed, body, vertex)
+    m = posed.backs[vertex]
+    u, v, w = a - m[0], b - m[1], c - m[2]
+    return m[3] * u + m[4] * v + m[5] * w, m[6] * u + m[7] * v + m[8] * w, m[9] * u + m[10] * v + m[11] * w
 
 
 @inlined()
@@ -185,22 +228,6 @@ def _alike(body, vertex, other):  # type: ignore[no-untyped-def]
     """Whether one joint alone moves two vertices."""
     alone = body.weights[vertex, 0] > RIGID and body.weights[other, 0] > RIGID
     return alone and body.joints[vertex, 0] == body.joints[other, 0]
-
-
-@inlined()
-def _unblended(m, a, b, c):  # type: ignore[no-untyped-def]
-    """The place that a matrix and a shift move to a b c; far off where the matrix is flat."""
-    u, v, w = a - m[9], b - m[10], c - m[11]
-    d, e, f = m[4] * m[8] - m[5] * m[7], m[5] * m[6] - m[3] * m[8], m[3] * m[7] - m[4] * m[6]
-    determinant = m[0] * d + m[1] * e + m[2] * f
-    if abs(determinant) < 1e-3:
-        return np.inf, np.inf, np.inf
-    s = 1.0 / determinant
-    return (
-        s * (d * u + (m[2] * m[7] - m[1] * m[8]) * v + (m[1] * m[5] - m[2] * m[4]) * w),
-        s * (e * u + (m[0] * m[8] - m[2] * m[6]) * v + (m[2] * m[3] - m[0] * m[5]) * w),
-        s * (f * u + (m[1] * m[6] - m[0] * m[7]) * v + (m[0] * m[4] - m[1] * m[3]) * w),
-    )
 
 
 @inlined()
@@ -218,13 +245,12 @@ def depth_of(posed, body, group, by, a, b, c):  # type: ignore[no-untyped-def]
         i, j, k = relative(posed, joint, a, b, c)
         i, j, k = i + rest[0], j + rest[1], k + rest[2]
     else:
-        _blend(posed, body, by)
-        i, j, k = _unblended(posed.blended, a, b, c)
+        i, j, k = _brought_back(posed, body, by, a, b, c)
     if lattice < 0:
         i, j, k = i - rest[0], j - rest[1], k - rest[2]
         deep = _in_capsules(body.capsules, body.groups[group, 2], body.groups[group + 1, 2], i, j, k)
         return deep, body.groups[group, 1], i + rest[0], j + rest[1], k + rest[2], -1, 0.0
-    distance, vertex = _on_lattice(body, lattice, i, j, k)
+    vertex = _nearest_vertex(body, lattice, i, j, k)
     if by < 0 and vertex >= 0 and body.joints[vertex, 0] == joint and body.weights[vertex, 0] > RIGID:
         by = vertex
     left = 0.0
@@ -232,31 +258,16 @@ def depth_of(posed, body, group, by, a, b, c):  # type: ignore[no-untyped-def]
         if vertex < 0 or vertex == by or (by >= 0 and _alike(body, vertex, by)):
             left = 0.0
             break
-        _blend(posed, body, vertex)
-        l, m, n = _unblended(posed.blended, a, b, c)
+        l, m, n = _brought_back(posed, body, vertex, a, b, c)
         left = np.sqrt((l - i) * (l - i) + (m - j) * (m - j) + (n - k) * (n - k))
         if not left < np.inf:
             vertex = -1
             break
         i, j, k, by = l, m, n, vertex
-        distance, vertex = _on_lattice(body, lattice, i, j, k)
+        vertex = _nearest_vertex(body, lattice, i, j, k)
     if vertex < 0:
         return -np.inf, -1, i, j, k, -1, np.inf
-    return -distance - left, body.segments[vertex], i, j, k, vertex, left
-
-
-@inlined()
-def _write_vertex(posed, body, vertex, to):  # type: ignore[no-untyped-def]
-    """Write the place of a vertex."""
-    v = body.vertices[vertex]
-    to[0] = to[1] = to[2] = 0.0
-    for influence in range(4):
-        share = body.weights[vertex, influence]
-        if share > 0.0:
-            m = posed.moves[body.joints[vertex, influence]]
-            for axis in range(3):
-                row = 3 * axis
-                to[axis] += share * (m[row] * v[0] + m[row + 1] * v[1] + m[row + 2] * v[2] + m[9 + axis])
+    return -_distance(body, lattice, i, j, k) - left, body.segments[vertex], i, j, k, vertex, left
 
 
 @inlined()
@@ -264,7 +275,7 @@ def _to_triangles(posed, body, lattice, deep, i, j, k, a, b, c):  # type: ignore
     """How deep the point a b c, whose place in the bind pose is i j k, is by the triangles nearest to the nodes of a
     lattice around this place, as they are posed; inside if `deep` is positive.
     """
-    origin, size, corners = body.lattices[lattice], body.sizes[lattice], posed.corners
+    origin, size, places = body.lattices[lattice], body.sizes[lattice], posed.vertices
     l, _s, _u = _node(origin, 0, size, i)
     m, _t, _v = _node(origin, 1, size, j)
     n, _r, _w = _node(origin, 2, size, k)
@@ -275,9 +286,10 @@ def _to_triangles(posed, body, lattice, deep, i, j, k, a, b, c):  # type: ignore
         if triangle < 0 or triangle == before:
             continue
         before = triangle
-        for corner_of in range(3):
-            _write_vertex(posed, body, body.triangles[triangle, corner_of], corners[corner_of])
-        least = min(least, squared_distance(corners[0], corners[1], corners[2], a, b, c))
+        one, two, three = body.triangles[triangle, 0], body.triangles[triangle, 1], body.triangles[triangle, 2]
+        for vertex in (one, two, three):
+            _know(posed, body, vertex)
+        least = min(least, squared_distance(places[one], places[two], places[three], a, b, c))
     return np.sqrt(least) if deep > 0.0 else -np.sqrt(least)
 
 

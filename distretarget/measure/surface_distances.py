@@ -29,7 +29,7 @@ def distances_on_lattice(surface: Array, closed: Array, shape: tuple[int, ...], 
         limit: the largest distance.
     """
     distances, nearest, winding = np.full(shape, limit), np.full(shape, -1), np.zeros(shape)
-    _write_distances(np.ascontiguousarray(surface), distances, nearest)
+    _write_distances(np.ascontiguousarray(surface), distances, nearest, np.zeros(shape, np.intp))
     _write_winding(np.ascontiguousarray(closed), winding)
     return np.where(np.abs(winding) > 0.5, -distances, distances), nearest
 
@@ -77,8 +77,11 @@ def _nodes(corners, axis, around, off, count):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3]) -> None:
-    """Write the distances that are less than what they are, and the nearest triangles."""
+def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3], found: Out[I3]) -> None:
+    """Write the distances that are less than what they are, and the nearest triangles; and to `found`, which is 0, the
+    number of the sweep in which each was found, from 1. What is as it was in the last sweep that went the same way is
+    not looked at again.
+    """
     shape = distances.shape
     for triangle in range(len(surface)):
         corners = surface[triangle]
@@ -93,6 +96,7 @@ def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3]) -> None:
                         distances[i, j, k], nearest[i, j, k] = distance, triangle
     for sweep in range(8 * SWEEPS):
         to_x, to_y, to_z = 1 - 2 * (sweep & 1), 1 - (sweep & 2), 1 - (sweep & 4) // 2
+        old_x, old_y, old_z = _passed_on(sweep, 0), _passed_on(sweep, 1), _passed_on(sweep, 2)
         for step_x in range(shape[0]):
             i = step_x if to_x > 0 else shape[0] - 1 - step_x
             for step_y in range(shape[1]):
@@ -100,10 +104,13 @@ def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3]) -> None:
                 for step_z in range(shape[2]):
                     k = step_z if to_z > 0 else shape[2] - 1 - step_z
                     for axis in range(3):
+                        if (step_x if axis == 0 else step_y if axis == 1 else step_z) == 0:
+                            continue
                         a = i - to_x if axis == 0 else i
                         b = j - to_y if axis == 1 else j
                         c = k - to_z if axis == 2 else k
-                        if min(a, b, c) < 0 or a == shape[0] or b == shape[1] or c == shape[2]:
+                        old = old_x if axis == 0 else old_y if axis == 1 else old_z
+                        if found[a, b, c] <= old and found[i, j, k] < old:
                             continue
                         triangle, known = nearest[a, b, c], distances[i, j, k]
                         if triangle < 0 or triangle == nearest[i, j, k] or distances[a, b, c] - 1.0 >= known:
@@ -111,7 +118,16 @@ def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3]) -> None:
                         near = surface[triangle]
                         squared = squared_distance(near[0], near[1], near[2], i, j, k)
                         if squared < known * known:
-                            distances[i, j, k], nearest[i, j, k] = np.sqrt(squared), triangle
+                            distances[i, j, k], nearest[i, j, k], found[i, j, k] = np.sqrt(squared), triangle, sweep + 1
+
+
+@inlined()
+def _passed_on(sweep, axis):  # type: ignore[no-untyped-def]
+    """The number, from 1, of the last sweep before one that went the same way along an axis; -1 for none."""
+    before = sweep - 1
+    while before >= 0 and (before >> axis & 1) != (sweep >> axis & 1):
+        before -= 1
+    return before + 1 if before >= 0 else -1
 
 
 @compiled()

@@ -3,7 +3,8 @@
 The motion with all constraints is blended into the motion without: the difference, a rotation of each joint and an
 offset of the root, is added with a weight that rises before a constraint and falls after it. Before and after the
 frames that are solved, the difference of the nearest of these fades out. So frames without a constraint are not solved,
-and the blend is as smooth as the motion below it.
+and the blend is as smooth as the motion below it. The motion without contacts that are dropped is blended into that
+with all contacts in the same way.
 """
 
 from __future__ import annotations
@@ -58,6 +59,17 @@ class Unconstrained:
 def dropping(performer: Performer, constraints: Constraints) -> Performer:
     """Return a performer without the contacts that constraints drop."""
     return replace(performer, clip=replace(performer.clip, drops=constraints.dropped)) if constraints else performer
+
+
+def let_go(free: Performer, unconstrained: Unconstrained, drops: Constraints, mapper: Mapper) -> Unconstrained:
+    """Return a solution that was made with all contacts without those that are dropped: around these, limbs are bent
+    anew as their skin asks, and blended into the other frames, which stay as they are.
+    """
+    if not drops:
+        return unconstrained
+    poses = solve_contact(free.clip, free.supports, free.settings, mapper=mapper)
+    bent = free.with_own_skin(free.posed(poses), wanted=drops.share > 0.0)
+    return Unconstrained(poses, layered([drops], unconstrained.motion, bent, whole=True))
 
 
 def constrain(performer: Performer, constraints: Constraints, offsets: Offsets = ()) -> Performer:
@@ -211,10 +223,13 @@ def _blended(without: Motion, held: Motion, share: Array, lead: Numbers, shots: 
     """
     roots, rotations = np.array(without.root_positions), np.array(without.rotations)
     for shot in slices_of(shots):
-        if share[shot].any():
-            added = _added(without[shot], held[shot], share[shot], lead[shot])
-            moved = shot.start + np.flatnonzero(added.any(axis=(1, 2)))
-            added = added[moved - shot.start]
+        on = shot.start + np.flatnonzero(share[shot])
+        if len(on):
+            reach = int(lead[shot].max())
+            near = slice(max(int(on[0]) - reach, shot.start), min(int(on[-1]) + 1 + reach, shot.stop))
+            added = _added(without[near], held[near], share[near], lead[near])
+            moved = near.start + np.flatnonzero(added.any(axis=(1, 2)))
+            added = added[moved - near.start]
             turned = _quaternions(rotations[moved]) * Rotation.from_rotvec(added[:, :-1].reshape(-1, 3))
             rotations[moved] = turned.as_quat().reshape(rotations[moved].shape)
             roots[moved] += added[:, -1]

@@ -23,7 +23,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import find_distances, solve_paper
-from distretarget.pipeline.constrained_motion import Unconstrained, constrained_result, dropping, layered, unmet
+from distretarget.pipeline.constrained_motion import Unconstrained, constrained_result, dropping, layered, let_go, unmet
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, Transfer, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -113,9 +113,11 @@ class Prepared:
         if self.options.objective == "paper":
             return _by_paper(performer, contacts, constraints, progress)
         free = dropping(performer, constraints.drops)
-        unconstrained = (
-            self.unconstrained if self.unconstrained and free is performer else _unconstrained(free, mapper, progress)
-        )
+        if free is performer or performer.match.skins:
+            unconstrained = self.unconstrained or _unconstrained(performer, mapper, progress)
+            unconstrained = let_go(free, unconstrained, constraints.drops, mapper)
+        else:  # springs take so little time that all frames are solved again
+            unconstrained = _unconstrained(free, mapper, progress)
         if not constraints.made:
             return replace(free.result(unconstrained.poses, posed=unconstrained.motion), contact_list=contacts)
         return replace(constrained_result(free, unconstrained, constraints, mapper), contact_list=contacts)

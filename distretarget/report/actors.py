@@ -58,7 +58,7 @@ def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | N
     """Return the height of the floor under a motion: that of its skin where that is lowest [file units]."""
     some = motion[np.unique(np.linspace(0, len(motion) - 1, FLOOR_FRAMES).astype(np.intp))]
     if mesh is not None:
-        heights = mesh.posed(some) @ up
+        heights = mesh.heights(some, up)
     elif capsules is not None and len(capsules):
         heights = (capsules.posed(some) @ up - capsules.radii).reshape(len(some), -1)
     else:

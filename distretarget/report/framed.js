@@ -18,7 +18,7 @@ async function take(data, turn) {
 addEventListener('message', ({source, data}) => {
   if (source !== window.parent) return;
   if (Number.isInteger(data.frame)) goTo(data.frame);
-  if (data.pair && globalThis.app) {
+  if (data.pair && globalThis.app && String(app.marks.pair) !== String(data.pair)) {
     app.marks.pair = data.pair;
     repaint();
   }

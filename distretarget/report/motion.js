@@ -7,8 +7,10 @@ import {total} from './dom.js';
 export async function unpacked(text, Kind) {
   const coded = atob(text), packed = new Uint8Array(coded.length);
   for (let k = 0; k < coded.length; k++) packed[k] = coded.charCodeAt(k);
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
-  const planes = new Uint8Array(await new Response(stream).arrayBuffer());
+  const {readable, writable} = new DecompressionStream('deflate'), writer = writable.getWriter();
+  writer.write(packed);
+  writer.close();
+  const planes = new Uint8Array(await new Response(readable).arrayBuffer());
   const size = Kind.BYTES_PER_ELEMENT, count = planes.length / size;
   return new Kind(planes.map((_, at) => planes[at % size * count + Math.floor(at / size)]).buffer);
 }

@@ -27,6 +27,7 @@ from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.skin import TOUCHABLE
 from distretarget.measure.skin_depths import LIMBS
 from distretarget.motion import Motion
+from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import spans_of
 from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact
@@ -229,9 +230,10 @@ def _spots(diff: Diff, solid: Capsules, limb: str, values: Array) -> NDArray[np.
     others = TOUCHABLE[LIMBS.index(limb), solid.segments]
     spots, frames = np.zeros(len(values), np.intp), np.flatnonzero(np.isfinite(values))
     if len(joints) and others.any():
-        some = diff.b[frames]
-        for frame, x, ends in zip(frames.tolist(), some.positions, solid.posed(some), strict=True):
-            spots[frame] = joints[distances(x[joints], ends[others], solid.radii[others])[0].argmin()]
+        for block in blocks_of(len(frames)):
+            some = diff.b[frames[block]]
+            away, _ = distances(some.positions[:, joints], solid.posed(some)[:, others], solid.radii[others])
+            spots[frames[block]] = joints[away.argmin(axis=1)]
     return spots
 
 

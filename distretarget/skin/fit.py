@@ -243,13 +243,13 @@ def _covering(surface: _Surface, ends: Array, covered: float) -> Array:
 
 
 def distances(points: Array, ends: Array, radii: Array) -> tuple[Array, Array]:
-    """Return how far points, (points, 3), are outside the union of capsules, negative inside, (points,), and where
-    along the nearest capsule that is, (points,) [0 to 1].
+    """Return how far points, (..., points, 3), are outside the union of capsules with these ends, (..., capsules, 2,
+    3), negative inside, (..., points), and where along the nearest capsule that is, (..., points) [0 to 1].
     """
-    start, bone = ends[:, 0], ends[:, 1] - ends[:, 0]
-    squares = np.maximum((bone**2).sum(axis=1), 1e-300)
-    at = np.clip(((points[:, None] - start) * bone).sum(axis=2) / squares, 0.0, 1.0)
+    start, bone = ends[..., None, :, 0, :], (ends[..., 1, :] - ends[..., 0, :])[..., None, :, :]
+    squares = np.maximum((bone**2).sum(axis=-1), 1e-300)
+    at = np.clip(((points[..., None, :] - start) * bone).sum(axis=-1) / squares, 0.0, 1.0)
     nearest = start + at[..., None] * bone
-    away = np.linalg.norm(points[:, None] - nearest, axis=2) - radii[:, 0] - at * (radii[:, 1] - radii[:, 0])
-    which = away.argmin(axis=1)[:, None]
-    return np.take_along_axis(away, which, axis=1)[:, 0], np.take_along_axis(at, which, axis=1)[:, 0]
+    away = np.linalg.norm(points[..., None, :] - nearest, axis=-1) - radii[:, 0] - at * (radii[:, 1] - radii[:, 0])
+    which = away.argmin(axis=-1)[..., None]
+    return np.take_along_axis(away, which, axis=-1)[..., 0], np.take_along_axis(at, which, axis=-1)[..., 0]

@@ -67,6 +67,17 @@ class SkinnedMesh:
         _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
         return np.asarray(first[same.ravel()])
 
+    def heights(self, motion: Motion, up: Array) -> Array:
+        """Return how far up, (3,), the vertices are in each frame, (frames, vertices) [file units]; as `posed`."""
+        rest, heights = motion.skeleton.rest_positions, np.zeros((len(motion), len(self.joints)))
+        for joint in np.unique(self.joints[self.weights > 0.0]).tolist():
+            share = np.where(self.joints == joint, self.weights, 0.0).sum(axis=1)
+            moved = np.flatnonzero(share)
+            down = Rotation.from_quat(motion.world_rotations_of(joint)).apply(up, inverse=True)
+            above = down @ (self.vertices[moved] - rest[joint]).T + (motion.positions[:, joint] @ up)[:, None]
+            heights[:, moved] += share[moved] * above
+        return heights
+
     def posed(self, motion: Motion, vertices: Numbers | slice = slice(None)) -> Array:
         """Return vertices in each frame by linear blend skinning, (frames, vertices, 3) [file units]."""
         joints, weights = self.joints[vertices], self.weights[vertices]
