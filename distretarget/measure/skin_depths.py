@@ -152,10 +152,7 @@ def _find_near(part, counted, skin, body, posed, search):  # type: ignore[no-unt
     _enclose(search.around, search.balls, skin.parts[part], skin.parts[part + 1])
     near = 0
     for group in range(len(posed.balls)):
-        reach = _reach(search.least[body.groups[group, 1]], counted)
-        if _meet(posed.balls[group], search.around, reach) and _meets_box(
-            posed, body.groups[group, 0], body.boxes[group], search.around, reach
-        ):
+        if _meet(posed.balls[group], search.around, _reach(search.least[body.groups[group, 1]], counted)):
             search.near[near, 0] = group
             near += 1
     return near
