@@ -178,7 +178,7 @@ def _closed(performer: Performer, motion: Motion, constraints: Constraints) -> M
 
 
 def _reaching(performer: Performer, constraints: Constraints) -> Reaching:
-    """The limbs of a performer, which reach for what is performer."""
+    """The limbs of a performer, which reach for what is asked."""
     return Reaching(constraints, performer.supports, performer.match.matching.target, performer.match.skins)
 
 
