@@ -6,7 +6,7 @@
 PACKAGES is where `npm install three` was run; what is not installed is named and skipped. The six samples are
 retargeted to ten bodies each, and twenty clips of the folder CORPUS to two bodies each, in turn; of each clip, the
 seconds about its middle, at 30 frames/s. Meshes are measured in a few frames spread over the clip, all else in all
-frames. Takes about a quarter of an hour on two cores; `--quick` leaves out the corpus and most bodies.
+frames. Takes ten minutes on two cores; `--quick` leaves out the corpus and most bodies.
 """
 
 from __future__ import annotations
