@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import HERO, PERSON, SAMPLES
+from capsule_bodies import capsule_surface, mesh_of
 from program import last_records, run
 
 from distretarget import Body, Build, Builds, FileError, Options, SkeletonEdit, load_build, load_target, read_motion
@@ -83,3 +84,29 @@ def test_a_batch_gives_what_single_runs_give(tmp_path):
     record = last_records(tmp_path / "many")["clap.bvh"]
     assert record["options"]["target_build"] == load_build(HERO).hash
     assert np.isfinite(record["seconds"])
+
+
+def test_a_mesh_is_that_of_a_skeleton_whose_joints_are_as_far_from_each_other():
+    """What moves the mesh is displaced as a whole where a joint above it moves in a clip, as a pelvis on some rigs."""
+    elbow, wrist, shoulder = (PERSON.names.index(f"Left{name}") for name in ("Elbow", "Wrist", "Shoulder"))
+    balls = [(joint, PERSON.rest_positions[[joint, joint]] + [[0, 0, 0], [0.01, 0, 0]]) for joint in (elbow, wrist)]
+    mesh = mesh_of([(joint, capsule_surface(ends, [0.1, 0.1])) for joint, ends in balls])
+    build = Build({}, own=(PERSON, mesh))
+    assert build.mesh_on(PERSON) is mesh
+    by = np.array([0.1, -0.2, 0.3])
+    moved = build.mesh_on(displaced(shoulder, by))
+    np.testing.assert_allclose(moved.vertices, mesh.vertices + by)
+    assert build.mesh_on(displaced(wrist, 0.1 * by)) is None
+    assert build.mesh_on(load_target(HERO).skeleton) is None
+
+
+def displaced(joint, by):
+    """The sample's body with a joint at another place."""
+    offsets = PERSON.offsets.copy()
+    offsets[joint] += by
+    return PERSON.with_offsets(offsets)
+
+
+def test_a_build_is_printed_in_a_line():
+    assert repr(load_build(HERO)).startswith("<Build of 2")
+    assert len(repr(load_build(HERO))) < 60

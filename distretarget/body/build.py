@@ -24,7 +24,7 @@ from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments, frames, proportions
 from distretarget.checks import brief, check_kind
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, extent
 from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
@@ -36,6 +36,7 @@ BUILDS = ("adult", "child", "baby", "old", "thin", "fat", "muscular")  # the ave
 AGES = BUILDS[:3]  # those that bones show
 ROUND_LIMB = 1.6  # one capsule is enough for a limb that is not more than this times as wide as high
 LEGS = ("thigh", "shin")
+SAME = 1e-4  # joints that are off each other by less than this are in the same place [size of the body]
 TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 
 
@@ -58,11 +59,21 @@ class Build:
         """A hash of the capsules."""
         return hashlib.sha256(b"".join(self.parts[part].tobytes() for part in sorted(self.parts))).hexdigest()
 
+    def __repr__(self) -> str:
+        return f"<Build of {len(self.parts)} parts{', with a mesh' if self.own else ''}>"
+
     def mesh_on(self, skeleton: Skeleton) -> SkinnedMesh | None:
-        """Return the mesh of the body that has this build, if its joints are where a skeleton has them."""
+        """Return the mesh of the body that has this build, if its joints are where a skeleton has them, or all that
+        move it are as far off: those above a pelvis that moves in a clip.
+        """
         own, mesh = self.own or (None, None)
-        is_same = own is not None and own.names == skeleton.names and np.array_equal(own.offsets, skeleton.offsets)
-        return mesh if is_same else None
+        if own is None or mesh is None or own.names != skeleton.names:
+            return None
+        joints = np.unique(mesh.joints[mesh.weights > 0.0])
+        by = (skeleton.rest_positions - own.rest_positions)[joints]
+        if not len(by) or extent(by - by[0]) > SAME * extent(np.ptp(own.rest_positions, axis=0)):
+            return None
+        return mesh.moved(by[0]) if by.any() else mesh
 
     @classmethod
     def of(cls, body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Build:

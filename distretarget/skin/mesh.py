@@ -95,6 +95,10 @@ class SkinnedMesh:
         """Return the mesh turned half round about Y, as `Skeleton.turned_round` is."""
         return replace(self, vertices=self.vertices * HALF_TURN, whole=self.whole and self.whole.turned_round())
 
+    def moved(self, by: Array) -> SkinnedMesh:
+        """Return the mesh of a body whose joints are displaced by a vector, (3,)."""
+        return replace(self, vertices=self.vertices + by, whole=self.whole and self.whole.moved(by))
+
     def scaled(self, factor: float) -> SkinnedMesh:
         """Return the mesh of a body that is larger by a factor."""
         return replace(self, vertices=factor * self.vertices, whole=self.whole and self.whole.scaled(factor))
