@@ -87,7 +87,8 @@ class Job:
         self.folder = Path(self.place.name)
         np.savez(self.folder / "character.npz", **arrays)
         if not is_file:
-            np.savez(self.folder / "performer.npz", **motion_of(clip, scene))
+            shape = arrays_of(clip) if clip.data.library is None else {}  # what is linked cannot be put at rest
+            np.savez(self.folder / "performer.npz", **shape | motion_of(clip, scene))
         job = {
             "clip": str(clip.resolve()) if is_file else None,
             "animation": settings.animation,

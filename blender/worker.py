@@ -4,16 +4,17 @@
 python worker.py FOLDER
 
 FOLDER has `character.npz`, as `rig.arrays_of` returns it, and `job.json`: "clip", the path of the clip, or none
-where `performer.npz` has its motion, as `rig.motion_of` returns it; its "animation", "edits" and "options" for
-`distretarget.Edits` and `Options`, "in_place", the "contacts" of a contact file, and a "map" of joints. It gets
-`result.npz`: `places`, (frames, joints, 3), `turns`, (frames, joints, 4), rotations from the rest pose in the world,
-x y z w, and `frame_time`; and `result.json`: an error, or the verdict and the warnings, the contacts that were found,
-the pairs of joints, and all joints of the clip.
+where `performer.npz` has its motion, as `rig.motion_of` returns it, and its meshes, as `rig.arrays_of` does; its
+"animation", "edits" and "options" for `distretarget.Edits` and `Options`, "in_place", the "contacts" of a contact
+file, and a "map" of joints. It gets `result.npz`: `places`, (frames, joints, 3), `turns`, (frames, joints, 4),
+rotations from the rest pose in the world, x y z w, and `frame_time`; and `result.json`: an error, or the verdict and
+the warnings, the contacts that were found, the pairs of joints, and all joints of the clip.
 """
 
 import json
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -36,17 +37,16 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
     from distretarget import Edits, Options, OutputSettings, contacts_to_json, find_contacts, read_motion, retarget
     from distretarget.io.contacts_file import HEADER, parse_contacts
 
-    if job["clip"] is None:
-        motion = _motion(dict(np.load(folder / "performer.npz")))
-    else:
-        motion = read_motion(job["clip"], clip=job["animation"] or None)
+    performer = dict(np.load(folder / "performer.npz")) if job["clip"] is None else {}
+    motion = _motion(performer) if performer else read_motion(job["clip"], clip=job["animation"] or None)
     motion = Edits(**job["edits"]).of(motion)
     target, there = _target(arrays), {*motion.skeleton.keys}
     pairs = {joint: source for joint, source in job["map"].items() if source is None or source in there}
     asked = parse_contacts(json.dumps(HEADER | {"contacts": job["contacts"]}), "Contacts")
     with (folder / "progress").open("ab", buffering=0) as progress:
         told = _Told(progress, len(motion))
-        result = retarget(motion, target, Options(**job["options"]), joint_map=pairs, contacts=asked, progress=told)
+        options, builds = Options(**job["options"]), _builds(job["clip"], performer)
+        result = retarget(motion, target, options, builds=builds, joint_map=pairs, contacts=asked, progress=told)
     moved = OutputSettings(in_place=job["in_place"]).clip(result.motion, "", np.array([0.0, 0.0, 1.0])).motion
     np.savez(
         folder / "result.npz",
@@ -113,15 +113,28 @@ def _motion(arrays: dict[str, np.ndarray]):
     return Motion(skeleton, arrays["places"][:, 0], rotations, repr(float(arrays["frame_time"])))
 
 
+def _builds(clip: str | None, performer: dict[str, np.ndarray]):
+    """The builds of source and target: that of the source as its own mesh shows it."""
+    from distretarget import Builds, DistretargetError
+    from distretarget.io.input_file import load_file
+    from distretarget.io.target_file import build_of, with_source
+
+    if clip is not None:
+        return with_source(Builds(), load_file(clip))
+    with suppress(DistretargetError):
+        return Builds(source=build_of(_target(performer), "the armature"))
+    return Builds()
+
+
 def _target(arrays: dict[str, np.ndarray]):
     """The character as a target."""
     from distretarget import Target
     from distretarget.skin.mesh import SkinnedMesh
 
     skeleton, heads = _skeleton(arrays), arrays["heads"]
-    count, moved = len(arrays["vertices"]), arrays["moved"].astype(int)
-    if not count or not len(moved):
+    if not len(arrays.get("vertices", ())) or not len(arrays["moved"]):
         return Target(skeleton, {}, "")
+    count, moved = len(arrays["vertices"]), arrays["moved"].astype(int)
     order = np.argsort(moved, kind="stable")
     moved, movers, weights = moved[order], arrays["movers"][order].astype(int), arrays["weights"][order]
     rank = np.arange(len(moved)) - np.searchsorted(moved, moved)

@@ -6,6 +6,7 @@ It needs the package bpy, here or in the Python that DISTRETARGET_BLENDER names,
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -508,7 +509,10 @@ def test_bones_are_where_the_result_has_them_and_nothing_is_lost():
     assert found["skinned"] < 1e-4
     assert {"before", "clap"} <= set(found["actions"])
     assert found["range"] == pytest.approx([11, 11 + found["frames"] - 1], abs=0.01)
-    assert found["verdict"] == retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(HERO)).verdict
+    expected, number = retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(HERO)).verdict, r"[\d.]+"
+    assert re.sub(number, "", found["verdict"]) == re.sub(number, "", expected)
+    numbers = ([float(each) for each in re.findall(r"\d+\.\d+", text)] for text in (found["verdict"], expected))
+    assert next(numbers) == pytest.approx(next(numbers), abs=0.11)  # a rest pose in single precision is rounded
 
 
 def test_an_armature_of_the_scene_that_moves_is_a_clip():
@@ -518,7 +522,7 @@ def test_an_armature_of_the_scene_that_moves_is_a_clip():
     assert "is the character; choose another armature" in found["status"][1]
     assert found["ranges"][0] == pytest.approx(found["ranges"][1], abs=1.0)
     assert found["action"].startswith("clap")
-    assert found["away"] < 10.0  # the first hero is taken for an average body, as a clip without a skin is
+    assert found["away"] < 2.0  # as both have the same skin
     assert found["contacts"] > 0
     assert found["frame"] == 7
 
