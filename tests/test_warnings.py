@@ -42,8 +42,8 @@ def test_only_what_was_measured_can_be_the_worst():
 
 def test_limits_of_source_and_copy():
     tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "foot_skate": Track(np.array([[0.0, 0.1]]))}
-    assert lines({"jerk": 2.6}, {"jerk": 1.0}, tracks=tracks) == ["jerk 2.6 body sizes/s³, limit 2.5; worst in frame 1"]
-    assert lines({"jerk": 2.4}, {"jerk": 1.0}, tracks=tracks) == []
+    assert lines({"jerk": 4.6}, {"jerk": 1.0}, tracks=tracks) == ["jerk 4.6 body sizes/s³, limit 4.5; worst in frame 1"]
+    assert lines({"jerk": 4.4}, {"jerk": 1.0}, tracks=tracks) == []
     assert lines({"jerk": 0.015}, {"jerk": 0.0}, tracks=tracks) == []  # a pose that is held still
     (line,) = lines({"foot_skate": 0.2}, {"foot_skate": 0.3}, {"foot_skate": 0.1}, tracks)
     assert line.startswith("foot skate 0.2 leg lengths/s, limit 0.135; worst in frame 0")
@@ -65,7 +65,7 @@ def test_every_limit_says_what_it_means_and_what_to_look_for():
             assert metric.limit.cause
             assert metric.limit.formula(metric.unit)
     formulas = {metric.key: metric.limit.formula(metric.unit) for metric in METRICS if metric.limit}
-    assert formulas["jerk"] == "1.5 times the rotation copy's + 1 body sizes/s³"
+    assert formulas["jerk"] == "1.5 times the rotation copy's + 3 body sizes/s³"
     assert formulas["foot_skate"] == "1.15 times the source's + 0.02 leg lengths/s"
     assert formulas["contact_error"] == "the rotation copy's + 0.002"
     assert formulas["not_converged"] == "0"
