@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -154,6 +155,23 @@ class SkinMeasured:
         }
 
 
+class _Seen(NamedTuple):
+    """What is seen of a result in the frames that are measured. Lengths are in file units."""
+
+    deepest: Array  # (frames, parts), how deep each is inside others
+    vertices: Array  # (frames,), how many of hands and forearms are inside
+    gaps: Array  # (contacts,), of what touches in the source
+    spots: Array  # (contacts, 3), as `PartFrames.coordinates`
+    touching: Flags  # (frames, limbs, places)
+
+    @classmethod
+    def of(cls, frames: int, contacts: int) -> _Seen:
+        """Room for so many frames and contacts."""
+        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
+        none, spots = np.zeros(contacts), np.full((contacts, 3), np.nan)
+        return cls(np.zeros((frames, len(PARTS))), np.zeros(frames), none, spots, touching)
+
+
 @dataclass(frozen=True, eq=False)
 class SourceSkin:
     """What touches in a source, which the skin of results is measured against."""
@@ -177,50 +195,19 @@ class SourceSkin:
         """The skin of a result with the same number of frames."""
         skin = self.target
         frames = len(self.seen) if skin.can_touch.any() else 0
-        deepest, vertices = np.zeros((frames, len(PARTS))), np.zeros(frames)
-        gaps, spots = np.zeros(len(self.gaps)), np.full((len(self.gaps), 3), np.nan)
-        near = around(self.times[:frames], self._touching(frames))
-        near &= ~(self.hanging[self.seen[:frames], :, None] & BESIDE_PLACES)
-        touching, touch = np.zeros(near.shape, bool), TOUCHING / 100.0 * skin.height
-
-        def measure(block: slice) -> None:
-            rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
-            frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
-            reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (block.stop - block.start, 1, 1))
-            beside = near[block][:, :, PLACE_OF]
-            for forearm, hand in enumerate(HAND):  # what a forearm may touch, its hand may touch for it
-                beside[:, hand] |= beside[:, forearm]
-            reach[:, : len(LIMBS)][beside & skin.can_touch[: len(LIMBS)]] = touch
-            alone = np.zeros(reach.shape, bool)
-            there, of_part = (of[segment][:, None] == of for of in (PLACE_OF, PART_OF))
-            for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
-                reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height
-                alone[frame[of_part[:, part]], either[of_part[:, part]], part] = True
-            depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
-            deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            of_arm = _of_arms(depths)
-            gaps[rows], spots[rows] = _touch(skin, depths, places, frame, limb, segment)
-            for place in range(near.shape[2]):
-                nearest_skin = of_arm[:, :, place == PLACE_OF].max(axis=2)
-                touching[block, :, place] = near[block, :, place] & (nearest_skin > -touch)
-
-        if frames:
-            over_blocks(measure, frames, len(skin.patches.counts))
-        to_percent = 100.0 / skin.height
-        too_far = to_percent * gaps - np.maximum(self.gaps, 0.0)
-        too_near = self.gaps - to_percent * gaps
-        errors = np.maximum(np.maximum(too_far, too_near), 0.0)
+        found, to_percent = self._look_at(result, frames), 100.0 / skin.height
+        errors = self._gap_errors(to_percent * found.gaps)
         frame, limb, segment = self.touches[:, errors <= TOUCHING]
-        touching[frame, limb, PLACE_OF[segment]] = True
+        found.touching[frame, limb, PLACE_OF[segment]] = True
         last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
         gap_error, counts = self._means(errors, frames)
-        place_error, placed = self._means(difference(self.spots, spots), frames)
-        time_error, timed = self._times(touching, len(last))
+        place_error, placed = self._means(difference(self.spots, found.spots), frames)
+        time_error, timed = self._times(found.touching, len(last))
         of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
         return SkinMeasured(
-            deepest=to_percent * deepest[last, : len(LIMBS)],
-            deepest_parts=to_percent * deepest[last, len(LIMBS) :],
-            inside=100.0 * vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
+            deepest=to_percent * found.deepest[last, : len(LIMBS)],
+            deepest_parts=to_percent * found.deepest[last, len(LIMBS) :],
+            inside=100.0 * found.vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
             gap_error=gap_error[last],
             touching=counts[last],
             place_error=place_error[last],
@@ -228,6 +215,55 @@ class SourceSkin:
             time_error=time_error,
             timed=timed,
         )
+
+    def _look_at(self, result: Motion, frames: int) -> _Seen:
+        """What is seen in the first of the frames that are measured."""
+        skin, seen = self.target, _Seen.of(frames, len(self.gaps))
+        near = around(self.times[:frames], self._touching(frames))
+        near &= ~(self.hanging[self.seen[:frames], :, None] & BESIDE_PLACES)
+
+        def look(block: slice) -> None:
+            rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
+            frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
+            reach, alone = self._reach(near[block], frame, limb, segment)
+            depths, places, seen.vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
+            seen.deepest[block] = np.maximum(depths, 0.0).max(axis=2)
+            seen.gaps[rows], seen.spots[rows] = _touch(skin, depths, places, frame, limb, segment)
+            for place in range(near.shape[2]):
+                nearest_skin = _of_arms(depths)[:, :, place == PLACE_OF].max(axis=2)
+                seen.touching[block, :, place] = near[block, :, place] & (nearest_skin > -self._touch_distance)
+
+        if frames:
+            over_blocks(look, frames, len(skin.patches.counts))
+        return seen
+
+    def _reach(self, near: Flags, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
+        """How far from each segment parts are looked for in some frames, (frames, parts, segments), and which of these
+        alone; `near`, (frames, limbs, places), are what they may touch, and the others, (touches,), what they should.
+        """
+        skin, count = self.target, len(LIMBS)
+        reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (len(near), 1, 1))
+        beside = near[:, :, PLACE_OF]
+        for forearm, hand in enumerate(HAND):  # what a forearm may touch, its hand may touch for it
+            beside[:, hand] |= beside[:, forearm]
+        reach[:, :count][beside & skin.can_touch[:count]] = self._touch_distance
+        alone = np.zeros(reach.shape, bool)
+        there, of_part = (of[segment][:, None] == of for of in (PLACE_OF, PART_OF))
+        for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
+            reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height
+            alone[frame[of_part[:, part]], either[of_part[:, part]], part] = True
+        return reach, alone
+
+    def _gap_errors(self, gaps: Array) -> Array:
+        """(contacts,), how far gaps are off those of the source, or off touching where the source overlaps [% of
+        height].
+        """
+        return np.maximum(np.maximum(gaps - np.maximum(self.gaps, 0.0), self.gaps - gaps), 0.0)
+
+    @property
+    def _touch_distance(self) -> float:
+        """Up to which a result touches [file units]."""
+        return TOUCHING / 100.0 * self.target.height
 
     @property
     def times(self) -> Array:
