@@ -22,7 +22,8 @@ from distretarget.measure.movement import (
 )
 from distretarget.measure.pops import INSTANT
 from distretarget.measure.posture import errors_of, find_posture
-from distretarget.measure.skin import Skin, SkinMeasured, find_skin, find_source_skin
+from distretarget.measure.skin import Skin, find_skin
+from distretarget.measure.skin_touches import SkinMeasured, find_source_skin
 from distretarget.measure.supports import Feet, SupportsMeasured, find_feet, find_supports
 from distretarget.measure.surface import Surface
 from distretarget.motion import Motion

@@ -1,0 +1,335 @@
+"""How far hands and forearms sink into a body, and how well the gaps between skins that touch are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from distretarget.body.anatomy import SIDES
+from distretarget.body.body import Body
+from distretarget.measure.hanging import beside, hangs
+from distretarget.measure.metrics import Track, Tracks
+from distretarget.measure.part_frames import PART_OF, difference
+from distretarget.measure.passing import passing, speeds
+from distretarget.measure.skin import OWN_ARM, Skin, are_parts
+from distretarget.measure.skin_depths import LIMBS, PARTS, find_depths
+from distretarget.measure.skin_places import PLACE_OF
+from distretarget.measure.touch_times import around, off_times
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import world_rotations
+from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
+from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.skin.capsules import SEGMENTS
+
+TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
+GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
+BESIDE_POINTS = 0.5  # where a point is nearer than this, its neighbours may be inside [% of height]
+FARTHEST = 10.0  # what touches in the source and is farther off than this in the result is so far off [% of height]
+RATE = 30.0  # skin is measured about as often [1/s]
+VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
+BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
+# (limbs, segments), those beside an arm that hangs
+BESIDE = np.array([are_parts(limb.split()[0], BESIDE_ARM) for limb in LIMBS])
+# (limbs, places), the places of these
+BESIDE_PLACES = np.array([np.isin(np.arange(PLACE_OF.max() + 1), PLACE_OF[beside]) for beside in BESIDE])
+IS_ARM = np.array([name.endswith(OWN_ARM) for name in SEGMENTS])  # (segments,)
+# (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
+# at the wrist, which is not at the same place of every mesh.
+HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SkinMeasured:
+    """The skin of hands and forearms of a result. Arrays have no frames where its thickness is not known."""
+
+    deepest: Array  # (frames, limbs), how deep each is inside other parts of the body [% of height]
+    deepest_parts: Array  # (frames, other parts), how deep upper arms, legs and head are inside others [% of height]
+    inside: Array  # (frames,), how much of hands and forearms is [% of the vertices]
+    # (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the heights; what
+    # overlaps there may just touch; a forearm's gap is the least of forearm and hand [% of height]
+    gap_error: Array
+    touching: Numbers  # (frames, limbs), the number of parts of the body that it touches there
+    # (frames, limbs), the mean distance of the places where it touches others from those of the source, along and round
+    # what is touched [half widths], and the number of these places
+    place_error: Array
+    placed: Numbers
+    # (frames, limbs), how far begins and ends of touches are off, in the frames where those of the source are [ms], and
+    # their number
+    time_error: Array
+    timed: Numbers
+
+    @property
+    def tracks(self) -> Tracks:
+        """The values of the metrics of skin."""
+        return {
+            "skin_depth": Track(self.deepest, parts=LIMBS),
+            "part_depth": Track(self.deepest_parts, parts=PARTS[len(LIMBS) :]),
+            "skin_frames": Track(np.where(self.inside > VISIBLE, 100.0, 0.0)),
+            "skin_gap": Track(self.gap_error, self.touching > 0, LIMBS),
+            "touch_missed": Track(np.where(self.gap_error > TOUCHING, 100.0, 0.0), self.touching, LIMBS),
+            "touch_place": Track(self.place_error, self.placed, LIMBS),
+            "touch_time": Track(self.time_error, self.timed, LIMBS),
+        }
+
+
+class _Seen(NamedTuple):
+    """What is seen of a result in the frames that are measured. Lengths are in file units."""
+
+    deepest: Array  # (frames, parts), how deep each is inside others
+    vertices: Array  # (frames,), how many of hands and forearms are inside
+    gaps: Array  # (contacts,), of what touches in the source
+    spots: Array  # (contacts, 3), as `PartFrames.coordinates`
+    touching: Flags  # (frames, limbs, places)
+
+    @classmethod
+    def of(cls, frames: int, contacts: int) -> _Seen:
+        """Room for so many frames and contacts."""
+        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
+        none, spots = np.zeros(contacts), np.full((contacts, 3), np.nan)
+        return cls(np.zeros((frames, len(PARTS))), np.zeros(frames), none, spots, touching)
+
+
+@dataclass(frozen=True, eq=False)
+class SourceSkin:
+    """What touches in a source, which the skin of results is measured against."""
+
+    target: Skin  # the skin of results
+    seen: Numbers  # (some frames,), those that are measured; each holds up to the next
+    touches: Numbers  # (3, contacts), which of these, limb and segment, by frames
+    gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
+    spots: Array  # (contacts, 3), where on the segment, as `PartFrames.coordinates`
+    hanging: Flags  # (frames, limbs), whether the arm of each hangs
+    frame_time: float  # [s]
+
+    @classmethod
+    def without_touches(cls, target: Skin, seen: Numbers, frame_time: float) -> SourceSkin:
+        """A source in which nothing touches."""
+        none = np.zeros((3, 0), np.intp)
+        hanging = np.zeros((seen.max(initial=-1) + 1, len(LIMBS)), bool)
+        return cls(target, seen, none, np.zeros(0), np.zeros((0, 3)), hanging, frame_time)
+
+    def in_result(self, result: Motion) -> SkinMeasured:
+        """The skin of a result with the same number of frames."""
+        skin = self.target
+        frames = len(self.seen) if skin.can_touch.any() else 0
+        found, to_percent = self._look_at(result, frames), 100.0 / skin.height
+        errors = self._gap_errors(to_percent * found.gaps)
+        frame, limb, segment = self.touches[:, errors <= TOUCHING]
+        found.touching[frame, limb, PLACE_OF[segment]] = True
+        last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
+        gap_error, counts = self._means(errors, frames)
+        place_error, placed = self._means(difference(self.spots, found.spots), frames)
+        time_error, timed = self._times(found.touching, len(last))
+        of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
+        return SkinMeasured(
+            deepest=to_percent * found.deepest[last, : len(LIMBS)],
+            deepest_parts=to_percent * found.deepest[last, len(LIMBS) :],
+            inside=100.0 * found.vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
+            gap_error=gap_error[last],
+            touching=counts[last],
+            place_error=place_error[last],
+            placed=placed[last],
+            time_error=time_error,
+            timed=timed,
+        )
+
+    def _look_at(self, result: Motion, frames: int) -> _Seen:
+        """What is seen in the first of the frames that are measured."""
+        skin, seen = self.target, _Seen.of(frames, len(self.gaps))
+        near = around(self.times[:frames], self._touching(frames))
+        near &= ~(self.hanging[self.seen[:frames], :, None] & BESIDE_PLACES)
+
+        def look(block: slice) -> None:
+            rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
+            frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
+            reach, alone = self._reach(near[block], frame, limb, segment)
+            depths, places, seen.vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
+            seen.deepest[block] = np.maximum(depths, 0.0).max(axis=2)
+            seen.gaps[rows], seen.spots[rows] = _touch(skin, depths, places, frame, limb, segment)
+            for place in range(near.shape[2]):
+                nearest_skin = _of_arms(depths)[:, :, place == PLACE_OF].max(axis=2)
+                seen.touching[block, :, place] = near[block, :, place] & (nearest_skin > -self._touch_distance)
+
+        if frames:
+            over_blocks(look, frames, len(skin.patches.counts))
+        return seen
+
+    def _reach(self, near: Flags, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
+        """How far from each segment parts are looked for in some frames, (frames, parts, segments), and which of these
+        alone; `near`, (frames, limbs, places), are what they may touch, and the others, (touches,), what they should.
+        """
+        skin, count = self.target, len(LIMBS)
+        reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (len(near), 1, 1))
+        beside = near[:, :, PLACE_OF]
+        for forearm, hand in enumerate(HAND):  # what a forearm may touch, its hand may touch for it
+            beside[:, hand] |= beside[:, forearm]
+        reach[:, :count][beside & skin.can_touch[:count]] = self._touch_distance
+        alone = np.zeros(reach.shape, bool)
+        there, of_part = (of[segment][:, None] == of for of in (PLACE_OF, PART_OF))
+        for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
+            reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height
+            alone[frame[of_part[:, part]], either[of_part[:, part]], part] = True
+        return reach, alone
+
+    def _gap_errors(self, gaps: Array) -> Array:
+        """(contacts,), how far gaps are off those of the source, or off touching where the source overlaps [% of
+        height].
+        """
+        return np.maximum(np.maximum(gaps - np.maximum(self.gaps, 0.0), self.gaps - gaps), 0.0)
+
+    @property
+    def _touch_distance(self) -> float:
+        """Up to which a result touches [file units]."""
+        return TOUCHING / 100.0 * self.target.height
+
+    @property
+    def times(self) -> Array:
+        """(seen frames,) [s]."""
+        return np.asarray(self.seen * self.frame_time, float)
+
+    def _touching(self, frames: int) -> Flags:
+        """(seen frames, limbs, places), what touches in the source."""
+        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
+        frame, limb, segment = self.touches
+        touching[frame, limb, PLACE_OF[segment]] = True
+        return touching
+
+    def _means(self, values: Array, frames: int) -> tuple[Array, Numbers]:
+        """The means of what was measured of contacts, (seen frames, limbs), and how many have a value there."""
+        known, shape = np.isfinite(values), (frames, len(LIMBS))
+        cell = (self.touches[0] * len(LIMBS) + self.touches[1])[known]
+        counts = np.bincount(cell, minlength=frames * len(LIMBS))
+        sums = np.bincount(cell, values[known], minlength=frames * len(LIMBS))
+        means = np.asarray(sums / np.maximum(counts, 1), float)
+        return means.reshape(shape), counts.reshape(shape)
+
+    def _times(self, touching: Flags, frames: int) -> tuple[Array, Numbers]:
+        """(frames, limbs), how far begins and ends of touches of arms are off on average [ms], and how many there are,
+        in the columns of their hands.
+        """
+        off, counts = np.zeros((frames, len(LIMBS))), np.zeros((frames, len(LIMBS)), np.intp)
+        of_source = self._touching(len(touching))
+        for hand, place in product(np.unique(HAND), range(touching.shape[2] if len(off) else 0)):
+            source, result = (np.asarray(each[:, hand == HAND, place].any(axis=1)) for each in (of_source, touching))
+            values, some = off_times(self.times, source, result)
+            off[self.seen, hand] += values
+            counts[self.seen, hand] += some
+        return off / np.maximum(counts, 1), counts
+
+
+def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> SourceSkin:
+    """Find what touches in a source; `skin` is that of its `body`. About `RATE` frames a second are looked at, and
+    all around the first and the last of each touch.
+    """
+    both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
+    seen = _spread(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
+    if not both.any():
+        return SourceSkin.without_touches(target, seen, source.frame_time)
+    hanging = _hanging(source, body)
+    reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
+    reach[:, len(LIMBS) :] = -np.inf
+
+    def touch(frames: Numbers) -> tuple[Numbers, Array, Array]:
+        depths, places, _ = _depths(skin, source, frames, reach)
+        of_limbs = depths[:, : len(LIMBS)]
+        touching = (of_limbs > -reach[:, : len(LIMBS)]) & both & ~(hanging[frames, :, None] & BESIDE)
+        for place in np.unique(PLACE_OF):  # where a limb touches several parts of one place, the nearest counts
+            on = np.flatnonzero(place == PLACE_OF)
+            some = np.where(touching[:, :, on], of_limbs[:, :, on], -np.inf)
+            touching[:, :, on] &= np.arange(len(on)) == some.argmax(axis=2)[:, :, None]
+        frame, limb, segment = np.nonzero(touching)
+        gaps, spots = _touch(skin, depths, places, frame, limb, segment)
+        return np.stack([frames[frame], limb, segment]), 100.0 / skin.height * gaps, spots
+
+    def touches_in(frames: Numbers) -> tuple[Numbers, Array, Array]:
+        in_blocks = [frames[block] for block in blocks_of(len(frames))]
+        found = mapper_for(len(frames), len(skin.patches.counts))(touch, in_blocks)
+        touches, gaps, spots = zip(*found, strict=True)
+        return np.concatenate(touches, axis=1), np.concatenate(gaps), np.concatenate(spots)
+
+    touches, gaps, spots = touches_in(seen)
+    if len(between := _around_changes(seen, touches)):
+        others, of_others, spots_of_others = touches_in(between)
+        touches, gaps, seen = np.hstack([touches, others]), np.append(gaps, of_others), np.union1d(seen, between)
+        order = np.argsort(touches[0], kind="stable")
+        touches, gaps, spots = touches[:, order], gaps[order], np.concatenate([spots, spots_of_others])[order]
+    stay = ~_passing(source, body, skin, seen, touches)
+    touches, gaps, spots = touches[:, stay], gaps[stay], spots[stay]
+    touches[0] = np.searchsorted(seen, touches[0])
+    return SourceSkin(target, seen, touches, gaps, spots, hanging, source.frame_time)
+
+
+def _passing(source: Motion, body: Body, skin: Skin, seen: Numbers, touches: Numbers) -> Flags:
+    """(contacts,), whether the hand of what touches passes by; arms that meet never do."""
+    frame, limb, segment = touches
+    wrists = np.array([body.roles.get(f"{name.split()[0]}Hand", -1) for name in LIMBS])[limb]
+    known, speed = (wrists >= 0) & ~IS_ARM[segment], np.zeros(len(frame))
+    speed[known] = speeds(source, frame[known], wrists[known], skin.frames.joints[segment[known]])
+    of_place = limb * len(SEGMENTS) + PLACE_OF[segment]
+    return passing(speed, np.searchsorted(seen, frame), of_place, skin.height)
+
+
+def _of_arms(depths: Array) -> Array:
+    """(frames, limbs, segments), the depths of limbs, those of forearms being the larger of forearm and hand."""
+    return np.maximum(depths[:, : len(LIMBS)], depths[:, HAND])
+
+
+def _touch(
+    skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers
+) -> tuple[Array, Array]:
+    """Return how far limbs, or the hands of their arms, are off the places of the segments that they touch, (n,) each
+    [file units], and where they are nearest to the same part, (n, 3), as `PartFrames.coordinates`.
+    """
+    of_arm = _of_arms(depths)[frame, limb]
+    of_place = np.where(PLACE_OF[segment][:, None] == PLACE_OF, of_arm, -np.inf)
+    segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
+    limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)
+    return -of_place.max(axis=1, initial=-np.inf), skin.frames.coordinates(segment, places[frame, limb, segment])
+
+
+def _spread(frames: Numbers, step: float) -> Numbers:
+    """Every so many of the frames, rounded, and the last."""
+    return np.union1d(frames[:: max(round(step), 1)], frames[-1:])
+
+
+def _around_changes(seen: Numbers, touches: Numbers) -> Numbers:
+    """The frames between two of those that were `seen` in which not the same parts touch."""
+    touching = np.zeros((len(seen), len(LIMBS), len(SEGMENTS)), bool)
+    touching[np.searchsorted(seen, touches[0]), touches[1], touches[2]] = True
+    changes = np.flatnonzero((touching[1:] != touching[:-1]).any(axis=(1, 2)))
+    spans = [np.arange(seen[change] + 1, seen[change + 1]) for change in changes]
+    return np.concatenate([np.zeros(0, np.intp), *spans])
+
+
+def _depths(
+    skin: Skin, motion: Motion, frames: Numbers, reach: Array, alone: Flags | None = None
+) -> tuple[Array, Array, Array]:
+    """`find_depths` in some frames, where two parts meet those of the first of the two."""
+    posed = motion.positions[frames], world_rotations(motion.skeleton.parents, motion.rotations[frames])
+    reach = np.where(reach >= 0.0, np.maximum(reach, BESIDE_POINTS / 100.0 * skin.height), reach)
+    depths, places, inside = find_depths(skin.patches, skin.solids, posed, reach, GRAZING / 100.0 * skin.height, alone)
+    return _of_first(depths), places, inside
+
+
+def _of_first(of_parts: Array) -> Array:
+    """Values of parts and segments, (frames, parts, segments), those of two limbs being the larger of both ways."""
+    between = of_parts[:, : len(LIMBS), : len(LIMBS)]  # the first parts, and the first segments, are the limbs
+    between[:] = np.maximum(between, between.transpose(0, 2, 1))
+    return of_parts
+
+
+def _hanging(motion: Motion, body: Body) -> Flags:
+    """(frames, limbs), whether the arm of each hand hangs, and whether each forearm is beside the trunk, where it is as
+    well while the elbow is bent.
+    """
+    hanging = np.zeros((len(motion), len(LIMBS)), bool)
+    for side, arm in product(SIDES, body.arms):
+        if body.roles.get(f"{side}Hand") == arm.wrist:
+            hand, forearm = (LIMBS.index(f"{side} {part}") for part in ("hand", "forearm"))
+            hanging[:, hand] = hanging[:, forearm] = hangs(body, motion.positions, arm)
+            if body.legs and len(body.arms) == len(SIDES):
+                hanging[:, forearm] = beside(body, motion.positions, [arm.elbow, arm.wrist])
+    return hanging
