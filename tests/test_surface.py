@@ -62,7 +62,8 @@ def test_points_lie_on_the_posed_triangles_and_their_normals_lead_out():
         for k in range(3):
             inside &= (np.cross(off[:, k], off[:, (k + 1) % 3]) * normals).sum(axis=1) >= -1e-12
         assert heights[inside].min() < 1e-9
-    first, end = points.of_segment[TRUNK[0]], points.of_segment[TRUNK[0] + 1]
+    runs = points.runs
+    first, end = runs.first[runs.of_segment[TRUNK[0] : TRUNK[0] + 2]]
     away = places[0, first:end] - places[0, first:end].mean(axis=0)
     assert ((away * outwards[0, first:end]).sum(axis=1) > 0.0).mean() > 0.9
 
