@@ -72,11 +72,13 @@ def bends(
     frames = Frames(*map(np.ascontiguousarray, frames))
     room, w = LimbWorkspace.of(balls, spots, count), _rotation_vectors(frames.limbs, start)
     stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
+    of_pair = displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]  # the limb of each pair that gives way
     for arms in np.unique(are_arms):  # legs first
         own = np.flatnonzero(are_arms == arms)
         limbs = _Limbs(own, balls, displaced, spots, frames, w, reach, room)
         brought = frames.firmness.any(axis=1) | frames.ties.any(axis=(1, 2))
-        acts = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & brought) | (frames.soft < 0.0).any(axis=1))
+        pushed = (frames.soft[:, np.isin(of_pair, own)] < 0.0).any(axis=1)
+        acts = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & brought) | pushed)
         for shot in slices_of(shots):
             for span in _around(acts[shot], FADES * tau):
                 first, end = shot.start + span.start, shot.start + span.stop
