@@ -1,8 +1,9 @@
 """How far points on a surface that moves with joints are from others on it. Compiled.
 
 Points are in runs of neighbours, each in a ball, so that the nearest point is looked for only in runs whose balls are
-near enough. A height over a surface changes by no more than the way from one place to another: places that cannot be
-the lowest, by the place before, are left out.
+near enough. The height over a surface changes by no more than the way from one place to another, and where another
+piece of the surface is the nearest, here by half its radius at most: places that cannot be the lowest, by the place
+before, are left out.
 """
 
 from __future__ import annotations
@@ -175,11 +176,11 @@ def _least_height(points, moved, limb, pair, count, farthest, room):  # type: ig
     """The least height of the points of a limb over runs that were found, or `farthest`."""
     least, runs, first = farthest, points.runs, points.runs.of_segment[limb]
     size, start = runs.of_segment[limb + 1] - first, room.lowest[pair]
-    before, height, nearest = -1, farthest, -1  # the point before, if its height is known
+    before, lowest, nearest = -1, farthest, -1  # the point before, if its height is known, and what is lowest around it
     for n in range(size if count > 0 else 0):
         run = first + (start + n) % size
         ball = room.balls[run]
-        if before >= 0 and height - np.sqrt(_square(ball, room.placed[before])) - ball[3] >= least:
+        if before >= 0 and lowest - np.sqrt(_square(ball, room.placed[before])) - ball[3] >= least:
             continue
         nearer = _find_nearer(ball, nearest, count, farthest, room)
         if nearer == 0:
@@ -187,12 +188,13 @@ def _least_height(points, moved, limb, pair, count, farthest, room):  # type: ig
         _place(points, moved, run, room)
         for point in range(runs.first[run], runs.first[run + 1]):
             p = room.placed[point]
-            if before >= 0 and height - np.sqrt(_square(p, room.placed[before])) >= least:
+            if before >= 0 and lowest - np.sqrt(_square(p, room.placed[before])) >= least:
                 continue
             found, square = _find_nearest(points, moved, p, nearest, nearer, farthest, room)
             before = -1
             if found >= 0:
-                before, nearest, height = point, found, _height(points, moved, point, found, square, room)
+                height = _height(points, moved, point, found, square, room)
+                before, nearest, lowest = point, found, height - 0.5 * points.radii[found]
                 if height < least:
                     least, room.lowest[pair] = height, run - first
     return least
