@@ -73,7 +73,7 @@ def displaced(skin, motion, ends=None, *, free=1.0):
     x = motion.positions / skin.unit
     limbs = np.stack([x[:, [*limb.joints]] for limb in skin.limbs], axis=1)
     same, none = np.full((len(motion), len(skin.limbs), 2), free), np.zeros_like(gaps)
-    return gaps, displacements(skin.balls, skin.displaced, ends, limbs, same, none)
+    return gaps, displacements(skin.balls, skin.displaced, ends, limbs, same, none)[0]
 
 
 def gaps_of(skin, motion, d):

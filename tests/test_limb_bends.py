@@ -31,7 +31,7 @@ def solved(skin, motion, firmness=0.0, rate=RATE, **anchors):
     """The displacements of limbs, and the gaps of the bent motion."""
     frames = asked(skin, motion, firmness)._replace(**anchors)
     arms = np.array([limb.is_arm for limb in skin.limbs])
-    start = displacements(skin.balls, skin.displaced, *frames[:4])
+    start, _ = displacements(skin.balls, skin.displaced, *frames[:4])
     spots, shots = np.arange(len(skin.balls.pairs)), np.zeros(len(motion), np.intp)
     d = bends(skin.balls, skin.displaced, spots, frames, arms, start, shots, 1.0 / rate, REACH)
     return d, segment_gaps(skin.balls, skin.posed(bent(motion, skin.limbs, skin.unit * d)), 0.2)
@@ -57,7 +57,7 @@ def test_a_hand_is_out_of_the_belly_in_every_frame_and_moves_smoothly():
     assert before.min() * skin.unit < -0.04
     assert gaps.min() > -0.003
     deep = before < -0.01
-    start = displacements(skin.balls, skin.displaced, *asked(skin, motion)[:4])
+    start, _ = displacements(skin.balls, skin.displaced, *asked(skin, motion)[:4])
     bend, sudden = (np.linalg.norm(np.diff(each[:, 0, 1], 2, axis=0), axis=1).max() for each in (d, start))
     assert bend < 0.5 * sudden
     assert np.abs(d[np.flatnonzero(deep)[0] - 3]).max() > 1e-3  # it begins before it would sink in
@@ -69,7 +69,7 @@ def test_a_body_may_have_limbs_of_one_kind_alone(are_arms):
     frames = asked(skin, motion)
     frames = frames._replace(soft=frames.soft - 0.01)  # all is to keep a distance
     arms, spots, shots = np.full(len(skin.limbs), are_arms), np.arange(len(skin.balls.pairs)), np.zeros(60, np.intp)
-    start = displacements(skin.balls, skin.displaced, *frames[:4])
+    start, _ = displacements(skin.balls, skin.displaced, *frames[:4])
     d = bends(skin.balls, skin.displaced, spots, frames, arms, start, shots, 1.0 / RATE, REACH)
     assert segment_gaps(skin.balls, skin.posed(bent(motion, skin.limbs, skin.unit * d)), 0.2).min() > -0.003
 

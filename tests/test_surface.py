@@ -61,9 +61,24 @@ def test_points_lie_on_the_posed_triangles_and_their_normals_lead_out():
         for k in range(3):
             inside &= (np.cross(off[:, k], off[:, (k + 1) % 3]) * normals).sum(axis=1) >= -1e-12
         assert heights[inside].min() < 1e-9
-    first, end = points.of_segment[TRUNK[0]], points.of_segment[TRUNK[0] + 1]
+    runs = points.runs
+    first, end = runs.first[runs.of_segment[TRUNK[0] : TRUNK[0] + 2]]
     away = places[0, first:end] - places[0, first:end].mean(axis=0)
     assert ((away * outwards[0, first:end]).sum(axis=1) > 0.0).mean() > 0.9
+
+
+def test_the_points_of_a_run_are_in_its_ball_in_all_poses():
+    motion, points = run("clap").motion[::20], surface_of("clap").points
+    runs, middles = points.runs, points.runs.middles
+    places, centres = posed(points.places, motion), posed(middles, motion)
+    rows = np.repeat(np.arange(len(runs.radii)), np.diff(middles.first))
+    ways = posed(middles._replace(first=np.arange(len(rows) + 1)), motion) - middles.b[:, 3:] * centres[:, rows]
+    radii = np.tile(runs.radii, (len(motion), 1))
+    np.add.at(radii, (slice(None), rows), runs.spread * np.linalg.norm(ways, axis=2))
+    of_point = np.repeat(np.arange(len(runs.radii)), np.diff(runs.first))
+    shares = np.linalg.norm(places - centres[:, of_point], axis=2) / radii[:, of_point]
+    assert shares.max() < 1.0 + 1e-9
+    assert np.median(shares) > 0.5
 
 
 def test_a_mesh_whose_triangles_face_in_is_the_same_surface():

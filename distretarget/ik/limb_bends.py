@@ -36,6 +36,7 @@ NEAR = 2.0  # where a limb moved in a step, so many tau around it take the next
 STEPS = 16  # at most
 SETTLED = 2e-3  # a limb whose parts turn by less in a step does not move [rad]
 FARTHEST = 0.5  # no part turns by more in a step [rad]
+LEAST = 1e-9  # smaller displacements are rounding errors [body units]
 TRIES = 6  # of a step that leads up ...
 DAMPING = 8.0  # ... each stiffer by this factor in the frames that do
 STENCILS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 1.0))  # of w, w' and w''
@@ -72,11 +73,13 @@ def bends(
     frames = Frames(*map(np.ascontiguousarray, frames))
     room, w = LimbWorkspace.of(balls, spots, count), _rotation_vectors(frames.limbs, start)
     stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
+    of_pair = displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]  # the limb of each pair that gives way
     for arms in np.unique(are_arms):  # legs first
         own = np.flatnonzero(are_arms == arms)
         limbs = _Limbs(own, balls, displaced, spots, frames, w, reach, room)
         brought = frames.firmness.any(axis=1) | frames.ties.any(axis=(1, 2))
-        acts = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & brought) | (frames.soft < 0.0).any(axis=1))
+        pushed = (frames.soft[:, np.isin(of_pair, own)] < 0.0).any(axis=1)
+        acts = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & brought) | pushed)
         for shot in slices_of(shots):
             for span in _around(acts[shot], FADES * tau):
                 first, end = shot.start + span.start, shot.start + span.stop
@@ -84,6 +87,7 @@ def bends(
                 _Path(x, h, tau, partial(limbs.write, first)).settle(steps)
     d = np.zeros_like(start)
     write_displacements(w, frames.limbs, room, d)
+    d[(np.abs(d) < LEAST).all(axis=(2, 3))] = 0.0
     return d
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array, Flags, lengths
+from distretarget.numerics.vectors import Array, Flags
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.objectives.spots import Spots
+from distretarget.skin.balls import ball_gaps
 from distretarget.skin.capsules import SEGMENTS
 
 NEARER = 0.01  # what is less than this farther than the nearest counts, of parts and of balls [body units]
@@ -46,12 +47,11 @@ def anchors(
     bodies = [(body, motion, body.posed(motion)) for body, motion in ((one, before), (other, now))]
     points = np.zeros((2, len(now), len(hands), len(PARTS), 3))
     for row, (limb, (segment, *wrists)) in enumerate(hands.items()):
-        ways = [
-            _way(body, motion, ends, segment, wrist) for (body, motion, ends), wrist in zip(bodies, wrists, strict=True)
-        ]
+        ways = [_way(*each, segment, wrist) for each, wrist in zip(bodies, wrists, strict=True)]
+        along = _along(one, bodies[0][2], segment, *ways[0])
         for part, names in enumerate(PARTS.values()):
             on = fields["ties"][touch, limb, part] > 0.0
-            share = _how_far_along(one, bodies[0][2], segment, names, ways[0], on)
+            share = _how_far_along(one, bodies[0][2], segment, names, along, on)
             for body, (start, way) in enumerate(ways):
                 points[body, :, row, part] = start + share[:, None] * way
     places, out, heights = rays(one.landmarks.axes(before), other.landmarks.axes(now), points[0])
@@ -93,24 +93,21 @@ def _way(body: BodySkin, motion: Motion, ends: Array, segment: int, wrist: int) 
     return start, 2.0 * (body.unit * body.centres(ends, segment).mean(axis=1) - start)
 
 
-def _how_far_along(
-    body: BodySkin, ends: Array, segment: int, names: tuple[str, ...], way: tuple[Array, Array], on: Flags
-) -> Array:
-    """(frames,), how far along a hand it touches some segments, in ways of the hand, and in its middle elsewhere."""
-    share, (start, along) = np.full(len(on), 0.5), way
+def _along(body: BodySkin, ends: Array, segment: int, start: Array, way: Array) -> Array:
+    """(frames, balls), how far along a hand each of its balls is, in ways of the hand."""
+    off = body.unit * body.centres(ends, segment) - start[:, None]
+    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    return np.asarray((off @ way[:, :, None])[..., 0] / square[:, None])
+
+
+def _how_far_along(body: BodySkin, ends: Array, segment: int, names: tuple[str, ...], along: Array, on: Flags) -> Array:
+    """(frames,), how far along a hand it touches some segments, by `along` of its balls, and its middle elsewhere."""
+    share = np.full(len(on), 0.5)
     parts = np.flatnonzero(np.isin(body.capsules.segments, [SEGMENTS.index(name) for name in names]))
-    if not on.any() or not len(parts):
-        return share
-    centres = body.centres(ends[on], segment)
-    a, bones = ends[on][:, None, parts, 0], np.diff(ends[on][:, parts], axis=2)[:, None, :, 0]
-    off, (thin, thick) = centres[:, :, None] - a, body.balls.cap_radii[parts].T
-    t = np.clip((off * bones).sum(axis=3) / np.maximum((bones**2).sum(axis=3), np.finfo(float).tiny), 0.0, 1.0)
-    apart = lengths(off - t[..., None] * bones) - (1.0 - t) * thin - t * thick
-    gaps = apart.min(axis=2) - body.balls.radii[body.balls_of(segment)]
-    weights = np.maximum(1.0 - (gaps - gaps.min(axis=1, keepdims=True)) / NEARER, 0.0)
-    places = ((body.unit * centres - start[on][:, None]) * along[on][:, None]).sum(axis=2)
-    places /= np.maximum((along[on] ** 2).sum(axis=1), np.finfo(float).tiny)[:, None]
-    share[on] = (weights * places).sum(axis=1) / weights.sum(axis=1)
+    if on.any() and len(parts):
+        gaps = ball_gaps(body.balls, ends[on], segment, parts)
+        weights = np.maximum(1.0 - (gaps - gaps.min(axis=1, keepdims=True)) / NEARER, 0.0)
+        share[on] = (weights * along[on]).sum(axis=1) / weights.sum(axis=1)
     return share
 
 

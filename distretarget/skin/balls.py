@@ -102,9 +102,7 @@ def _write_spare(balls: Balls, posed: F3, p: Out[F1], axis: Out[F1], spare: Out[
         for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
             write_axis(posed[capsule], balls.cap_radii[capsule], axis)
             for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-                carrier, t = balls.carriers[ball], balls.places[ball]
-                for i in range(3):
-                    p[i] = (1.0 - t) * posed[carrier, 0, i] + t * posed[carrier, 1, i]
+                _write_centre(balls, posed, ball, p)
                 gap = gap_at(p, balls.radii[ball], axis, balls.cap_radii[capsule])[0]
                 if gap > -OVERLAP * balls.radii[ball]:
                     spare[ball, capsule] = min(gap, 0.0)
@@ -271,3 +269,33 @@ def write_ways(
                 square, by = x * x + y * y + z * z, x * n[0] + y * n[1] + z * n[2]
                 if reach > 0.0 and square < reach * reach and by >= ahead * np.sqrt(square):
                     ways[frame] = max(ways[frame], np.sqrt(reach * reach - square + by * by) - by)
+
+
+def ball_gaps(balls: Balls, posed: Array, segment: int, capsules: Numbers) -> Array:
+    """Return the least gap of each ball of a segment to some capsules in each frame, (frames, balls). Capsules end at
+    `posed`, (frames, capsules, 2, 3); overlaps count in full.
+    """
+    gaps = np.full((len(posed), np.diff(balls.of_ball)[segment]), NEVER)
+    _write_ball_gaps(balls, posed, int(balls.of_ball[segment]), capsules, np.zeros(3), np.zeros(8), gaps)
+    return gaps
+
+
+@compiled(fastmath=True)
+def _write_ball_gaps(
+    balls: Balls, posed: F4, first: int, capsules: I1, p: Out[F1], axis: Out[F1], gaps: Out[F2]
+) -> None:
+    for frame in range(len(posed)):
+        for capsule in capsules:
+            radii = balls.cap_radii[capsule]
+            write_axis(posed[frame, capsule], radii, axis)
+            for n in range(gaps.shape[1]):
+                _write_centre(balls, posed[frame], first + n, p)
+                gaps[frame, n] = min(gaps[frame, n], gap_at(p, balls.radii[first + n], axis, radii)[0])
+
+
+@inlined()
+def _write_centre(balls: Balls, ends: Array, ball: int, p: Array) -> None:
+    """Write the centre of a ball, (3,), for capsules that end at `ends`, (capsules, 2, 3)."""
+    carrier, t = balls.carriers[ball], balls.places[ball]
+    for i in range(3):
+        p[i] = (1.0 - t) * ends[carrier, 0, i] + t * ends[carrier, 1, i]

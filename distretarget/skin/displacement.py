@@ -45,11 +45,23 @@ class PushWorkspace(NamedTuple):
     ends: F3  # (capsules, 2, 3)
     nowhere: F3  # (limbs, 2, 3), no displacements
     before: F3  # (limbs, 2, 3), those of the turn before
-    afresh: F3  # (limbs, 2, 3), those found from none
+    kept: F3  # (limbs, 2, 3), those found from the frame before
 
 
-def displacements(balls: Balls, displaced: Displaced, posed: Array, limbs: Array, free: Array, soft: Array) -> Array:
-    """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3).
+class PushedFrames(NamedTuple):
+    """Some frames of a body; what its fields are, `displacements` says."""
+
+    posed: F4
+    limbs: F4
+    free: F3
+    soft: F2
+
+
+def displacements(
+    balls: Balls, displaced: Displaced, posed: Array, limbs: Array, free: Array, soft: Array
+) -> tuple[Array, Array]:
+    """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3),
+    as found in time forwards, and in time backwards.
 
     Args:
         balls: of the body, with its capsules.
@@ -61,48 +73,79 @@ def displacements(balls: Balls, displaced: Displaced, posed: Array, limbs: Array
     """
     count = limbs.shape[1]
     moved = displaced._replace(limbs=displaced.limbs % (count + 1))
-    result = np.zeros((len(posed), count + 1, 2, 3))  # the last limb is that of what no limb carries
+    # The last limb is that of what no limb carries.
+    from_none, forwards, backwards = np.zeros((3, len(posed), count + 1, 2, 3))
     free = np.concatenate([free, np.zeros((len(posed), 1, 2))], axis=1)
     room = PushWorkspace(
         room_for(balls), tangents_for(balls, count), np.zeros(posed.shape[1:]), *np.zeros((3, count + 1, 2, 3))
     )
-    posed, limbs, free, soft = map(np.ascontiguousarray, (posed, limbs, free, soft))
-    _write_displacements(balls, moved, posed, limbs, free, soft, room, result)
-    return result[:, :count]
+    frames = PushedFrames(*map(np.ascontiguousarray, (posed, limbs, free, soft)))
+    _write_from_none(balls, moved, frames, room, from_none)
+    if from_none.any():
+        _write_displacements(balls, moved, frames, from_none, 1, room, forwards)
+        _write_displacements(balls, moved, frames, from_none, -1, room, backwards)
+    return forwards[:, :count], backwards[:, :count]
+
+
+@compiled(fastmath=True)
+def _write_from_none(
+    balls: Balls, displaced: Displaced, frames: PushedFrames, room: PushWorkspace, from_none: Out[F4]
+) -> None:
+    """Write what one turn finds from no displacements."""
+    for frame in range(len(from_none)):
+        _turn(balls, displaced, frames, frame, from_none[frame], True, room)
 
 
 @compiled(fastmath=True)
 def _write_displacements(
-    balls: Balls, displaced: Displaced, posed: F4, limbs: F4, free: F3, soft: F2, room: PushWorkspace, result: Out[F4]
+    balls: Balls,
+    displaced: Displaced,
+    frames: PushedFrames,
+    from_none: F4,
+    step: int,
+    room: PushWorkspace,
+    result: Out[F4],
 ) -> None:
-    placed, rows, ends, nowhere, before, afresh = room
-    for frame in range(len(posed)):
+    """Write the displacements in time forwards, if `step` is 1, or backwards, if it is -1."""
+    nowhere, before, kept = room.nowhere, room.before, room.kept
+    for n in range(len(result)):
+        frame = n if step > 0 else len(result) - 1 - n
         d = result[frame]
-        if frame > 0:
-            copy_to(d, result[frame - 1])
-        from_none = _way_between(d, nowhere) < NOTHING
+        if n > 0:
+            copy_to(d, result[frame - step])
+        is_new = _way_between(d, nowhere) < NOTHING
         # From those of the frame before; then from none; then from the shorter of the two for each limb.
-        for attempt in range(1 if from_none else 3):
+        for attempt in range(1 if is_new else 3):
             if attempt == 1:
-                copy_to(afresh, d)
-            if from_none or attempt == 1:
-                clear(d)
-            elif attempt == 2 and not _take_shorter(d, afresh):
+                copy_to(kept, d)
+            elif attempt == 2 and not _take_shorter(d, kept):
                 break
-            for turn in range(AFRESH if from_none or attempt == 1 else TURNS):
+            is_afresh = is_new or attempt == 1
+            if is_afresh:
+                clear(d)
+            for turn in range(AFRESH if is_afresh else TURNS):
                 copy_to(before, d)
-                place_displaced(balls, displaced, posed[frame], d, ends, placed)
-                count = find_gaps(balls, displaced, placed, free[frame], d, soft[frame], rows)
-                if count > 0:
-                    count = find_lengths(limbs[frame], free[frame], d, rows, count)
-                if turn % TURNS == 0:
-                    clear(d)
-                _push_all(rows, count, d)
-                if _way_between(before, d) < SETTLED or (attempt == 1 and not _any_shorter(d, afresh)):
+                if is_afresh and turn == 0:
+                    copy_to(d, from_none[frame])
+                else:
+                    _turn(balls, displaced, frames, frame, d, turn % TURNS == 0, room)
+                if _way_between(before, d) < SETTLED or (attempt == 1 and not _any_shorter(d, kept)):
                     break
         for limb in range(len(d)):
             if _way_between(d[limb], nowhere[limb]) < NOTHING:
                 clear(d[limb])
+
+
+@inlined(fastmath=True)
+def _turn(balls, displaced, frames, frame, d, begins, room):  # type: ignore[no-untyped-def]
+    """Displace limbs by the least that keeps the tangents at displacements d, beginning with none if asked for."""
+    place_displaced(balls, displaced, frames.posed[frame], d, room.ends, room.placed)
+    count = find_gaps(balls, displaced, room.placed, frames.free[frame], d, frames.soft[frame], room.rows)
+    if count > 0:
+        count = find_lengths(frames.limbs[frame], frames.free[frame], d, room.rows, count)
+    if begins:
+        clear(d)
+    _push_all(room.rows, count, d)
 
 
 @inlined(fastmath=True)

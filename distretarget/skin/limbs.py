@@ -74,7 +74,8 @@ def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
     local = some.rotations.copy()
     turns = np.empty((4, len(frames), 4))  # of the upper part, the lower part, what is beyond, and the rest of the body
     turns[3] = UNTURNED
-    for number, limb in enumerate(limbs):
+    for number in np.flatnonzero(moved.any(axis=(0, 2, 3))).tolist():
+        limb = limbs[number]
         top, middle, end = (places[:, joint] for joint in limb.joints)
         upper, lower = middle - top, end - middle
         turns[0] = least_rotation(upper, upper + moved[:, number, 0])

@@ -41,10 +41,7 @@ def least_displacements(
     """
 
     def of_shot(*values: Array) -> Array:
-        forwards = displacements(balls, displaced, *values)
-        if not forwards.any():
-            return forwards
-        backwards = displacements(balls, displaced, *(each[::-1] for each in values))[::-1]
+        forwards, backwards = displacements(balls, displaced, *values)
         taken = cheaper(forwards, backwards, change)
         return np.where(taken[:, None, None, None], backwards, forwards)
 

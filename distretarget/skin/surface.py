@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -14,13 +15,15 @@ from distretarget.numerics.vectors import Array, Flags, Numbers, cross, halves, 
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
-from distretarget.skin.surface_gaps import RUN, Bound, GapWorkspace, Points, write_gaps
+from distretarget.skin.surface_gaps import Bound, GapWorkspace, Points, Runs, write_gaps
 
 # How many points a segment of a body has: limbs are thin, and what they touch is large.
 POINTS = {"hand": 220, "forearm": 180, "chest": 400, "belly": 300, "pelvis": 300, "head": 400, "thigh": 200}
 OTHER_POINTS = 120
 STEPS = (0.7548776662466927, 0.5698402909980532)  # between points that spread evenly over a square
 AT_CORNER = 0.98  # the share of a corner in a point that stands for it
+RUN = 8  # neighbours that are looked for together, at most
+SAME = 1e-9  # shares that differ by less are the same
 
 Part = tuple[int, ...]  # the numbers of its segments
 
@@ -42,7 +45,8 @@ class SurfaceSamples:
         first, second = (mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2))
         are_large = 0.5 * lengths(cross(first, second)) > np.pi * radii**2
         shares = _shares(triangles, are_large)
-        order = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
+        groups = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
+        order = np.concatenate([segments[:0], *groups])
         corners, shares, radii, are_large = corners[order], shares[:, order], radii[order], are_large[order]
         none, one = np.zeros(count), np.ones(count)
         rows, vertices = np.repeat(np.arange(count), 3), _bound(mesh, skeleton)
@@ -51,8 +55,8 @@ class SurfaceSamples:
             _rows(csr_array((np.transpose(each).ravel(), (rows, corners.ravel())), size) @ vertices)
             for each in (shares, [-one, one, none], [-one, none, one])
         )
-        of_segment = np.searchsorted(segments, np.arange(len(SEGMENTS) + 1))
-        return cls(Points(places, first, second, radii, np.ascontiguousarray(shares[1:].T), are_large, of_segment))
+        runs = _runs(places, np.cumsum([0, *map(len, groups)]), segments)
+        return cls(Points(places, first, second, radii, np.ascontiguousarray(shares[1:].T), are_large, runs))
 
     def gaps(self, motion: Motion, parts: Sequence[tuple[int, Part]], wanted: Flags, farthest: float) -> Array:
         """Return how far limbs are from parts in each frame, (frames, pairs), negative where they are in, or `farthest`
@@ -72,10 +76,7 @@ class SurfaceSamples:
         limbs, members = np.array([limb for limb, _ in parts], np.intp), np.zeros((len(parts), len(SEGMENTS)), bool)
         for pair, (_, part) in enumerate(parts):
             members[pair, [*part]] = True
-        count = len(self.points.radii)
-        near, nearer, are_placed = (np.zeros(n, np.intp) for n in (count, count, len(SEGMENTS)))
-        at, placed, squares = np.zeros((3, count)), np.zeros((count, 3)), np.zeros(count)
-        room = GapWorkspace(placed, near, at, squares, nearer, are_placed, np.zeros((3, 3)), np.zeros(4))
+        room = GapWorkspace.of(self.points, len(parts))
         write_gaps(self.points, moved, limbs, members, np.ascontiguousarray(wanted[frames]), farthest, room, found)
         gaps[frames] = found
         return gaps
@@ -127,10 +128,35 @@ def _shares(triangles: Numbers, are_large: Flags) -> Array:
     return shares
 
 
-def _by_neighbours(places: Array, segments: Numbers) -> Numbers:
-    """The order in which points, (points, 3), follow their neighbours, one segment after the other."""
+def _by_neighbours(places: Array, segments: Numbers) -> list[Numbers]:
+    """Points, (points, 3), in runs of neighbours, one segment after the other."""
     groups = [np.flatnonzero(segments == segment) for segment in np.unique(segments)]
-    return np.concatenate([segments[:0], *(run for group in groups for run in halves(places, group, RUN))])
+    return [run for group in groups for run in halves(places, group, RUN)]
+
+
+def _runs(places: Bound, first: Numbers, segments: Numbers) -> Runs:
+    """Runs of points that begin with the `first`, in the order of their `segments`, (points,).
+
+    A point is the sum of w q over joints, with weights w and places q that move with one joint each. The centre c of a
+    run is that of the means w' and q', so a point is off it by the sum of w (q - q') + (w - w') (q' - c).
+    """
+    bounds, joints, means, radii, spread = [0], [], [], [], []
+    for begin, end in pairwise(first):
+        rows, count = slice(places.first[begin], places.first[end]), np.diff(places.first[begin : end + 1])
+        own, column = np.unique(places.joints[rows], return_inverse=True)
+        b = np.zeros((end - begin, len(own), 4))
+        b[np.repeat(np.arange(end - begin), count), column] = places.b[rows]
+        mean = b.mean(axis=0)
+        shares = b[..., 3:] / mean[:, 3:]
+        radii.append(lengths(b[..., :3] - shares * mean[:, :3]).sum(axis=1).max())
+        spread.append(np.abs(shares - 1.0).max(axis=(0, 2)))
+        means.append(mean)
+        joints.append(own)
+        bounds.append(bounds[-1] + len(own))
+    middles = Bound(np.array(bounds), np.concatenate([first[:0], *joints]), np.concatenate([np.zeros((0, 4)), *means]))
+    more = np.concatenate([np.zeros(0), *spread])
+    of_segment = np.searchsorted(segments[first[:-1]], np.arange(len(SEGMENTS) + 1))
+    return Runs(first, of_segment, middles, np.array(radii), np.where(more < SAME, 0.0, more))
 
 
 def _nearest_on(ends: Array, points: Array) -> Array:

@@ -1,4 +1,10 @@
-"""How far points on a surface that moves with joints are from others on it. Compiled."""
+"""How far points on a surface that moves with joints are from others on it. Compiled.
+
+Points are in runs of neighbours, each in a ball, so that the nearest point is looked for only in runs whose balls are
+near enough. The height over a surface changes by no more than the way from one place to another, and where another
+piece of the surface is the nearest, here by half its radius at most: places that cannot be the lowest, by the place
+before, are left out.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import B1, B2, F1, F2, F4, I1, indices
-
-RUN = 8  # points of a limb that are looked for together
+from distretarget.numerics.vectors import B1, B2, F1, F2, F3, F4, I1, indices
 
 
 class Bound(NamedTuple):
@@ -20,8 +24,20 @@ class Bound(NamedTuple):
     b: F2  # (rows, 4), b and w
 
 
+class Runs(NamedTuple):
+    """Runs of points that are neighbours, ordered by segment, and the balls that hold them in all poses."""
+
+    first: I1  # (runs + 1,), the first point of each; the last is their end
+    of_segment: I1  # (segments + 1,), the first run of each segment; the last is their end
+    middles: Bound  # the centres of the balls
+    radii: F1  # (runs,), of the balls, but for what follows
+    # (rows of the middles,), how far the weights of a joint are off their mean, in shares of that: a radius grows by so
+    # much of each row's way from the centre
+    spread: F1
+
+
 class Points(NamedTuple):
-    """Points on the outside of a surface, ordered by segment, and so that those of a run are neighbours."""
+    """Points on the outside of a surface, in runs."""
 
     places: Bound
     one: Bound  # an edge of the triangle of each ...
@@ -29,20 +45,37 @@ class Points(NamedTuple):
     radii: F1  # (points,), of the piece of surface that each stands for
     shares: F2  # (points, 2), how far along its edges each is, 0 to 1
     are_large: B1  # (points,), whether its triangle is larger than that piece
-    of_segment: I1  # (segments + 1,), the first point of each segment; the last is their end
+    runs: Runs
 
 
 class GapWorkspace(NamedTuple):
     """Scratch for one frame."""
 
     placed: F2  # (points, 3)
-    near: I1  # (points,), those of a part that are near a limb ...
-    at: F2  # (3, points), ... where they are ...
-    squares: F1  # (points,), ... and how far off the middle of a run, squared
-    nearer: I1  # (points,), those that are near a run
-    are_placed: I1  # (segments,)
-    vectors: F2  # (3, 3)
-    ball: F1  # (4,), around points of a limb
+    sides: F3  # (points, 3, 3), the edges of their triangles, and the normals
+    balls: F2  # (runs, 4), and their radii
+    have_balls: I1  # (segments,), whether the balls of its runs are known ...
+    are_placed: I1  # (runs,), ... whether its points are ...
+    have_sides: I1  # (points,), ... and whether its triangle is
+    near: I1  # (runs,), those of a part that are near a limb ...
+    around: F2  # (4, runs), ... their balls ...
+    beyond: F1  # (runs,), ... and more than 0 for those that are not near a run of the limb
+    nearer: I1  # (runs,), those that are
+    lowest: I1  # (pairs,), the run that was lowest in the frame before, counted from the first of the limb
+    ball: F1  # (4,), around a limb
+
+    @classmethod
+    def of(cls, points: Points, pairs: int) -> GapWorkspace:
+        """Room to look for the gaps of so many pairs."""
+        count, runs, segments = len(points.radii), len(points.runs.radii), len(points.runs.of_segment) - 1
+        placed, sides, ball, balls, around = (
+            np.zeros(shape) for shape in ((count, 3), (count, 3, 3), 4, (runs, 4), (4, runs))
+        )
+        have_balls, have_sides, lowest, are_placed, near, nearer = (
+            np.zeros(size, np.intp) for size in (segments, count, pairs, runs, runs, runs)
+        )
+        known = balls, have_balls, are_placed, have_sides
+        return cls(placed, sides, *known, near, around, np.zeros(runs), nearer, lowest, ball)
 
 
 @compiled(fastmath=True)
@@ -54,49 +87,34 @@ def write_gaps(
     and `parts`, (pairs, segments), have several.
     """
     for frame in range(len(moved)):
-        for segment in range(len(room.are_placed)):
-            room.are_placed[segment] = 0
+        for known in (room.have_balls, room.are_placed, room.have_sides):
+            for n in range(len(known)):
+                known[n] = 0
         for pair in range(len(limbs)):
             if wanted[frame, pair]:
-                for segment in range(len(room.are_placed)):
+                for segment in range(len(room.have_balls)):
                     if parts[pair, segment] or segment == limbs[pair]:
-                        _place(points, moved[frame], segment, room)
-                count = _find_near(points, limbs[pair], parts[pair], farthest, room)
-                gaps[frame, pair] = _least_height(points, moved[frame], limbs[pair], count, farthest, room)
+                        _enclose(points.runs, moved[frame], segment, room)
+                count = _find_near(points.runs, limbs[pair], parts[pair], farthest, room)
+                gaps[frame, pair] = _least_height(points, moved[frame], limbs[pair], pair, count, farthest, room)
+
+
+@inlined(fastmath=True)
+def _moved(m, b):  # type: ignore[no-untyped-def]
+    """R b + w x of a joint, (3, 4)."""
+    x = m[0, 0] * b[0] + m[0, 1] * b[1] + m[0, 2] * b[2] + m[0, 3] * b[3]
+    y = m[1, 0] * b[0] + m[1, 1] * b[1] + m[1, 2] * b[2] + m[1, 3] * b[3]
+    return x, y, m[2, 0] * b[0] + m[2, 1] * b[1] + m[2, 2] * b[2] + m[2, 3] * b[3]
 
 
 @inlined(fastmath=True)
 def _write(bound, moved, row, to):  # type: ignore[no-untyped-def]
     """Write a bound vector."""
-    for i in range(3):
-        to[i] = 0.0
+    x, y, z = 0.0, 0.0, 0.0
     for n in range(bound.first[row], bound.first[row + 1]):
-        m, b = moved[bound.joints[n]], bound.b[n]
-        for i in range(3):
-            to[i] += m[i, 0] * b[0] + m[i, 1] * b[1] + m[i, 2] * b[2] + m[i, 3] * b[3]
-
-
-@inlined(fastmath=True)
-def _place(points, moved, segment, room):  # type: ignore[no-untyped-def]
-    """Write the places of the points of a segment once in a frame."""
-    if room.are_placed[segment] == 0:
-        room.are_placed[segment] = 1
-        for point in range(points.of_segment[segment], points.of_segment[segment + 1]):
-            _write(points.places, moved, point, room.placed[point])
-
-
-@inlined(fastmath=True)
-def _enclose(room, first, end):  # type: ignore[no-untyped-def]
-    """Write a ball around some points."""
-    ball = room.ball
-    for i in range(4):
-        ball[i] = 0.0
-    for point in range(first, end):
-        for i in range(3):
-            ball[i] += room.placed[point, i] / (end - first)
-    for point in range(first, end):
-        ball[3] = max(ball[3], _square(room.placed[point], ball))
-    ball[3] = np.sqrt(ball[3])
+        a, b, c = _moved(moved[bound.joints[n]], bound.b[n])
+        x, y, z = x + a, y + b, z + c
+    to[0], to[1], to[2] = x, y, z
 
 
 @inlined(fastmath=True)
@@ -106,54 +124,116 @@ def _square(p, q):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _find_near(points, limb, part, farthest, room):  # type: ignore[no-untyped-def]
-    """Write the points of a part that may be near a limb; return how many there are."""
-    count = 0
-    _enclose(room, points.of_segment[limb], points.of_segment[limb + 1])
-    reach = (room.ball[3] + farthest) ** 2
+def _enclose(runs, moved, segment, room):  # type: ignore[no-untyped-def]
+    """Write the balls of the runs of a segment once in a frame."""
+    if room.have_balls[segment] == 0:
+        room.have_balls[segment] = 1
+        for run in range(runs.of_segment[segment], runs.of_segment[segment + 1]):
+            ball, radius = room.balls[run], runs.radii[run]
+            _write(runs.middles, moved, run, ball)
+            for n in range(runs.middles.first[run], runs.middles.first[run + 1]):
+                if runs.spread[n] > 0.0:
+                    b = runs.middles.b[n]
+                    x, y, z = _moved(moved[runs.middles.joints[n]], b)
+                    x, y, z = x - b[3] * ball[0], y - b[3] * ball[1], z - b[3] * ball[2]
+                    radius += runs.spread[n] * np.sqrt(x * x + y * y + z * z)
+            ball[3] = radius
+
+
+@inlined(fastmath=True)
+def _place(points, moved, run, room):  # type: ignore[no-untyped-def]
+    """Write the places of the points of a run once in a frame."""
+    if room.are_placed[run] == 0:
+        room.are_placed[run] = 1
+        for point in range(points.runs.first[run], points.runs.first[run + 1]):
+            _write(points.places, moved, point, room.placed[point])
+
+
+@inlined(fastmath=True)
+def _find_near(runs, limb, part, farthest, room):  # type: ignore[no-untyped-def]
+    """Write the runs of a part that may be near a limb; return how many there are."""
+    around, count, first, end = room.ball, 0, runs.of_segment[limb], runs.of_segment[limb + 1]
+    for i in range(4):
+        around[i] = 0.0
+    for run in range(first, end):
+        for i in range(3):
+            around[i] += room.balls[run, i] / (end - first)
+    for run in range(first, end):
+        around[3] = max(around[3], np.sqrt(_square(room.balls[run], around)) + room.balls[run, 3])
     for segment in range(len(part)):
         if part[segment]:
-            for point in range(points.of_segment[segment], points.of_segment[segment + 1]):
-                p = room.placed[point]
-                if _square(p, room.ball) < reach:
-                    room.near[count] = point
-                    room.at[0, count], room.at[1, count], room.at[2, count] = p[0], p[1], p[2]
-                    count += 1
+            for run in range(runs.of_segment[segment], runs.of_segment[segment + 1]):
+                ball = room.balls[run]
+                if _square(ball, around) < (ball[3] + around[3] + farthest) ** 2:
+                    for i in range(4):
+                        room.around[i, count] = ball[i]
+                    room.near[count], count = run, count + 1
     return count
 
 
 @inlined(fastmath=True)
-def _find_nearer(count, farthest, room):  # type: ignore[no-untyped-def]
-    """Write those of the near points that may be the nearest of a point of a run; return how many there are."""
-    x, y, z, radius = room.ball
-    least, nearer = np.inf, 0
+def _least_height(points, moved, limb, pair, count, farthest, room):  # type: ignore[no-untyped-def]
+    """The least height of the points of a limb over runs that were found, or `farthest`."""
+    least, runs, first = farthest, points.runs, points.runs.of_segment[limb]
+    size, start = runs.of_segment[limb + 1] - first, room.lowest[pair]
+    before, lowest, nearest = -1, farthest, -1  # the point before, if its height is known, and what is lowest around it
+    for n in range(size if count > 0 else 0):
+        run = first + (start + n) % size
+        ball = room.balls[run]
+        if before >= 0 and lowest - np.sqrt(_square(ball, room.placed[before])) - ball[3] >= least:
+            continue
+        nearer = _find_nearer(ball, nearest, count, farthest, room)
+        if nearer == 0:
+            continue
+        _place(points, moved, run, room)
+        for point in range(runs.first[run], runs.first[run + 1]):
+            p = room.placed[point]
+            if before >= 0 and lowest - np.sqrt(_square(p, room.placed[before])) >= least:
+                continue
+            found, square = _find_nearest(points, moved, p, nearest, nearer, farthest, room)
+            before = -1
+            if found >= 0:
+                height = _height(points, moved, point, found, square, room)
+                before, nearest, lowest = point, found, height - 0.5 * points.radii[found]
+                if height < least:
+                    least, room.lowest[pair] = height, run - first
+    return least
+
+
+@inlined(fastmath=True)
+def _find_nearer(ball, guess, count, farthest, room):  # type: ignore[no-untyped-def]
+    """Write those of the near runs that may have the nearest point of any point in a ball; return how many there are.
+    `guess` is a point of theirs, or -1.
+    """
+    x, y, z, far, nearer = ball[0], ball[1], ball[2], farthest, 0
+    if guess >= 0:
+        far = min(far, np.sqrt(_square(ball, room.placed[guess])) + ball[3])
     for n in indices(0, count):
-        room.squares[n] = (room.at[0, n] - x) ** 2 + (room.at[1, n] - y) ** 2 + (room.at[2, n] - z) ** 2
-        least = min(least, room.squares[n])
-    reach = (radius + min(farthest, np.sqrt(least) + radius)) ** 2
+        a, b, c = room.around[0, n] - x, room.around[1, n] - y, room.around[2, n] - z
+        room.beyond[n] = a * a + b * b + c * c - (room.around[3, n] + ball[3] + far) ** 2
     for n in range(count):
-        if room.squares[n] <= reach:
+        if room.beyond[n] <= 0.0:
             room.nearer[nearer], nearer = room.near[n], nearer + 1
     return nearer
 
 
 @inlined(fastmath=True)
-def _least_height(points, moved, limb, count, farthest, room):  # type: ignore[no-untyped-def]
-    """The least height of the points of a limb over those that were found, or `farthest`."""
-    least, limit = farthest, points.of_segment[limb + 1]
-    for first in range(points.of_segment[limb], limit, RUN):
-        end = min(first + RUN, limit)
-        _enclose(room, first, end)
-        nearer = _find_nearer(count, farthest, room)
-        for point in range(first, end):
-            p, nearest, best = room.placed[point], -1, farthest * farthest
-            for n in range(nearer):
-                square = _square(p, room.placed[room.nearer[n]])
-                if square < best:
-                    best, nearest = square, room.nearer[n]
-            if nearest >= 0:
-                least = min(least, _height(points, moved, point, nearest, best, room))
-    return least
+def _find_nearest(points, moved, p, guess, count, farthest, room):  # type: ignore[no-untyped-def]
+    """The nearest point of runs that were found, -1 if none is nearer than `farthest`, and the squared distance."""
+    runs, nearest, least = points.runs, -1, farthest * farthest
+    if guess >= 0 and _square(p, room.placed[guess]) < least:
+        nearest, least = guess, _square(p, room.placed[guess])
+    way = np.sqrt(least)
+    for n in range(count):
+        run = room.nearer[n]
+        if _square(p, room.balls[run]) < (room.balls[run, 3] + way) ** 2:
+            _place(points, moved, run, room)
+            for point in range(runs.first[run], runs.first[run + 1]):
+                square = _square(p, room.placed[point])
+                if square < least:
+                    nearest, least = point, square
+            way = np.sqrt(least)
+    return nearest, least
 
 
 @inlined(fastmath=True)
@@ -162,15 +242,16 @@ def _height(points, moved, point, nearest, square, room):  # type: ignore[no-unt
     within its piece of the surface, and off that piece's edge beyond. Of a triangle that is larger than the piece, the
     triangle is the piece.
     """
-    a, b, c = room.vectors
+    a, b, c = room.sides[nearest, 0], room.sides[nearest, 1], room.sides[nearest, 2]
     p, q, radius = room.placed[point], room.placed[nearest], points.radii[nearest]
-    _write(points.one, moved, nearest, a)
-    _write(points.other, moved, nearest, b)
-    c[0], c[1], c[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    size = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
-    height = 0.0
-    for i in range(3):
-        height += (p[i] - q[i]) * c[i] / max(size, 1e-300)
+    if room.have_sides[nearest] == 0:
+        room.have_sides[nearest] = 1
+        _write(points.one, moved, nearest, a)
+        _write(points.other, moved, nearest, b)
+        x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        size = max(np.sqrt(x * x + y * y + z * z), 1e-300)
+        c[0], c[1], c[2] = x / size, y / size, z / size
+    height = (p[0] - q[0]) * c[0] + (p[1] - q[1]) * c[1] + (p[2] - q[2]) * c[2]
     if points.are_large[nearest]:
         aside = _off_triangle(a, b, p, q, points.shares[nearest])
     else:
