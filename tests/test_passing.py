@@ -8,9 +8,9 @@ from bodies import HERO, PERSON
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, load_target
-from distretarget.measure.passing import AROUND, PASSES, passing, speeds
+from distretarget.measure.passing import PASSES_BY, SPEED_SPAN, passing, speeds
 from distretarget.objectives.skin import how_touching
-from distretarget.objectives.sliding import FAST, PARTS_OF, SLOW, stays
+from distretarget.objectives.sliding import BRUSHES, PARTS_OF, SLIDES, stays
 from distretarget.objectives.spots import Spots
 from distretarget.pipeline.performer import Transfer, match_performer
 from distretarget.skin.capsules import PLACE, SEGMENTS
@@ -49,13 +49,13 @@ def test_a_hand_that_comes_back_is_slow_and_one_that_goes_on_as_fast_as_known():
     radius, rate = np.hypot(arm[0], arm[2]), 3.0  # [rad/s]
     times = (np.arange(FRAMES) - 30) * FRAME_TIME
     one = np.array([30]), np.array([HAND]), np.array([HIPS])
-    reach = round(AROUND / FRAME_TIME) * FRAME_TIME
+    reach = round(SPEED_SPAN / FRAME_TIME) * FRAME_TIME
     assert speeds(waving(rate * times), *one)[0] == pytest.approx(radius * np.sin(rate * reach) / reach, rel=1e-6)
     assert speeds(waving(rate * np.abs(times)), *one)[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_touches_pass_by_if_they_are_fast_on_average_while_they_last():
-    fast, slow = 1.2 * PASSES / 100.0, 0.5 * PASSES / 100.0
+    fast, slow = 1.2 * PASSES_BY / 100.0, 0.5 * PASSES_BY / 100.0
     rows = np.array([0, 1, 2, 5, 6, 0, 1])
     of = np.array([0, 0, 0, 0, 0, 1, 1])
     speed = np.array([fast, slow, slow, fast, fast, slow, slow])
@@ -92,7 +92,7 @@ def test_what_turns_with_the_body_stays(skin):
     np.testing.assert_allclose(stay(skin, spinning(np.linspace(0.0, 9.0, FRAMES))), 1.0)
 
 
-@pytest.mark.parametrize(("speed", "expected"), [(0.5 * SLOW, 1.0), (2.0 * FAST, 0.0)])
+@pytest.mark.parametrize(("speed", "expected"), [(0.5 * SLIDES, 1.0), (2.0 * BRUSHES, 0.0)])
 def test_a_hand_that_stays_in_the_world_slides_by_as_fast_as_the_trunk_turns(skin, speed, expected):
     """The arm turns back as the trunk turns; the hand is about an arm's length and half the shoulders off its axis."""
     radius = np.linalg.norm(PERSON.rest_positions[HAND] - PERSON.rest_positions[HIPS]) / skin.unit

@@ -36,7 +36,7 @@ BUILDS = ("adult", "child", "baby", "old", "thin", "fat", "muscular")  # the ave
 AGES = BUILDS[:3]  # those that bones show
 ROUND_LIMB = 1.6  # one capsule is enough for a limb that is not more than this times as wide as high
 LEGS = ("thigh", "shin")
-SAME = 1e-4  # joints that are off each other by less than this are in the same place [size of the body]
+SAME_JOINT = 1e-4  # joints that are off each other by less than this are in the same place [size of the body]
 TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 
 
@@ -71,7 +71,7 @@ class Build:
             return None
         joints = np.unique(mesh.joints[mesh.weights > 0.0])
         by = (skeleton.rest_positions - own.rest_positions)[joints]
-        if not len(by) or extent(by - by[0]) > SAME * extent(np.ptp(own.rest_positions, axis=0)):
+        if not len(by) or extent(by - by[0]) > SAME_JOINT * extent(np.ptp(own.rest_positions, axis=0)):
             return None
         return mesh.moved(by[0]) if by.any() else mesh
 

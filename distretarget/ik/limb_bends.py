@@ -36,7 +36,7 @@ NEAR = 2.0  # where a limb moved in a step, so many tau around it take the next
 STEPS = 16  # at most
 SETTLED = 2e-3  # a limb whose parts turn by less in a step does not move [rad]
 FARTHEST = 0.5  # no part turns by more in a step [rad]
-LEAST = 1e-9  # smaller displacements are rounding errors [body units]
+ROUNDED = 1e-9  # smaller displacements are rounding errors [body units]
 TRIES = 6  # of a step that leads up ...
 DAMPING = 8.0  # ... each stiffer by this factor in the frames that do
 STENCILS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 1.0))  # of w, w' and w''
@@ -87,7 +87,7 @@ def bends(
                 _Path(x, h, tau, partial(limbs.write, first)).settle(steps)
     d = np.zeros_like(start)
     write_displacements(w, frames.limbs, room, d)
-    d[(np.abs(d) < LEAST).all(axis=(2, 3))] = 0.0
+    d[(np.abs(d) < ROUNDED).all(axis=(2, 3))] = 0.0
     return d
 
 

@@ -9,15 +9,15 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 
-AROUND = 0.1  # speeds are those between so long before and after a frame, in which a hand that claps comes back [s]
-PASSES = 50.0  # what is faster than this, on average while it touches, passes by [% of the height/s]
+SPEED_SPAN = 0.1  # speeds are those between so long before and after a frame, in which a hand that claps comes back [s]
+PASSES_BY = 50.0  # what is faster than this, on average while it touches, passes by [% of the height/s]
 
 
 def speeds(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers) -> Array:
     """Return how fast joints move as seen from the joints that they are `on`, (n,), in some frames, each (n,)
     [file units/s].
     """
-    reach = max(round(AROUND / motion.frame_time), 1)
+    reach = max(round(SPEED_SPAN / motion.frame_time), 1)
     ends = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(motion) - 1)
     before, after = (_seen_from(motion, at, joints, on) for at in ends)
     return np.asarray(lengths(after - before) / (np.maximum(ends[1] - ends[0], 1) * motion.frame_time))
@@ -34,7 +34,7 @@ def passing(speed: Array, rows: Numbers, of: Numbers, height: float) -> Flags:
         touched[rows[own]] = True
         for first, end in spans_of(touched):
             span = own[(rows[own] >= first) & (rows[own] < end)]
-            passes[span] = speed[span].mean() > PASSES / 100.0 * height
+            passes[span] = speed[span].mean() > PASSES_BY / 100.0 * height
     return passes
 
 

@@ -35,7 +35,7 @@ BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is n
 BESIDE = np.array([are_parts(limb.split()[0], BESIDE_ARM) for limb in LIMBS])
 # (limbs, places), the places of these
 BESIDE_PLACES = np.array([np.isin(np.arange(PLACE_OF.max() + 1), PLACE_OF[beside]) for beside in BESIDE])
-IS_ARM = np.array([name.endswith(OWN_ARM) for name in SEGMENTS])  # (segments,)
+OF_AN_ARM = np.array([name.endswith(OWN_ARM) for name in SEGMENTS])  # (segments,)
 # (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
 # at the wrist, which is not at the same place of every mesh.
 HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
@@ -266,7 +266,7 @@ def _passing(source: Motion, body: Body, skin: Skin, seen: Numbers, touches: Num
     """(contacts,), whether the hand of what touches passes by; arms that meet never do."""
     frame, limb, segment = touches
     wrists = np.array([body.roles.get(f"{name.split()[0]}Hand", -1) for name in LIMBS])[limb]
-    known, speed = (wrists >= 0) & ~IS_ARM[segment], np.zeros(len(frame))
+    known, speed = (wrists >= 0) & ~OF_AN_ARM[segment], np.zeros(len(frame))
     speed[known] = speeds(source, frame[known], wrists[known], skin.frames.joints[segment[known]])
     of_place = limb * len(SEGMENTS) + PLACE_OF[segment]
     return passing(speed, np.searchsorted(seen, frame), of_place, skin.height)

@@ -15,8 +15,8 @@ from distretarget.objectives.part_axes import PARTS, Axes
 from distretarget.objectives.spots import Spots
 from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS
 
-SLOW, FAST = 0.35, 0.7  # what slides by up to the first touches, from the second on it brushes by [body units/s]
-AROUND = 0.15  # the speed is averaged over this time before and after a frame, while they are near [s]
+SLIDES, BRUSHES = 0.35, 0.7  # what slides by up to the first touches, from the second on it brushes by [body units/s]
+MEAN_SPAN = 0.15  # the speed is averaged over this time before and after a frame, while they are near [s]
 # The parts with an axis of each place to be touched, but the arms: hands that meet mean to.
 PARTS_OF = {
     place: [n for n, names in enumerate(PARTS.values()) if PLACE[SEGMENTS.index(names[0])] == place]
@@ -46,7 +46,7 @@ def stays(skin: BodySkin, motion: Motion, ends: Array, spots: Spots, near: Array
         slides = partial(_speed, frame_time=motion.frame_time)
         places = [_place(axes, part, centre) / skin.unit for part in PARTS_OF[int(spots.places[spot])]]
         speeds = [by_shot(slides, shots, place, near[:, spot, None]) for place in places]
-        result[:, spot] = smoothstep((FAST - np.min(speeds, axis=0)[:, 0]) / (FAST - SLOW))
+        result[:, spot] = smoothstep((BRUSHES - np.min(speeds, axis=0)[:, 0]) / (BRUSHES - SLIDES))
     return result
 
 
@@ -64,6 +64,6 @@ def _speed(places: Array, near: Array, frame_time: float) -> Array:
     along, front, left = places.T
     turned = np.hypot(front, left) * np.gradient(np.unwrap(np.arctan2(left, front)))
     speed = np.hypot(np.gradient(along), turned)[:, None] / frame_time
-    reach = round(AROUND / frame_time)
+    reach = round(MEAN_SPAN / frame_time)
     weight = np.maximum(averaged(near, reach), np.finfo(float).tiny)
     return np.asarray(averaged(near * speed, reach) / weight)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -70,25 +70,21 @@ class SkinnedMesh:
     def heights(self, motion: Motion, up: Array) -> Array:
         """Return how far up, (3,), the vertices are in each frame, (frames, vertices) [file units]; as `posed`."""
         rest, heights = motion.skeleton.rest_positions, np.zeros((len(motion), len(self.joints)))
-        for joint in np.unique(self.joints[self.weights > 0.0]).tolist():
-            share = np.where(self.joints == joint, self.weights, 0.0).sum(axis=1)
-            moved = np.flatnonzero(share)
+        for joint, moved, share in _influences(self.joints, self.weights):
             down = Rotation.from_quat(motion.world_rotations_of(joint)).apply(up, inverse=True)
             above = down @ (self.vertices[moved] - rest[joint]).T + (motion.positions[:, joint] @ up)[:, None]
-            heights[:, moved] += share[moved] * above
+            heights[:, moved] += share * above
         return heights
 
     def posed(self, motion: Motion, vertices: Numbers | slice = slice(None)) -> Array:
         """Return vertices in each frame by linear blend skinning, (frames, vertices, 3) [file units]."""
         joints, weights = self.joints[vertices], self.weights[vertices]
         rest, result = motion.skeleton.rest_positions, np.zeros((len(motion), len(joints), 3))
-        for joint in np.unique(joints[weights > 0.0]).tolist():
-            share = np.where(joints == joint, weights, 0.0).sum(axis=1)
-            moved = np.flatnonzero(share)
+        for joint, moved, share in _influences(joints, weights):
             bound = self.vertices[vertices][moved] - rest[joint]
             matrices = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
             places = np.einsum("fij,vj->fvi", matrices, bound) + motion.positions[:, None, joint]
-            result[:, moved] += share[moved, None] * places
+            result[:, moved] += share[:, None] * places
         return result
 
     def turned_round(self) -> SkinnedMesh:
@@ -102,6 +98,14 @@ class SkinnedMesh:
     def scaled(self, factor: float) -> SkinnedMesh:
         """Return the mesh of a body that is larger by a factor."""
         return replace(self, vertices=factor * self.vertices, whole=self.whole and self.whole.scaled(factor))
+
+
+def _influences(joints: Numbers, weights: Array) -> Iterator[tuple[int, Numbers, Array]]:
+    """Yield each joint that moves vertices, with their numbers, (n,), and its shares in them, (n,)."""
+    for joint in np.unique(joints[weights > 0.0]).tolist():
+        share = np.where(joints == joint, weights, 0.0).sum(axis=1)
+        moved = np.flatnonzero(share)
+        yield joint, moved, share[moved]
 
 
 def outermost(points: Array) -> Numbers:

@@ -23,7 +23,7 @@ OTHER_POINTS = 120
 STEPS = (0.7548776662466927, 0.5698402909980532)  # between points that spread evenly over a square
 AT_CORNER = 0.98  # the share of a corner in a point that stands for it
 RUN = 8  # neighbours that are looked for together, at most
-SAME = 1e-9  # shares that differ by less are the same
+SAME_SHARE = 1e-9  # shares that differ by less are the same
 
 Part = tuple[int, ...]  # the numbers of its segments
 
@@ -42,8 +42,8 @@ class SurfaceSamples:
         triangles, radii, segments = _spread(mesh, skeleton, of_joint, capsules)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
         corners = np.where((triangles > 0)[:, None], corners, corners[:, ::-1])
-        first, second = (mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2))
-        are_large = 0.5 * lengths(cross(first, second)) > np.pi * radii**2
+        one, other = (mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2))
+        are_large = 0.5 * lengths(cross(one, other)) > np.pi * radii**2
         shares = _shares(triangles, are_large)
         groups = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
         order = np.concatenate([segments[:0], *groups])
@@ -156,7 +156,7 @@ def _runs(places: Bound, first: Numbers, segments: Numbers) -> Runs:
     middles = Bound(np.array(bounds), np.concatenate([first[:0], *joints]), np.concatenate([np.zeros((0, 4)), *means]))
     more = np.concatenate([np.zeros(0), *spread])
     of_segment = np.searchsorted(segments[first[:-1]], np.arange(len(SEGMENTS) + 1))
-    return Runs(first, of_segment, middles, np.array(radii), np.where(more < SAME, 0.0, more))
+    return Runs(first, of_segment, middles, np.array(radii), np.where(more < SAME_SHARE, 0.0, more))
 
 
 def _nearest_on(ends: Array, points: Array) -> Array:
