@@ -31,6 +31,7 @@ class Solids(NamedTuple):
     distances: F1  # (nodes,), from the skin, negative inside [file units]
     nearest: I1  # (nodes,), the triangle nearest to each; -1 where the skin is far
     triangles: I2  # (triangles, 3), the vertices of each
+    beside: I2  # (triangles, 3), those of the same solid that share an edge with each; -1 for none
     vertices: F2  # (vertices, 3), in the bind pose [file units]
     joints: I2  # (vertices, 4), those that move each most, the strongest first
     weights: F2  # (vertices, 4), their shares, which sum to 1
@@ -271,25 +272,40 @@ def depth_of(posed, body, group, by, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @inlined()
+def _squared_apart(posed, body, triangle, a, b, c):  # type: ignore[no-untyped-def]
+    """The squared distance of the point a b c from a triangle as it is posed; infinite for no triangle, -1."""
+    if triangle < 0:
+        return np.inf
+    one, two, three = body.triangles[triangle, 0], body.triangles[triangle, 1], body.triangles[triangle, 2]
+    _know(posed, body, one)
+    _know(posed, body, two)
+    _know(posed, body, three)
+    return squared_distance(posed.vertices[one], posed.vertices[two], posed.vertices[three], a, b, c)
+
+
+@inlined()
 def _to_triangles(posed, body, lattice, deep, i, j, k, a, b, c):  # type: ignore[no-untyped-def]
     """How deep the point a b c, whose place in the bind pose is i j k, is by the triangles nearest to the nodes of a
-    lattice around this place, as they are posed; inside if `deep` is positive.
+    lattice around this place, as they are posed, and by what is nearer beside these; inside if `deep` is positive.
     """
-    origin, size, places = body.lattices[lattice], body.sizes[lattice], posed.vertices
+    origin, size = body.lattices[lattice], body.sizes[lattice]
     l, _s, _u = _node(origin, 0, size, i)
     m, _t, _v = _node(origin, 1, size, j)
     n, _r, _w = _node(origin, 2, size, k)
-    first, least, before = size[3] + (l * size[1] + m) * size[2] + n, np.inf, -1
+    first, least, nearest = size[3] + (l * size[1] + m) * size[2] + n, np.inf, -1
     for corner in range(8):
         node = first + (corner & 1) * size[1] * size[2] + (corner >> 1 & 1) * size[2] + (corner >> 2)
-        triangle = body.nearest[node]
-        if triangle < 0 or triangle == before:
-            continue
-        before = triangle
-        one, two, three = body.triangles[triangle, 0], body.triangles[triangle, 1], body.triangles[triangle, 2]
-        for vertex in (one, two, three):
-            _know(posed, body, vertex)
-        least = min(least, squared_distance(places[one], places[two], places[three], a, b, c))
+        squared = _squared_apart(posed, body, body.nearest[node], a, b, c)
+        if squared < least:
+            least, nearest = squared, body.nearest[node]
+    before = -1
+    while before != nearest:
+        before = nearest
+        for edge in range(3):
+            triangle = body.beside[before, edge]
+            squared = _squared_apart(posed, body, triangle, a, b, c)
+            if squared < least:
+                least, nearest = squared, triangle
     return np.sqrt(least) if deep > 0.0 else -np.sqrt(least)
 
 

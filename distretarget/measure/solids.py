@@ -52,6 +52,7 @@ def solids_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Solids:
         distances=np.zeros(0),
         nearest=np.zeros(0, np.intp),
         triangles=np.zeros((0, 3), np.intp),
+        beside=np.zeros((0, 3), np.intp),
         vertices=np.zeros((0, 3)),
         joints=np.zeros((0, INFLUENCES), np.intp),
         weights=np.zeros((0, INFLUENCES)),
@@ -100,6 +101,7 @@ def solids_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> 
         distances=np.concatenate([np.zeros(0), *distances]),
         nearest=np.concatenate([np.zeros(0, np.intp), *nearest]),
         triangles=triangles,
+        beside=_beside(triangles, solids, len(mesh.vertices)),
         vertices=np.ascontiguousarray(mesh.vertices),
         joints=joints,
         weights=weights,
@@ -120,6 +122,16 @@ def welded(mesh: SkinnedMesh) -> Numbers:
     """Return the triangles of a mesh, of vertices at one place the first, without those of no extent."""
     triangles = mesh.firsts[mesh.triangles]
     return np.asarray(triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
+
+
+def _beside(triangles: Numbers, solids: Numbers, count: int) -> Numbers:
+    """(triangles, 3), the triangle of the same solid beyond each edge of each, -1 for none."""
+    ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
+    there, back = ((solids[:, None] * count + ends[..., a]) * count + ends[..., 1 - a] for a in (0, 1))
+    order = np.argsort(there, axis=None)
+    at = np.searchsorted(there.ravel(), back, sorter=order)
+    found = order[np.minimum(at, there.size - 1)]
+    return np.where(there.ravel()[found] == back, found // 3, -1)
 
 
 def _fans(triangles: Numbers, count: int) -> tuple[Numbers, list[Numbers]]:
