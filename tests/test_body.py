@@ -13,6 +13,7 @@ from bodies import (
     WAYS,
     bent_chain,
     in_world,
+    lengthened,
     moved,
     needs_corpus,
     onto,
@@ -290,6 +291,12 @@ def test_size_of_the_papers_skeleton():
     assert (body.leg_length, body.unit) == (pytest.approx(leg), pytest.approx(2 * leg))
     assert body.height == pytest.approx(np.ptp(person().rest_positions[:, 1]))
     assert body.pelvis_joint == person().index("Hips")
+
+
+def test_short_legs_do_not_make_a_body_small():
+    body = Body.of(lengthened(person(), {"Knee": 0.3, "Ankle": 0.3}))
+    assert 2 * body.leg_length < 0.9 * body.height
+    assert body.unit == body.height
 
 
 def test_bodies_without_legs_have_a_size():

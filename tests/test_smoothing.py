@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from distretarget.numerics.moving import averaged, largest
-from distretarget.numerics.time_series import median_of_three, over_runs, runs_of, smoothed, steadied, widened
+from distretarget.numerics.time_series import lasting, median_of_three, over_runs, runs_of, smoothed, steadied, widened
 
 NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
 
@@ -31,6 +31,14 @@ def test_a_pulse_widens_by_twice_the_reach_to_both_sides(reach):
     np.testing.assert_array_equal(np.flatnonzero(wide > 1e-12), np.arange(30 - 2 * reach, 30 + 2 * reach + 1))
     np.testing.assert_allclose(wide, wide[::-1], atol=1e-15)
     assert np.all(np.diff(wide[:31]) >= -1e-15)
+
+
+@pytest.mark.parametrize("frames", [0, 1, 4, 11])
+def test_what_lasts_is_the_opening_of_morphology(frames):
+    size = 2 * round(frames / 2) + 1
+    opened = ndimage.grey_opening(NOISE, size=(size, 1), mode="nearest")
+    np.testing.assert_array_equal(lasting(NOISE, frames), opened)
+    np.testing.assert_array_equal(lasting(NOISE[::-1], frames), opened[::-1])
 
 
 @pytest.mark.parametrize("reach", [0, 1, 7])

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, load_target, read_bvh
 from distretarget.baseline.rotation_copy import RootScale
+from distretarget.measure.hanging import hanging_parts
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import raised_arms
@@ -31,6 +32,21 @@ def test_a_forearm_beside_the_trunk_is_there_anyway_and_one_before_it_on_purpose
     on_purpose = raised_arms(BODY, motion)[0]
     assert on_purpose[ROLES["leftHand"]] == 1.0
     assert on_purpose[ROLES["leftLowerArm"]] == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize(("seconds", "on_purpose"), [(0.6, False), (2.0, True)])
+def test_hanging_hands_are_in_front_on_purpose_for_longer_than_they_swing(seconds, on_purpose):
+    """The left arm hangs, and is turned forwards by 35 degrees and to the middle by 20 for some time."""
+    frame_time, front = 1.0 / 30.0, np.zeros(90, bool)
+    front[20 : 20 + round(seconds / frame_time)] = True
+    hangs = Rotation.from_euler("Z", -90, degrees=True)
+    before = Rotation.from_euler("YX", [-20, -35], degrees=True) * hangs
+    rotations = np.tile(BODY.skeleton.unturned, (90, 1, 1))
+    rotations[:, ROLES["leftUpperArm"]] = np.where(front[:, None], before.as_quat(), hangs.as_quat())
+    motion = Motion(BODY.skeleton, np.tile(BODY.skeleton.rest_positions[0], (90, 1)), rotations, str(frame_time))
+    np.testing.assert_allclose(raised_arms(BODY, motion)[:, ROLES["leftHand"]], front if on_purpose else 0.0, atol=0.05)
+    hanging, _ = hanging_parts(BODY, motion, BODY.arms[0])
+    np.testing.assert_array_equal(hanging, ~front if on_purpose else True)
 
 
 def test_joints_of_parts_whose_skins_can_touch_make_no_contact():

@@ -136,8 +136,10 @@ class Body:
 
     @of_rig
     def unit(self) -> float:
-        """The body unit [file units]: twice the leg length, about the height; the longest path without legs."""
-        return 2.0 * self.leg_length if self.legs else self.skeleton.longest_path
+        """The body unit [file units]: twice the leg length, or the height where legs are shorter than half of it; the
+        longest path without legs.
+        """
+        return max(2.0 * self.leg_length, self.height) if self.legs else self.skeleton.longest_path
 
     @of_rig
     def height(self) -> float:

@@ -6,10 +6,13 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.body.limbs import Arm
+from distretarget.motion import Motion
+from distretarget.numerics.time_series import lasting
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, lengths, normalised
 
 HANGS = np.radians(60)  # an arm hangs while the angles of shoulder and elbow add up to no more than this [rad]
-ASIDE = np.radians(45)  # ... and its hand is farther than this round the trunk from straight before or behind it [rad]
+ASIDE = np.radians(45)  # what is farther than this round the trunk from straight before or behind it is beside it [rad]
+LASTS = 1.0  # hands of arms that hang are in front of the trunk for less than this while they swing [s]
 
 
 def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
@@ -26,23 +29,33 @@ def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
     return np.asarray(lengths(places[u] - places[v]))
 
 
-def hangs(body: Body, positions: Array, arm: Arm) -> Flags:
-    """(frames,), whether an arm of a body hangs beside it, along gravity or, where hip joints are known, along the
-    trunk. `positions`, (frames, joints, 3), are those of the body.
+def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
+    """Return whether a hand hangs beside the body, or swings past it, and whether the forearm of its arm is beside the
+    trunk, where it is as well while the elbow is bent, (frames,) each.
+    """
+    positions, low = motion.positions, _hangs(body, motion.positions, arm)
+    if not _hips(body) or len(body.arms) < 2:
+        return low, low
+    parts = [*body.skeleton.subtree(arm.wrist)], [arm.elbow, arm.wrist]
+    apart = [~_beside(body, positions, joints) for joints in parts]
+    of_hand, of_forearm = (lasting(flags.astype(float), LASTS / motion.frame_time) > 0.0 for flags in apart)
+    return low & ~of_hand, ~np.where(low, of_forearm, apart[1])
+
+
+def _hangs(body: Body, positions: Array, arm: Arm) -> Flags:
+    """(frames,), whether an arm of a body hangs, along gravity or, where hip joints are known, along the trunk.
+    `positions`, (frames, joints, 3), are those of the body.
     """
     shoulder, elbow, wrist = (positions[:, joint] for joint in (arm.shoulder, arm.elbow, arm.wrist))
     off, hips = angles_between(elbow - shoulder, np.broadcast_to(-body.up_vector, elbow.shape)), _hips(body)
     if hips:
         off = np.minimum(off, angles_between(elbow - shoulder, positions[:, hips].mean(axis=1) - shoulder))
-    hanging = off + angles_between(elbow - shoulder, wrist - elbow) <= HANGS
-    if hips and len(body.arms) == 2:
-        hanging &= beside(body, positions, [*body.skeleton.subtree(arm.wrist)])
-    return np.asarray(hanging)
+    return np.asarray(off + angles_between(elbow - shoulder, wrist - elbow) <= HANGS)
 
 
-def beside(body: Body, positions: Array, joints: list[int]) -> Flags:
+def _beside(body: Body, positions: Array, joints: list[int]) -> Flags:
     """(frames,), whether the middle of joints is beside the trunk, and not in front of it or behind it; `positions` as
-    for `hangs`, of a body with hips and two arms.
+    for `_hangs`, of a body with hips and two arms.
     """
     left, right = (positions[:, each.shoulder] for each in body.arms)
     pelvis = positions[:, _hips(body)].mean(axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.measure.hanging import beside, hangs
+from distretarget.measure.hanging import hanging_parts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
 from distretarget.measure.passing import passing, speeds
@@ -322,14 +322,10 @@ def _of_first(of_parts: Array) -> Array:
 
 
 def _hanging(motion: Motion, body: Body) -> Flags:
-    """(frames, limbs), whether the arm of each hand hangs, and whether each forearm is beside the trunk, where it is as
-    well while the elbow is bent.
-    """
+    """(frames, limbs), whether each hand and forearm hangs, as `hanging_parts`."""
     hanging = np.zeros((len(motion), len(LIMBS)), bool)
     for side, arm in product(SIDES, body.arms):
         if body.roles.get(f"{side}Hand") == arm.wrist:
             hand, forearm = (LIMBS.index(f"{side} {part}") for part in ("hand", "forearm"))
-            hanging[:, hand] = hanging[:, forearm] = hangs(body, motion.positions, arm)
-            if body.legs and len(body.arms) == len(SIDES):
-                hanging[:, forearm] = beside(body, motion.positions, [arm.elbow, arm.wrist])
+            hanging[:, hand], hanging[:, forearm] = hanging_parts(body, motion, arm)
     return hanging

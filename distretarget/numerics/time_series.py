@@ -34,6 +34,12 @@ def widened(values: Array, frames: float) -> Array:
     return values if reach < 1 else averaged(largest(values, reach), reach)
 
 
+def lasting(values: Array, frames: float) -> Array:
+    """Return values, (frames, ...), lowered to what lasts for longer than so many frames; reversal of time commutes."""
+    reach = round(0.5 * frames)
+    return largest(-largest(-values, reach), reach)
+
+
 def smoothstep(values: Array) -> Array:
     """Return 0 for values up to 0, 1 for values from 1 on, and 3 t^2 - 2 t^3 in between."""
     t = np.clip(values, 0.0, 1.0)

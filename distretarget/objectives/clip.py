@@ -18,10 +18,12 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.moving import averaged
-from distretarget.numerics.time_series import Shots, by_shot, widened
+from distretarget.numerics.time_series import Shots, by_shot, lasting, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
+
+SWING = 1.0  # the arms of who walks slowly swing to the front and back again in so long [s]
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ class Clip:
     source_skeleton: Skeleton  # the source's joints with rigid bones
     hanging: Array | None  # (source joints, 3), `Body.hanging` of the source [source file units]
     # (frames, source joints), how far each joint of an arm is where it is on purpose, 0 to 1: those of hands while the
-    # arm is raised or bent, and all that is put in front of the trunk or behind it; 0 for other joints
+    # arm is raised or bent, and all that is put in front of the trunk or behind it, of arms that hang for longer than
+    # they do as they swing; 0 for other joints
     raised_arms: Array
     pelvis: int  # the target's joint where its legs branch off, if it has a driver; else the first that has one
     drivers: Numbers  # (joints,), the source joint that drives each target joint; -1 for none
@@ -168,14 +171,16 @@ def raised_arms(body: Body, motion: Motion) -> Array:
     """`Clip.raised_arms` of a body in a motion."""
     x, hips, shoulders = motion.positions, [leg.hip for leg in body.legs or ()], [arm.shoulder for arm in body.arms]
     values = np.zeros((len(motion), len(body.skeleton)))
+    lasts = partial(lasting, frames=SWING / motion.frame_time)
     for arm in body.arms:
         below, hand = body.skeleton.subtree(arm.shoulder), body.skeleton.subtree(arm.wrist)
-        values[:, below] = raised(x, arm, hips, body.up_vector)[:, None]
+        values[:, below] = up = raised(x, arm, hips, body.up_vector)[:, None]
         if hips and len(shoulders) == 2:
-            of_hand = before(x, [*hand], shoulders, hips)[:, None]
-            values[:, hand] = np.maximum(values[:, hand], of_hand)
-            forearm = np.setdiff1d(below, hand)
-            values[:, forearm] = before(x, [arm.elbow, arm.wrist], shoulders, hips)[:, None]
+            of_hand, of_forearm = (
+                before(x, joints, shoulders, hips)[:, None] for joints in ([*hand], [arm.elbow, arm.wrist])
+            )
+            values[:, hand] = np.maximum(up, lasts(of_hand))
+            values[:, np.setdiff1d(below, hand)] = np.maximum(np.minimum(up, of_forearm), lasts(of_forearm))
     return values
 
 

@@ -44,7 +44,7 @@ TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [bod
 # steps of a round, at most. More rounds of fewer steps keep skin out better than fewer that settle.
 ROUNDS = (4, 4, 8)
 BY_USER = 2.0  # contacts that a user asks for are firmer than others by this factor
-REACH = 0.12  # what is farther apart than this in the result is not brought to touch [body units]
+REACH = 0.3  # what is farther apart than this in the result, half an arm, is not brought to touch [body units]
 
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
 # armpit.
