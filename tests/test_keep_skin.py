@@ -1,10 +1,13 @@
 """Skin on a character: what touches and sinks in, through `retarget`."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bodies import HERO, SAMPLES
 
 from distretarget import Options, load_target, read_bvh, retarget
+from distretarget.pipeline.performer import target_capsules
 
 BONES_ALONE = Options(skin="none")
 SIDES = ("Left", "Right")
@@ -45,6 +48,17 @@ def test_where_nothing_is_near_nothing_changes():
     kept, alone = (retarget(held, load_target(HERO), options).motion for options in (Options(), BONES_ALONE))
     np.testing.assert_allclose(kept.rotations, alone.rotations, atol=1e-5)  # soles of the mesh, soles of the joints
     np.testing.assert_allclose(kept.root_positions, alone.root_positions, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["squat", "turn"])
+def test_capsules_thicker_than_the_mesh_move_no_limb_whose_skin_is_outside(name):
+    target = load_target(HERO)
+    thin = target_capsules(target)
+    run = retarget(sample(name), replace(target, capsules=replace(thin, radii=1.3 * thin.radii)))
+    joints = [run.motion.skeleton.index(side + part) for side in SIDES for part in ("ForeArm", "Hand")]
+    kept, copied = (motion.positions - motion.positions[:, :1] for motion in (run.motion, run.rotation_copy))
+    off = np.linalg.norm(kept[:, joints] - copied[:, joints], axis=2)
+    assert off.max() < 0.003 * run.matching.target.height
 
 
 def test_a_target_without_mesh_or_radii_has_no_thickness():

@@ -17,7 +17,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.spots import Spots, of_pairs
 from distretarget.skin.balls import segment_gaps
-from distretarget.skin.capsules import PLACE
+from distretarget.skin.capsules import IS_ARM, PLACE
 
 RATE = 30.0  # the mesh is looked at about as often [1/s]
 NEAR = 0.03  # by gaps of capsules that are less than this, meshes may touch [body units]
@@ -30,7 +30,14 @@ STEADY = 0.07  # what the mesh says is averaged so long before and after, as its
 
 
 def nearer_than_capsules(
-    body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, touching: Array, first: int, shots: Shots
+    body: BodySkin,
+    spots: Spots,
+    pairs: Numbers,
+    motion: Motion,
+    touching: Array,
+    first: int,
+    shots: Shots,
+    spare: Array | float = 0.0,
 ) -> Array:
     """Return by how much the mesh is nearer than the capsules at each spot, (frames, spots) [body units]: by nothing
     where a body has no mesh.
@@ -43,26 +50,60 @@ def nearer_than_capsules(
         touching: (frames, spots), more than 0 where limbs are to touch; else what is near is looked at.
         first: the number of the first frame in the clip, of which every so many frames are looked at.
         shots: (frames,); nothing is averaged across cuts.
+        spare: (frames, spots), by how much capsules may seem thicker than the mesh, as `spare_of_copy`.
     """
-    step = max(round(1.0 / (RATE * motion.frame_time)), 1)
-    frames = np.arange(-first % step, len(motion), step)
-    some, change = motion[frames], np.zeros((len(motion), len(spots.limbs)))
     if body.surface is None:
-        return change
-    gaps = spots.least(of_pairs(segment_gaps(body.balls, body.posed(some), FARTHEST), body.balls.pairs, pairs))
-    wanted = spots.are_hard & (gaps < FARTHEST) & ((touching[frames] > 0.0) | (gaps < NEAR))
-    if wanted.any():
-        places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
-        parts = [*zip(spots.limbs.tolist(), places, strict=True)]
-        of_mesh = body.surface.gaps(some, parts, wanted, FARTHEST * body.unit) / body.unit
-        known = wanted & (of_mesh < FARTHEST)
-        off = np.where(known, gaps - of_mesh, 0.0)
-        off = off.clip(np.where(touching[frames] > 0.0, -MOST, -THICKER), MOST)
-        averaged_in = partial(_averaged, reach=round(STEADY / (step * motion.frame_time)))
-        off = by_shot(averaged_in, shots[frames], off, known)
-        for spot in np.flatnonzero(wanted.any(axis=0)):
-            change[:, spot] = np.interp(np.arange(len(motion)), frames, off[:, spot])
-    return change
+        return np.zeros((len(motion), len(spots.limbs)))
+    step = _step(motion)
+    frames = np.arange(-first % step, len(motion), step)
+    near = np.where(touching[frames] > 0.0, FARTHEST, NEAR)
+    gaps, of_mesh = _gaps(body, spots, pairs, motion[frames], near)
+    known = of_mesh < FARTHEST
+    off = np.where(known, gaps - of_mesh, 0.0)
+    off = off.clip(-np.maximum(np.where(touching > 0.0, MOST, THICKER), spare)[frames], MOST)
+    averaged_in = partial(_averaged, reach=round(STEADY / (step * motion.frame_time)))
+    return _between(by_shot(averaged_in, shots[frames], off, known), frames, len(motion))
+
+
+def spare_of_copy(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, first: int) -> Array:
+    """Return how far capsules of hands and forearms may overlap others, (frames, spots) [body units]: as far as they do
+    in a motion while its mesh is outside, less by twice the depth where it is inside. So limbs that sink in nowhere
+    stay where they are. Arms that pass through arms may be outside beyond them. Arguments as `nearer_than_capsules`.
+    """
+    if body.surface is None:
+        return np.zeros((len(motion), len(spots.limbs)))
+    step = _step(motion)
+    frames = np.arange(-first % step, len(motion), step)
+    gaps, of_mesh = _gaps(body, spots, pairs, motion[frames], 0.0)
+    thick = spots.are_hard & ~np.isin(spots.places, PLACE[:-1][IS_ARM])
+    spare = thick * np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0)
+    return _between(spare, frames, len(motion))
+
+
+def _step(motion: Motion) -> int:
+    """One of so many frames of a clip is looked at."""
+    return max(round(1.0 / (RATE * motion.frame_time)), 1)
+
+
+def _gaps(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, near: Array | float) -> tuple[Array, Array]:
+    """The gaps at each spot by capsules and by the mesh, (frames, spots) each [body units]; the mesh's are infinite but
+    for hands and forearms that are nearer than `near` by capsules.
+    """
+    gaps = spots.least(of_pairs(segment_gaps(body.balls, body.posed(motion), FARTHEST), body.balls.pairs, pairs))
+    wanted = spots.are_hard & (gaps < near)
+    places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
+    parts = [*zip(spots.limbs.tolist(), places, strict=True)]
+    assert body.surface is not None
+    of_mesh = body.surface.gaps(motion, parts, wanted, FARTHEST * body.unit) if wanted.any() else gaps
+    return gaps, np.where(wanted, of_mesh / body.unit, np.inf)
+
+
+def _between(values: Array, frames: Numbers, count: int) -> Array:
+    """Values of some frames, (some frames, spots), in all frames, (frames, spots)."""
+    found = np.zeros((count, values.shape[1]))
+    for spot in np.flatnonzero(values.any(axis=0)):
+        found[:, spot] = np.interp(np.arange(count), frames, values[:, spot])
+    return found
 
 
 def _averaged(values: Array, are_known: Flags, reach: int) -> Array:

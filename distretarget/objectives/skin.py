@@ -29,7 +29,7 @@ from distretarget.objectives.anchors import anchors, no_anchors
 from distretarget.objectives.approach import approached
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.mesh_gaps import nearer_than_capsules
+from distretarget.objectives.mesh_gaps import nearer_than_capsules, spare_of_copy
 from distretarget.objectives.sliding import stays
 from distretarget.objectives.spots import APART, IS_HARD, Spots, of_pairs
 from distretarget.objectives.supports import Supports
@@ -152,15 +152,19 @@ def _displaced(
     shots, found = (clip.shots, clip.frame_time), len(spots.limbs)
     if reach is not None:
         frames, spots = _reaching(frames, spots, reach)
-    d = find_start(balls, body.displaced, frames, *shots)
+    spare = spare_of_copy(body, spots, balls.pairs, posed, first)
+    spare[:, found:] = 0.0
+    are_hard = IS_HARD[balls.pairs[:, 0]]
+    soft = np.where(are_hard, frames.soft + spare[:, spots.of_pair], frames.soft)
+    d = find_start(balls, body.displaced, frames._replace(soft=soft), *shots)
     bend = partial(brought_out, balls, body.displaced, spots)
     if body.surface is None:
         return bend(frames, body.limbs, *shots, REACH, start=d)
     for steps in ROUNDS:
         now = bent(posed, body.limbs, body.unit * d)
-        nearer = near(body, spots=spots, motion=now, touching=frames.firmness)
+        nearer = near(body, spots=spots, motion=now, touching=frames.firmness, spare=spare)
         nearer[:, found:] = 0.0  # gaps that a user asks for are those of the capsules
-        soft = np.where(IS_HARD[balls.pairs[:, 0]], frames.soft - nearer[:, spots.of_pair], frames.soft)
+        soft = np.where(are_hard, frames.soft - nearer[:, spots.of_pair], frames.soft)
         d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), body.limbs, *shots, REACH, d, steps)
     return d
 
