@@ -37,7 +37,7 @@ STEPS = 16  # at most
 SETTLED = 2e-3  # a limb whose parts turn by less in a step does not move [rad]
 FARTHEST = 0.5  # no part turns by more in a step [rad]
 ROUNDED = 1e-9  # smaller displacements are rounding errors [body units]
-TRIES = 6  # of a step that leads up ...
+TRIES = 12  # of a step that leads up ...
 DAMPING = 8.0  # ... each stiffer by this factor in the frames that do
 STENCILS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 1.0))  # of w, w' and w''
 

@@ -100,7 +100,7 @@ def write_terms(
         asked = frames.soft[t], frames.aims[t], frames.firmness[t]
         sums = slope[t], bands[t]
         found, e = _add_gaps(balls, displaced, spots, columns, asked, w[t], reach, room, sums)
-        e += _add_contacts(balls, displaced, spots, columns, asked, w[t], found, room, sums)
+        e += _add_contacts(balls, displaced, spots, columns, asked, w[t], found, reach, room, sums)
         e += _add_anchors((frames.off[t], frames.rays[t], frames.ties[t], frames.carried[t]), columns, w[t], room, sums)
         energy[t] = e + _add_holds(frames.free[t], columns, w[t], room, sums)
 
@@ -143,7 +143,7 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
         spot, both, least = spots[pair], displaced.mutual[pair], -soft[pair]
         if columns[displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[pair, 0]]]]] < 0:
             continue
-        far = -NEVER if firmness[spot] == 0.0 else min(reach if firmness[spot] <= 1.0 else FAR, _limit(spot, room))
+        far = -NEVER if firmness[spot] == 0.0 else min(_reach(reach, firmness[spot]), _limit(spot, room))
         for meeting in range(find_meetings(balls, pair, max(least, far), placed)):
             ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
             far = min(far, _limit(spot, room))
@@ -164,14 +164,22 @@ def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  #
 
 
 @inlined(fastmath=True)
+def _reach(reach, firmness):  # type: ignore[no-untyped-def]
+    """Up to which gap a contact pulls."""
+    return reach if firmness <= 1.0 else FAR
+
+
+@inlined(fastmath=True)
 def _limit(spot, room):  # type: ignore[no-untyped-def]
     """The gap from which on nothing shares the contact of a spot, by the nearest that was found so far."""
     return room.nearest[spot] + FAR + NEAR
 
 
 @inlined(fastmath=True)
-def _add_contacts(balls, displaced, spots, columns, asked, w, found, room, sums):  # type: ignore[no-untyped-def]
-    """Add the terms of contacts: at each spot, of the least gap, which all that are about as near share."""
+def _add_contacts(balls, displaced, spots, columns, asked, w, found, reach, room, sums):  # type: ignore[no-untyped-def]
+    """Add the terms of contacts: at each spot, of the least gap, which all that are about as near share. The energy of
+    one is 0 where it begins to pull.
+    """
     _, aims, firmness = asked
     energy = 0.0
     for n in range(found):
@@ -183,8 +191,9 @@ def _add_contacts(balls, displaced, spots, columns, asked, w, found, room, sums)
         share = _nearness(room.gaps[n] - room.nearest[spot]) / room.shares[spot]
         if share > 0.0:
             r = room.nearest[spot] + FAR - aims[spot]
+            farthest = _reach(reach, firmness[spot]) - aims[spot]
             k, far = TOUCH * firmness[spot] * firmness[spot] * share, np.sqrt(1.0 + r * r / (WITHIN * WITHIN))
-            energy += k * WITHIN * WITHIN * (far - 1.0)
+            energy += k * WITHIN * (WITHIN * far - np.sqrt(WITHIN * WITHIN + farthest * farthest))
             _add_gap(balls, displaced, ball, capsule, both, columns, k * r / far, k / far, w, room, sums)
     return energy
 
