@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bodies import SAMPLES
 from pages import embedded, settle
-from program import run
+from program import succeeded
 
 from distretarget import SettingsError, diff, diff_scenes, retarget_scene, write_scene_report
 from distretarget.measure.metrics import BY_KEY
@@ -80,8 +80,7 @@ def test_a_part_that_nothing_drives_has_a_row_without_marks():
 
 
 def test_the_command_writes_it(tmp_path):
-    done = run("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report", tmp_path / "report.html")
-    assert done.returncode == 0, done.stderr
+    succeeded("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report", tmp_path / "report.html")
     assert (tmp_path / "report.html").read_text("utf-8") == page("staff")
 
 
