@@ -140,13 +140,6 @@ def test_links_to_nothing_and_missing_files_are_clips_that_will_fail(tmp_path):
     assert places(find_clips([tmp_path / "none.bvh"])) == ["none.bvh"]
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
-def test_pipes_that_would_never_end_are_not_opened(tmp_path):
-    os.mkfifo(tmp_path / "pipe.bvh")
-    clips, unread = find_clips([tmp_path])
-    assert (clips, [str(error) for error in unread]) == ([], [f"{tmp_path / 'pipe.bvh'}: is not a regular file"])
-
-
 def test_folders_of_scenes_are_left_out(tmp_path):
     for name in ("alone.bvh", "duet/lead.bvh", "duet/scene.json"):
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -102,6 +102,8 @@ def test_a_folder_as_animations_of_one_file(mocap, hero, tmp_path):
         "hero.glb",
         "mocap",
     ]
+    rows = (tmp_path / "all.glb.metrics.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["output", "clap.bvh", "more/turn.bvh", "step.bvh"]
     assert "exists already; --overwrite replaces it" in refused("batch", mocap, hero, "-o", out, "--merge")
 
 

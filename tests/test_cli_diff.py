@@ -104,16 +104,6 @@ def test_a_report_is_named_alike_in_all_commands(tmp_path):
     assert "</html>" in (tmp_path / "scene.html").read_text("utf-8")
 
 
-def test_a_motion_does_not_differ_from_itself():
-    status, output, _ = run(
-        "diff a.bvh a.bvh -v --fail-over contact_error=0 --fail-over foot_skate=1 --fail-over jerk=1"
-    )
-    assert status == 0
-    for name in ("stress", "distance error", "contact error", "direction error", "bone error", "turn"):
-        assert row(output, name) == [0]
-    assert "left hand - right hand: " in output
-
-
 def test_the_worst_frames_and_pairs_are_printed():
     _, output, _ = run("diff a.bvh b.bvh -v --json d.json")
     metrics = json.loads(Path("d.json").read_text())

@@ -51,15 +51,6 @@ def test_diff_chooses_from_a_file_with_several_animations():
     assert "did you mean 'wave'?" in run("diff clips/wave.bvh all.glb --clip waves").stderr
 
 
-def test_merge_writes_all_clips_into_one_file_and_keeps_their_metrics(folder):
-    done = run("batch clips hero.glb -o all.glb --merge")
-    assert done.stdout.endswith("all.glb: 2 animations\n")
-    assert animations(folder / "all.glb") == ["walk", "wave"]
-    rows = (folder / "all.glb.metrics.csv").read_text().splitlines()
-    assert [row.split(",")[0] for row in rows] == ["output", "walk.bvh", "wave.bvh"]
-    assert not (folder / "all.glb.clips").exists()
-
-
 def test_merged_clips_in_place_keep_their_paths(folder):
     run("batch clips hero.glb -o all.glb --merge --in-place")
     run("clips/walk.bvh hero.glb -o walk.bvh")
@@ -111,11 +102,3 @@ def test_a_character_before_its_animation_is_told_to_come_last(folder):
 def test_a_target_of_another_program_is_called_by_its_name(folder):
     (folder / "hero.blend").write_bytes(b"BLENDER")
     assert "hero.blend: is Blender, expected BVH, glTF" in run("clips/walk.bvh hero.blend -o out.glb").stderr
-
-
-def test_frame_rates_reach_to_their_bound():
-    assert "--fps" not in run("clips/walk.bvh hero.glb -o out.glb --fps 100000").stderr
-    assert (
-        "expected frames per second, from 0.001 to 100000"
-        in run("clips/walk.bvh hero.glb -o out.glb --fps 100001").stderr
-    )
