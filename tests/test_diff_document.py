@@ -1,4 +1,4 @@
-"""The document of a diff: its numbers, what is null in it, its schema, its CSV."""
+"""The numbers of a diff as one document: its schema, its values, and its tables as CSV."""
 
 import csv
 import io
@@ -19,6 +19,7 @@ from distretarget.report.clip_page import run_diff
 from distretarget.report.diff_document import (
     About,
     DiffDocument,
+    csv_lines,
     csv_text,
     document,
     json_text,
@@ -288,3 +289,18 @@ def test_the_rotation_copy_stands_beside_the_result():
     again = document(diff(run.source, run.motion), ABOUT)["metrics"]
     assert again["rotation_copy"] is None
     assert again["result"]["contact_error"] == pytest.approx(metrics["result"]["contact_error"])
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1"])
+def test_no_text_is_a_formula(text):
+    rows = list(csv.reader(csv_lines([text, "b"], [{text: text, "b": -1.5}])))
+    assert rows == [[f"'{text}", "b"], [f"'{text}", "-1.5"]]
+
+
+def test_no_text_ends_its_row():
+    assert [*csv.reader(csv_lines(["a", "b"], [{"a": "x\r\ny", "b": "\r=1"}]))][1:] == [["x \ny", " =1"]]
+
+
+def test_what_is_missing_is_an_empty_cell():
+    assert [*csv_lines(["a", "b"], [{"a": None}, {"b": 'x, "y"'}])] == ["a,b\n", ",\n", ',"x, ""y"""\n']
+    assert csv_text([{"a": 1}, {"a": 2}]) == "a\n1\n2\n"
