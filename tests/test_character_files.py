@@ -63,6 +63,7 @@ def test_a_motion_is_what_a_player_shows(tmp_path, kind):
     path = made.write(tmp_path / "hero.glb")
     motion, joints = read_motion(path), by_node(path, made)
     assert motion.positions[:, joints] == pytest.approx(WALK.positions, abs=NEAR)
+    assert played(path, "walk", WALK.times, made.joints) == pytest.approx(WALK.positions, abs=2e-6)
     turns = Rotation.from_quat(motion.world_rotations[:, joints]) * Rotation.from_quat(WALK.turns).inv()
     assert turns.magnitude().max() < 1e-4
     assert motion.frame_time == pytest.approx(WALK.times[1], rel=1e-4)
@@ -87,6 +88,7 @@ def test_all_ways_to_store_keys(tmp_path, options, error):
     made.animate("walk", WALK, **options)
     path = made.write(tmp_path / "hero.glb")
     assert read_motion(path).positions[:, by_node(path, made)] == pytest.approx(WALK.positions, abs=error)
+    assert played(path, "walk", WALK.times, made.joints) == pytest.approx(WALK.positions, abs=error)
 
 
 @pytest.mark.parametrize("kind", KINDS)
