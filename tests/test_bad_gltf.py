@@ -116,10 +116,7 @@ CHANGES = {
     "interpolation unknown": (change(*SAMPLER, "interpolation", "BEZIER"), "animations[0].samplers[0].interpolation"),
     "channel without sampler": (change(*CHANNEL, "sampler", None), 'animations[0].channels[0]: has no "sampler"'),
     "no channels": (change("animations", 0, "channels", []), "nothing moves"),
-    "compressed": (
-        change("bufferViews", 3, "extensions", {"EXT_meshopt_compression": {}}),
-        "compressed by meshopt",
-    ),
+    "compressed": (change("bufferViews", 3, "extensions", {"EXT_meshopt_compression": {}}), "compressed by meshopt"),
 }
 
 
@@ -132,8 +129,7 @@ def test_faults_in_the_document(tmp_path, case):
 
 
 @pytest.mark.parametrize(
-    "uri",
-    ["../hero.bin", "/etc/hostname", "https://example.com/a.bin", "file:a.bin", "a%2F..%2F..%2Fb", "c:\\a"],
+    "uri", ["../hero.bin", "/etc/hostname", "https://example.com/a.bin", "file:a.bin", "a%2F..%2F..%2Fb", "c:\\a"]
 )
 def test_files_are_looked_for_in_the_folder_alone(tmp_path, uri):
     (tmp_path / "inner").mkdir()

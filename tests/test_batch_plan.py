@@ -128,10 +128,7 @@ def test_folders_without_permission_are_reported(tmp_path):
     done = subprocess.run([sys.executable, "-c", FIND_AS_NOBODY], cwd=tmp_path, capture_output=True, text=True)
     (tmp_path / "closed").chmod(0o700)
     assert done.stderr == ""
-    assert done.stdout.splitlines() == [
-        "['a'] ['closed: permission denied', 'link: permission denied']",
-        "['b']",
-    ]
+    assert done.stdout.splitlines() == ["['a'] ['closed: permission denied', 'link: permission denied']", "['b']"]
 
 
 def test_links_to_nothing_and_missing_files_are_clips_that_will_fail(tmp_path):

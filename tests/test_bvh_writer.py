@@ -42,12 +42,7 @@ def test_writing():
         "    OFFSET 0.000000 5.250000 0.100000",
         "    CHANNELS 3 Yrotation Xrotation Zrotation",
     ]
-    assert lines[13:17] == [
-        "      End Site",
-        "      {",
-        "        OFFSET 0.000000 1.000000 0.500000",
-        "      }",
-    ]
+    assert lines[13:17] == ["      End Site", "      {", "        OFFSET 0.000000 1.000000 0.500000", "      }"]
     assert lines[-6:-3] == ["MOTION", "Frames: 3", "Frame Time: 0.0333333"]
     assert lines[-3] == "0.0000000 10.0000000 0.0000000" + 9 * " 0.000000"
     assert format_bvh(motion).endswith("\n")

@@ -8,16 +8,7 @@ import gltf_player
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from characters import (
-    ARMATURE,
-    LOOKING_BACK,
-    as_vrm0,
-    as_vrm1,
-    as_vrma,
-    character,
-    chunks,
-    with_unknown_parts,
-)
+from characters import ARMATURE, LOOKING_BACK, as_vrm0, as_vrm1, as_vrma, character, chunks, with_unknown_parts
 from scipy.spatial.transform import Rotation
 from test_characters import BONES, KINDS, ROLLED, WALK
 

@@ -96,12 +96,7 @@ def test_a_folder_as_animations_of_one_file(mocap, hero, tmp_path):
     order = load_target(hero).character.joint_nodes.tolist()
     found = played(out, "clap", times, nodes)[:, [nodes.index(node) for node in order]]
     assert found == pytest.approx(motion.positions, abs=1e-4)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "all.glb",
-        "all.glb.metrics.csv",
-        "hero.glb",
-        "mocap",
-    ]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.glb", "all.glb.metrics.csv", "hero.glb", "mocap"]
     rows = (tmp_path / "all.glb.metrics.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == ["output", "clap.bvh", "more/turn.bvh", "step.bvh"]
     assert "exists already; --overwrite replaces it" in refused("batch", mocap, hero, "-o", out, "--merge")

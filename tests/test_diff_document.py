@@ -16,14 +16,7 @@ from distretarget import read_bvh, retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.report.clip_page import run_diff
-from distretarget.report.diff_document import (
-    About,
-    DiffDocument,
-    csv_lines,
-    csv_text,
-    document,
-    json_text,
-)
+from distretarget.report.diff_document import About, DiffDocument, csv_lines, csv_text, document, json_text
 from distretarget.report.page import VERSION
 
 ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh")

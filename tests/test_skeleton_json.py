@@ -67,22 +67,14 @@ GOOD = {
 }
 BAD = {
     "a list": ([full()], "", "expected an object, found a list of 1"),
-    "no format": (
-        without("format", full()),
-        "",
-        'has no "format"; expected "format": "distretarget-skeleton"',
-    ),
+    "no format": (without("format", full()), "", 'has no "format"; expected "format": "distretarget-skeleton"'),
     "other format": (full(format="bvh"), "format", "expected \"distretarget-skeleton\", found 'bvh'"),
     "no version": (without("version", short()), "", 'has no "version"; expected "version": 1'),
     "other version": (full(version=2), "version", "expected 1, found 2"),
     "version true": (full(version=True), "version", "expected 1, found true"),
     "version as text": (full(version="1"), "version", "expected 1, found '1'"),
     "unknown key": (full(unit="cm"), "unit", "unknown key; did you mean 'units'?"),
-    "key with blank": (
-        full(**{"x y": 1}),
-        '["x y"]',
-        "unknown key; it has 'format', 'version', 'name', 'joints'",
-    ),
+    "key with blank": (full(**{"x y": 1}), '["x y"]', "unknown key; it has 'format', 'version', 'name', 'joints'"),
     "name": (full(name=3), "name", "expected a string, found 3"),
     "short name": (short(name=None), "name", "expected a string, found null"),
     "units": (full(units="px"), "units", "expected one of 'mm', 'cm', 'm', 'dm', 'in', 'ft', found 'px'"),
@@ -99,11 +91,7 @@ BAD = {
     "zero bones": (spine(offset=[0, 0, 0]), "joints", "all bones have length 0"),
     "joint no object": (full(HIPS, "Spine"), "joints[1]", "expected an object, found 'Spine'"),
     "joint's key": (spine(chanels=[]), "joints[1].chanels", "unknown key; did you mean 'channels'?"),
-    "no name": (
-        full(HIPS, without("name", SPINE)),
-        "joints[1]",
-        "has no \"name\"; expected 'name', 'parent'",
-    ),
+    "no name": (full(HIPS, without("name", SPINE)), "joints[1]", "has no \"name\"; expected 'name', 'parent'"),
     "no parent": (full(without("parent", HIPS), SPINE), "joints[0]", 'has no "parent"'),
     "no offset": (full(HIPS, without("offset", SPINE)), "joints[1]", 'has no "offset"'),
     "joint name": (spine(name=True), "joints[1].name", "expected a string, found true"),
@@ -114,21 +102,13 @@ BAD = {
     "name with blank at its end": (spine(name="a "), "joints[1].name", "expected a name without"),
     "name of no character": (spine(name="\ud800"), "joints[1].name", "expected a name without"),
     "long name": (full(units="x" * 99), "units", f"found '{'x' * 37}...'"),
-    "two numbers": (
-        spine(offset=[0, 1]),
-        "joints[1].offset",
-        "expected a list of 3 numbers, found a list of 2",
-    ),
+    "two numbers": (spine(offset=[0, 1]), "joints[1].offset", "expected a list of 3 numbers, found a list of 2"),
     "four numbers": (spine(offset=[0, 1, 2, 3]), "joints[1].offset", "expected a list of 3 numbers"),
     "offset no list": (spine(offset=1), "joints[1].offset", "expected a list, found 1"),
     "offset text": (spine(offset=[0, 0, "18"]), "joints[1].offset[2]", "expected a number, found '18'"),
     "offset true": (spine(offset=[0, True, 0]), "joints[1].offset[1]", "expected a number, found true"),
     "offset NaN": (spine(offset=[0, float("nan"), 0]), "joints[1].offset[1]", "expected a finite number"),
-    "offset infinite": (
-        spine(offset=[0, 0, -float("inf")]),
-        "joints[1].offset[2]",
-        "finite number, at most 1e+12",
-    ),
+    "offset infinite": (spine(offset=[0, 0, -float("inf")]), "joints[1].offset[2]", "finite number, at most 1e+12"),
     "offset too large": (spine(offset=[0, 0, 2e12]), "joints[1].offset[2]", "at most 1e+12, found 2e+12"),
     "parent no text": (spine(parent=0), "joints[1].parent", "expected a string, found 0"),
     "unknown parent": (spine(parent="Hip"), "joints[1].parent", "no joint 'Hip'; did you mean 'Hips'?"),
@@ -152,11 +132,7 @@ BAD = {
     "twins": (full(HIPS, SPINE, SPINE), "joints", "joints that cannot be told apart: 'Hips/Spine'"),
     "no root": (full(HIPS | {"parent": "Spine"}, SPINE), "joints[0].parent", "expected null"),
     "root not first": (full(SPINE, HIPS), "joints[1].parent", "the root must be the first joint"),
-    "two roots": (
-        spine(parent=None),
-        "joints[1].parent",
-        "expected the name of a joint, since 'Hips' is the root",
-    ),
+    "two roots": (spine(parent=None), "joints[1].parent", "expected the name of a joint, since 'Hips' is the root"),
     "root as end": (full(HIPS | {"end": True}, SPINE), "joints[0].end", "the root cannot be an End Site"),
     "end no flag": (spine(end=1), "joints[1].end", "expected true or false, found 1"),
     "end with channels": (
@@ -169,11 +145,7 @@ BAD = {
         "joints[2].parent",
         "'Spine' is an End Site, which has no children",
     ),
-    "channels no list": (
-        spine(channels="Xrotation"),
-        "joints[1].channels",
-        "expected a list, found 'Xrotation'",
-    ),
+    "channels no list": (spine(channels="Xrotation"), "joints[1].channels", "expected a list, found 'Xrotation'"),
     "channel no text": (spine(channels=[1]), "joints[1].channels[0]", "expected a string, found 1"),
     "unknown channel": (
         spine(channels=["Xrotation", "Yrotatoin"]),
@@ -206,11 +178,7 @@ BAD = {
         'lengths["LeftElbw"]',
         "no such joint; did you mean 'LeftElbow'",
     ),
-    "factor of no joint": (
-        short(factors={"Tail\n": 2}),
-        r'factors["Tail\n"]',
-        "no such joint; it has 'Hips'",
-    ),
+    "factor of no joint": (short(factors={"Tail\n": 2}), r'factors["Tail\n"]', "no such joint; it has 'Hips'"),
     "length of the root": (short(lengths={"Hips": 1}), 'lengths["Hips"]', "the root has no bone"),
     "length and factor": (
         short(lengths={"Head": 1}, factors={"Head": 2}),
@@ -255,29 +223,17 @@ def test_the_schema_refuses_what_it_can(name):
 @pytest.mark.parametrize(
     ("text", "place", "reason"),
     [
-        (
-            '{"format": "distretarget-skeleton",\n "version" 1}',
-            "line 2, column 12",
-            "is not valid JSON: Expecting ':'",
-        ),
+        ('{"format": "distretarget-skeleton",\n "version" 1}', "line 2, column 12", "is not valid JSON: Expecting ':'"),
         ("{", "line 1, column 2", "is not valid JSON"),
         ('{"format": "distretarget-skeleton", "version": 1, "version": 1}', "version", "found it twice"),
         (json.dumps(full())[:-2] + ', {"name": "a", "name": "b"}]}', "joints[2].name", "found it twice"),
-        (
-            json.dumps(short())[:-1] + ', "factors": {"Head": 1, "Head": 2}}',
-            'factors["Head"]',
-            "found it twice",
-        ),
+        (json.dumps(short())[:-1] + ', "factors": {"Head": 1, "Head": 2}}', 'factors["Head"]', "found it twice"),
         (json.dumps(short())[:-1] + ', "scale": NaN}', "scale", "expected a finite number"),
         (json.dumps(short())[:-1] + ', "scale": 1e999}', "scale", "expected a finite number"),
         (json.dumps(short())[:-1] + f', "scale": {"9" * 5000}}}', "scale", "expected a finite number"),
         ("[" * 100_000, "", "nested too deeply"),
         ('{"format":' * 100_000, "", "nested too deeply"),
-        (
-            json.dumps(short())[:-1] + f', "scale": {"[" * 500}{"]" * 500}}}',
-            "scale",
-            "expected a number, found a list",
-        ),
+        (json.dumps(short())[:-1] + f', "scale": {"[" * 500}{"]" * 500}}}', "scale", "expected a number, found a list"),
     ],
 )
 def test_bad_texts(written, text, place, reason):

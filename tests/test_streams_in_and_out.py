@@ -9,14 +9,7 @@ from bodies import SAMPLES, person, swaying
 from characters import character, chunks
 from test_characters import BONES, WALK
 
-from distretarget import (
-    DistretargetError,
-    SettingsError,
-    load_target,
-    read_motion,
-    retarget,
-    write_motion,
-)
+from distretarget import DistretargetError, SettingsError, load_target, read_motion, retarget, write_motion
 from distretarget.io.json_node import Node
 from distretarget.io.skeleton_json import skeleton_to_json
 
@@ -46,10 +39,7 @@ def test_what_is_read_from_bytes_is_what_the_file_has(tmp_path, hero, given):
 
 def test_the_name_of_a_file_object_stands_for_it(tmp_path):
     (tmp_path / "bad.bvh").write_text("HIERARCHY\n")
-    with (
-        (tmp_path / "bad.bvh").open("rb") as file,
-        pytest.raises(DistretargetError, match=r"bad\.bvh:1: "),
-    ):
+    with (tmp_path / "bad.bvh").open("rb") as file, pytest.raises(DistretargetError, match=r"bad\.bvh:1: "):
         read_motion(file)
     with pytest.raises(DistretargetError, match=r"^bytes:1: the file ends"):
         read_motion(b"HIERARCHY\n")
