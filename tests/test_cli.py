@@ -239,19 +239,6 @@ def test_an_exported_skeleton_is_the_same_target(folder):
     assert (folder / "to_in.bvh.bvh").read_bytes() == (folder / "to_own.json.bvh").read_bytes()
 
 
-@pytest.mark.usefixtures("folder")
-def test_frames_that_do_not_converge_are_reported(monkeypatch):
-    monkeypatch.setattr("distretarget.objectives.contact.solve_contact_frames", _stop_early)
-    done = succeeded("in.bvh", "body.json", "-o", "out.bvh")
-    assert (
-        "warning: frames not converged 20, limit 0; worst in frame 0; cause: the solver stopped after " in done.stderr
-    )
-
-
-def _stop_early(_body, _clip, _given, _tolerance, _v, _first, log, _work):
-    log[3] = 1
-
-
 def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
     clips = sorted(SAMPLES.glob("*.bvh"))
     targets = sorted(SAMPLES.glob("*.json"))
