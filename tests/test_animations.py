@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.animations import own_rate
-from distretarget.character.sampling import Curve, sampled
+from distretarget.character.nodes import Curve, sampled
 from distretarget.errors import FileError
 
 
