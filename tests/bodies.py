@@ -197,6 +197,17 @@ def posed(skeleton: Skeleton, turns: dict[str, np.ndarray], root: np.ndarray, fr
     return Motion(skeleton, root, Rotation.from_rotvec(vectors).as_quat(), frame_time)
 
 
+APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
+"""Turns of the hips that bring the feet apart, so that no pair of joints is near."""
+
+
+def standing(
+    turns: dict[str, np.ndarray], frames: int = 30, path: ArrayLike = 0.0, height: float = LEG + 0.1
+) -> Motion:
+    """A person with the hips at a height, who is carried along a path, (frames, 3), and has joints turned."""
+    return posed(PERSON, turns, np.zeros((frames, 3)) + path + height * UP)
+
+
 def lengthened(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:
     """The body with bones scaled by `factors`, by the word in which the name of the lower joint ends."""
     lengths = np.array(skeleton.lengths)

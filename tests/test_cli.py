@@ -9,7 +9,6 @@ from bodies import SAMPLES, other_lengths, person, swaying
 from program import refused, run, run_process, succeeded
 
 from distretarget import read_bvh, write_bvh
-from distretarget.io.skeleton_json import skeleton_to_json
 
 
 def lengths_of(skeleton):
@@ -20,16 +19,6 @@ def between_hips(motion):
     """(frames, 3), the middle of the hip joints, whose path the root scale multiplies."""
     joints = [motion.skeleton.index(f"{side}Hip") for side in ("Left", "Right")]
     return motion.positions[:, joints].mean(axis=1)
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The working folder, with a clip and a target."""
-    monkeypatch.chdir(tmp_path)
-    motion = swaying(person())
-    write_bvh(tmp_path / "in.bvh", motion)
-    (tmp_path / "body.json").write_text(skeleton_to_json(other_lengths(person()), "body"))
-    return tmp_path
 
 
 def test_a_clip_is_retargeted_and_its_metrics_are_written(folder):

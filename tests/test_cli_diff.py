@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import program
 import pytest
-from bodies import PERSON, clapping, lengthened, posed, swaying
+from bodies import APART, PERSON, clapping, lengthened, posed, standing, swaying
 
 from distretarget import write_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
@@ -40,8 +40,7 @@ Frame Time: 0.02
 def bent(degrees):
     """A person with the feet apart and the left forearm turned."""
     turn = np.radians([0, degrees, 0])
-    apart = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
-    return posed(PERSON, apart | {"LeftElbow": turn, "LeftWrist": -turn}, np.tile([0, 0.9, 0], (12, 1)))
+    return standing(APART | {"LeftElbow": turn, "LeftWrist": -turn}, 12, height=0.9)
 
 
 def clap(most):

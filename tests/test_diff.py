@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bodies import (
     ALONG,
+    APART,
     LEG,
     PERSON,
     SAMPLES,
@@ -16,6 +17,7 @@ from bodies import (
     other_lengths,
     person,
     posed,
+    standing,
     swaying,
     with_bone,
 )
@@ -27,23 +29,16 @@ from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_target
 from distretarget.measure.diff import diff
 
-APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
-
-
-def standing(frames=30, path=0.0, turns=None):
-    """A person with the feet apart: no pair of joints is near."""
-    return posed(PERSON, APART | (turns or {}), np.zeros((frames, 3)) + path + (LEG + 0.1) * UP)
-
 
 def travelling(speed, frames=30):
     """The person carried along the floor at a speed [leg lengths/s]."""
-    return standing(frames, np.outer(np.arange(frames) * 0.02 * speed * LEG, ALONG))
+    return standing(APART, frames, np.outer(np.arange(frames) * 0.02 * speed * LEG, ALONG))
 
 
 def bent(degrees, frames=30):
     """A person whose left forearm turns while the hand keeps its rotation."""
     turn = np.radians(degrees) * UP
-    return standing(frames, turns={"LeftElbow": turn, "LeftWrist": -turn})
+    return standing(APART | {"LeftElbow": turn, "LeftWrist": -turn}, frames)
 
 
 def gap(motion):
@@ -157,7 +152,7 @@ def test_few_frames(frames):
 
 
 def test_no_contacts():
-    result = diff(standing(), bent(5))
+    result = diff(standing(APART), bent(5))
     assert not result.comparison.contacts.counts.any()
     assert result.comparison.contacts.touches == ()
 

@@ -10,7 +10,7 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, clapping, lengthened, posed, swaying, with_bone
+from bodies import APART, PERSON, SAMPLES, clapping, lengthened, posed, standing, swaying, with_bone
 
 from distretarget import read_bvh, retarget
 from distretarget.measure.diff import diff
@@ -52,17 +52,16 @@ def flying(seed, frames=20):
     return swaying(PERSON, frames, angle=1.5, seed=seed)
 
 
-def standing(speed, frames=20):
+def sliding(speed, frames=20):
     """A person with the feet apart, carried along the floor at a speed [m/s]."""
-    apart = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
-    return posed(PERSON, apart, np.outer(np.arange(frames), [0.02 * speed, 0, 0]) + np.array([0, 0.9, 0]))
+    return standing(APART, frames, np.outer(np.arange(frames), [0.02 * speed, 0, 0]), 0.9)
 
 
 CLIPS = {
     "clap": lambda: (clapping(np.sin(np.linspace(0, 3, 20)) ** 2), clapping(np.sin(np.linspace(0, 2, 20)) ** 2)),
     "sway": lambda: (flying(1), flying(2)),
-    "foot_skate": lambda: (standing(0.02), standing(0.05)),
-    "still against moving": lambda: (standing(0.0), standing(0.05)),
+    "foot_skate": lambda: (sliding(0.02), sliding(0.05)),
+    "still against moving": lambda: (sliding(0.0), sliding(0.05)),
     "one frame": lambda: (flying(1)[:1], flying(2)[:1]),
     "three frames": lambda: (flying(1)[:3], flying(2)[:3]),
     "a tail": lambda: (flying(1), swaying(with_bone(PERSON, "Tail", "Hips"))),

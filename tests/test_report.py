@@ -8,7 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, PERSON, SAMPLES, clapping, lengthened, moved, posed, swaying, tree_of, with_bone
+from bodies import (
+    APART,
+    HERO,
+    PERSON,
+    SAMPLES,
+    clapping,
+    lengthened,
+    moved,
+    posed,
+    standing,
+    swaying,
+    tree_of,
+    with_bone,
+)
 from pages import check_it_asks_for_nothing, check_text_can_be_read, embedded, printed, settle
 from scipy.spatial.transform import Rotation
 
@@ -115,8 +128,7 @@ def test_a_long_clip_is_thinned(monkeypatch):
 
 
 def test_one_frame_without_contacts():
-    spread = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
-    motion = posed(PERSON, spread, np.tile([0.0, 0.9, 0.0], (1, 1)))
+    motion = standing(APART, 1, height=0.9)
     stage = stage_of(motion, motion)
     assert stage["frames"] == len(numbers(stage["actors"][0]["path"], "<f4")) / 3 == 1
     assert not [row for row in stage["rows"] if " - " in row["name"]]
@@ -152,7 +164,6 @@ def test_a_source_with_a_mesh_is_shown_with_it(tmp_path):
 
 
 MARKUP = "</script><b>&amp; \"q' __proto__ \u202e" + 60 * "ü"
-APART = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
 MINUS = "\u2212"
 Z_UP = Rotation.from_matrix([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 CUT = """width => [...document.querySelectorAll('section, .metric, .bar > *, td')]
@@ -171,11 +182,6 @@ def sample_page():
     return run_page(
         sample(), About(a="clap.bvh", b="clap_hero.glb", command="distretarget clap", limits=(*limits.items(),))
     )
-
-
-def still(frames, body=PERSON):
-    """A person with the feet apart, who touches nothing."""
-    return posed(body, APART, np.tile([0.0, 0.9, 0.0], (frames, 1)))
 
 
 def compared(a, b, name="a.bvh"):
@@ -209,8 +215,8 @@ def asked_run():
 MADE = {
     "sample": sample_page,
     "asked": lambda: run_page(asked_run(), About(a="a", b="b")),
-    "one frame": lambda: compared(still(1), still(1)),
-    "no contacts": lambda: compared(still(5), still(5)),
+    "one frame": lambda: compared(standing(APART, 1, height=0.9), standing(APART, 1, height=0.9)),
+    "no contacts": lambda: compared(standing(APART, 5, height=0.9), standing(APART, 5, height=0.9)),
     "T-pose": lambda: compared(from_t_pose(), from_t_pose()),
     "nasty": nasty,
     "long name": lambda: nasty(10_000 * "x"),

@@ -20,15 +20,6 @@ BODY = skeleton_to_json(other_lengths(person()), "body")
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The working folder, with a clip and a target."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "in.bvh").write_text(CLIP)
-    (tmp_path / "body.json").write_text(BODY)
-    return tmp_path
-
-
-@pytest.fixture
 def converted(folder):
     """The text of the clip on the target."""
     run("in.bvh", "body.json", "-o", "out.bvh")
