@@ -148,6 +148,11 @@ def reordered(skeleton: Skeleton, seed: int) -> tuple[Skeleton, list[int]]:
     return taken(skeleton, order), order
 
 
+def nameless(skeleton: Skeleton) -> Skeleton:
+    """The skeleton with names that say nothing."""
+    return replace(skeleton, names=tuple(f"j{joint}" for joint in range(len(skeleton))))
+
+
 def bent_chain() -> Skeleton:
     """Three joints that are no body."""
     return tree_of([[0, 0, 0], [0, 2, 0], [1, 0, 0]], "abc")

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
-from bodies import SAMPLES, body_of, lengthened, matched, posed, swaying, taken
+from bodies import SAMPLES, body_of, lengthened, matched, nameless, posed, swaying, taken
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
@@ -41,7 +41,7 @@ BANDAI = {
 BEINGS = {
     "dog": dog(),
     "dog with names of people": dog(own_names=False),
-    "dog without names": replace(dog(), names=tuple(f"j{joint}" for joint in range(len(dog())))),
+    "dog without names": nameless(dog()),
     "sword": sword(),
     "camera": camera(),
 }
@@ -92,9 +92,8 @@ def test_a_joint_above_the_hips_that_never_moves_does_not_hold_them(root):
 
 def test_a_joint_above_the_hips_does_not_hold_them_where_nothing_has_a_name():
     source = on_a_root(walk(), "root")
-    bare = replace(source.skeleton, names=tuple(f"j{joint}" for joint in range(len(source.skeleton))))
     plain = retarget(walk(), rig("lafan1", "A"))
-    result = retarget(replace(source, skeleton=bare), rig("lafan1", "A"))
+    result = retarget(replace(source, skeleton=nameless(source.skeleton)), rig("lafan1", "A"))
     roles = by_names(rig("lafan1", "A")).roles
     joints = [roles[role] for role in roles if role not in ("leftShoulder", "rightShoulder")]
     assert_near(result.motion.positions[:, joints], plain.motion.positions[:, joints], 1e-3)

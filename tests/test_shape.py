@@ -1,10 +1,8 @@
 """The parts of a body, found without names."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, reordered, swaying, tree_of
+from bodies import CORPUS, mirrored, moved, nameless, needs_corpus, person, posed, reordered, swaying, tree_of
 from characters import PERSON
 from scipy.spatial.transform import Rotation
 
@@ -63,7 +61,7 @@ def named(skeleton, anatomy):
 def renumbered(skeleton, seed):
     """The skeleton with children in another order and meaningless names, and the old number of each joint."""
     other, order = reordered(skeleton, seed)
-    return replace(other, names=tuple(f"j{joint}" for joint in range(len(order)))), order
+    return nameless(other), order
 
 
 def lying(skeleton):
