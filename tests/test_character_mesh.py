@@ -1,12 +1,9 @@
 """The mesh of a character: its parts, where its skin is at rest and in motion, and what becomes of bad ones."""
 
-import json
-
 import gltf_player
 import numpy as np
 import pytest
-from characters import ARMATURE, box_mesh, character, chunks
-from test_character_files import glb
+from characters import ARMATURE, box_mesh, character, chunks, packed
 from test_characters import BONES, WALK
 
 from distretarget import Motion, load_target, read_motion
@@ -69,7 +66,7 @@ def changed(tmp_path, change):
     document, binary = chunks(hero().glb())
     change(document)
     path = tmp_path / "hero.glb"
-    path.write_bytes(glb(json.dumps(document), binary))
+    path.write_bytes(packed(document, binary))
     return load_target(path).mesh
 
 
