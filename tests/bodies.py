@@ -148,6 +148,11 @@ def reordered(skeleton: Skeleton, seed: int) -> tuple[Skeleton, list[int]]:
     return taken(skeleton, order), order
 
 
+def nameless(skeleton: Skeleton) -> Skeleton:
+    """The skeleton with names that say nothing."""
+    return replace(skeleton, names=tuple(f"j{joint}" for joint in range(len(skeleton))))
+
+
 def bent_chain() -> Skeleton:
     """Three joints that are no body."""
     return tree_of([[0, 0, 0], [0, 2, 0], [1, 0, 0]], "abc")
@@ -195,6 +200,17 @@ def posed(skeleton: Skeleton, turns: dict[str, np.ndarray], root: np.ndarray, fr
     for name, turn in turns.items():
         vectors[:, skeleton.index(name)] = turn
     return Motion(skeleton, root, Rotation.from_rotvec(vectors).as_quat(), frame_time)
+
+
+APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
+"""Turns of the hips that bring the feet apart, so that no pair of joints is near."""
+
+
+def standing(
+    turns: dict[str, np.ndarray], frames: int = 30, path: ArrayLike = 0.0, height: float = LEG + 0.1
+) -> Motion:
+    """A person with the hips at a height, who is carried along a path, (frames, 3), and has joints turned."""
+    return posed(PERSON, turns, np.zeros((frames, 3)) + path + height * UP)
 
 
 def lengthened(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:

@@ -443,10 +443,7 @@ RIGS = {
         "DEF-head",
         ("DEF-shoulder@", "DEF-upper_arm@", "DEF-forearm@", "DEF-hand@"),
         ("DEF-thigh@", "DEF-shin@", "DEF-foot@", "DEF-toe@"),
-        (
-            (None, "DEF-thumb01@", "DEF-thumb02@", "DEF-thumb03@"),
-            *finger_roles("DEF-f_<f>0<n>@", FIVE[1:], (1, 2, 3)),
-        ),
+        ((None, "DEF-thumb01@", "DEF-thumb02@", "DEF-thumb03@"), *finger_roles("DEF-f_<f>0<n>@", FIVE[1:], (1, 2, 3))),
         "Rigify",
     ),
     "Sketchfab's numbers": Rig(
@@ -460,10 +457,7 @@ RIGS = {
         "Head_05",
         ("shoulder.@_032", "upper_arm.@_00", "forearm.@_034", "hand.@_035"),
         ("thigh.@_076", "shin.@_077", "foot.@_078", "toe.@_079"),
-        (
-            (None, "thumb.01.@_038", "thumb.02.@_039"),
-            (None, "f_index.01.@_036", "f_index.02.@_00", "f_index.03.@_037"),
-        ),
+        ((None, "thumb.01.@_038", "thumb.02.@_039"), (None, "f_index.01.@_036", "f_index.02.@_00", "f_index.03.@_037")),
     ),
     "Sketchfab's Mixamo": Rig(
         "_rootJoint>mixamorig:Hips_01(mixamorig:Spine_02>mixamorig:Spine1_03>mixamorig:Spine2_04(mixamorig:Neck_05>"

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from gltf_file import Gltf
+from gltf_file import Gltf, glb
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
@@ -183,14 +183,20 @@ def box_mesh(bones: Bones, joints: Iterable[int] | None = None) -> Mesh:
     return Mesh(np.concatenate(points), np.concatenate(triangles), np.where(weights > 0, indices, 0), weights)
 
 
-def chunks(glb: bytes) -> tuple[dict, bytes]:
+def chunks(content: bytes) -> tuple[dict, bytes]:
     """The JSON and the binary chunk of a GLB file."""
-    magic, version, length = struct.unpack_from("<4sII", glb)
-    assert (magic, version, length) == (b"glTF", 2, len(glb))
-    size, kind = struct.unpack_from("<II", glb, 12)
+    magic, version, length = struct.unpack_from("<4sII", content)
+    assert (magic, version, length) == (b"glTF", 2, len(content))
+    size, kind = struct.unpack_from("<II", content, 12)
     assert kind == 0x4E4F534A
-    rest = glb[20 + size :]
-    return json.loads(glb[20 : 20 + size]), rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if rest else b""
+    rest = content[20 + size :]
+    return json.loads(content[20 : 20 + size]), rest[8 : 8 + struct.unpack_from("<I", rest)[0]] if rest else b""
+
+
+def packed(document: dict | str, buffer: bytes = b"") -> bytes:
+    """A GLB file of a document, or of the text of one, and a buffer."""
+    text = document if isinstance(document, str) else json.dumps(document)
+    return glb(text.encode(), buffer + bytes(-len(buffer) % 4))
 
 
 @dataclass

@@ -4,10 +4,13 @@ import json
 import shutil
 
 import pytest
+from bodies import other_lengths, person, swaying
 from hypothesis import settings
 from pages import settle
 
+from distretarget import write_bvh
 from distretarget.errors import LibraryError
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.numerics.compiled import loaded
 
 settings.register_profile("however slow", deadline=None)  # a busy machine is no fault of the program
@@ -77,6 +80,15 @@ def open_player(open_page):
         return tab
 
     return opens
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with a clip, `in.bvh`, and a target, `body.json`."""
+    monkeypatch.chdir(tmp_path)
+    write_bvh(tmp_path / "in.bvh", swaying(person()))
+    (tmp_path / "body.json").write_text(skeleton_to_json(other_lengths(person()), "body"))
+    return tmp_path
 
 
 @pytest.fixture

@@ -1,5 +1,9 @@
-"""Helpers for tests of pages in a browser."""
+"""Helpers for tests of pages, as text and in a browser."""
 
+import hashlib
+import json
+import re
+from base64 import b64encode
 from contextlib import contextmanager
 
 # A script: the contrast to its background of each text on a page, as WCAG 2 defines it, with the element's HTML.
@@ -24,6 +28,27 @@ CONTRASTS = """() => {
         return [(Math.max(p, q) + 0.05) / (Math.min(p, q) + 0.05), one.outerHTML.slice(0, 160)];
     });
 }"""
+
+
+def embedded(text, name):
+    """The JSON of a script element, which ends where a browser ends it: at the first `</script`."""
+    start = text.index(f'<script type="application/json" id="{name}">')
+    return json.loads(text[text.index(">", start) + 1 : text.index("</script", start)])
+
+
+def check_it_asks_for_nothing(text):
+    """That a page is one file that runs only its own scripts, and that those after the library make no markup of text;
+    return these.
+    """
+    assert not re.search(r'(src|href)="(?!#|data:)|@import|url\(|\{\{', text)
+    assert "default-src 'none'" in text
+    assert '<meta name="generator" content="distretarget">' in text
+    scripts = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    hashes = [b64encode(hashlib.sha256(one.encode()).digest()).decode() for one in scripts]
+    assert re.findall(r"script-src (.*?);", text) == [" ".join(f"'sha256-{each}'" for each in hashes)]
+    unsafe = r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(|Function\(|fetch\("
+    assert not re.search(unsafe, scripts[-1])
+    return scripts
 
 
 def check_text_can_be_read(tab):

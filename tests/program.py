@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from contextlib import closing
+from pathlib import Path
 from unittest.mock import patch
 
 import pytest
@@ -23,6 +24,28 @@ def run(*arguments, given=""):
             main()
         texts = [stream.getvalue().decode() for stream in (out, err)]
     return subprocess.CompletedProcess(words, ended.value.code or 0, *texts)
+
+
+def succeeded(*arguments, given=""):
+    """What the program, run so, did without an error."""
+    done = run(*arguments, given=given)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def refused(*arguments, status=1, given=""):
+    """The line with which the program, run so, ends; all files of the working folder are as before."""
+    before = contents()
+    done = run(*arguments, given=given)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (status, "", 1), done.stderr
+    assert done.stderr.startswith("distretarget: ")
+    assert contents() == before
+    return done.stderr
+
+
+def contents():
+    """The content of each regular file in the working folder, and which files are there."""
+    return {path: path.read_bytes() if path.is_file() else None for path in Path().rglob("*")}
 
 
 def command(*arguments):

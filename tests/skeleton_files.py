@@ -34,12 +34,7 @@ def load_json(text):
 
 def assert_same(one, other):
     """Identical to the bit, signs of zeros included."""
-    assert (one.names, one.channels, one.units, one.up) == (
-        other.names,
-        other.channels,
-        other.units,
-        other.up,
-    )
+    assert (one.names, one.channels, one.units, one.up) == (other.names, other.channels, other.units, other.up)
     for name in ("parents", "offsets", "end_sites"):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 

@@ -36,28 +36,10 @@ angles = st.one_of(st.floats(-360, 360, width=32), st.sampled_from((0.0, 90.0, -
 offsets = st.tuples(lengths, lengths, lengths)
 frame_times = st.sampled_from(("0.0333333", "0.0083333", ".01", "1", "1e-5", "1000", "0.5"))
 STRANGE_NUMBERS = ["nan", "inf", "-inf", "1e400", "1e13", "5e-324", "1e-9", "-1", "0", "00", "1_0", "0x1", "1,5", "٣"]
-KEYWORDS = [
-    "{",
-    "}",
-    "ROOT",
-    "JOINT",
-    "End",
-    "OFFSET",
-    "CHANNELS",
-    "HIERARCHY",
-    "MOTION",
-    "Frames:",
-    "Frame",
-    "Time:",
-    "Xrotation",
-    "Wrotation",
-    "[",
-    "]",
-    ":",
-    '"',
-]
+KEYWORDS = ["ROOT", "JOINT", "End", "OFFSET", "CHANNELS", "HIERARCHY", "MOTION", "Frames:", "Frame", "Time:"]
+MARKS = ["{", "}", "[", "]", ":", '"', "Xrotation", "Wrotation"]
 STRANGE_LETTERS = ("", "\0", "\x1a", "\ufeff", "\udce9", "\u2028", "\r", "\t", "a" * 500, "9" * 40)
-strange_words = st.sampled_from((*STRANGE_NUMBERS, *KEYWORDS, *STRANGE_LETTERS))
+strange_words = st.sampled_from((*STRANGE_NUMBERS, *KEYWORDS, *MARKS, *STRANGE_LETTERS))
 strange_values = st.one_of(
     st.none(),
     st.booleans(),

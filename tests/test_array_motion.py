@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bodies import SAMPLES, person, swaying
-from program import run
+from program import run, succeeded
 from scipy.spatial.transform import Rotation
 
 from distretarget import FileError, SkeletonError, load_target, read_bvh, read_motion, write_npz
@@ -274,8 +274,7 @@ def test_a_folder_of_parameters_is_retargeted(folder):
     np.savez(folder / "amass" / "walk_poses.npz", poses=poses, trans=trans, mocap_framerate=30)
     given = folder / "amass", SAMPLES / "rigs" / "lafan1_t.json", "-o", folder / "out"
     joints = "--skeleton", folder / "joints24.npz"
-    done = run("batch", *given, *joints, "--jobs", 1)
-    assert done.returncode == 0, done.stderr
+    succeeded("batch", *given, *joints, "--jobs", 1)
     assert len(read_bvh(folder / "out" / "walk_poses.bvh")) == 4
     assert "1 done before" in run("batch", *given, *joints, "--jobs", 1).stdout
     np.savez(folder / "joints24.npz", J=1.1 * joints_of(24))

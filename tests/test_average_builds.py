@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from bodies import PERSON, SAMPLES, taken
-from program import run
+from program import run, succeeded
 
 from distretarget import FileError, Options, load_build, load_target
 from distretarget.body.body import Body
@@ -107,8 +107,7 @@ def test_the_command_line_takes_builds_by_name(tmp_path):
     clap, child = SAMPLES / "clap.bvh", SAMPLES / "child.json"
     outputs = {}
     for name in ("fat", "thin"):
-        done = run("retarget", clap, child, "-o", tmp_path / f"{name}.bvh", "--skin", name, "--source-skin", "thin")
-        assert done.returncode == 0, done.stderr
+        succeeded("retarget", clap, child, "-o", tmp_path / f"{name}.bvh", "--skin", name, "--source-skin", "thin")
         outputs[name] = (tmp_path / f"{name}.bvh").read_bytes()
     assert outputs["fat"] != outputs["thin"]
     failed = run("retarget", clap, child, "-o", tmp_path / "x.bvh", "--skin", "fatt")

@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from characters import as_vrm1, character, chunks
+from characters import as_vrm1, character, chunks, packed
 from program import run
-from test_character_files import glb
 from test_characters import BONES, WALK
 
 from distretarget import load_target, read_motion
@@ -40,13 +39,13 @@ CONTENTS = {
     "glTF 1": (b"glTF\1\0\0\0\x14\0\0\0" + b"\0" * 8, "version 1"),
     "no JSON": (b"glTF\2\0\0\0\x14\0\0\0\0\0\0\0BIN\0", "not JSON"),
     "long chunk": (b"glTF\2\0\0\0\x14\0\0\0\xff\xff\xff\x7fJSON", "a chunk ends"),
-    "bad JSON": (glb('{"asset": '), "is not valid JSON"),
-    "bad UTF-8": (glb("{}").replace(b"{}", b"\xff\xfe"), "not valid UTF-8"),
-    "a list": (glb("[]"), "expected an object, found a list"),
-    "no asset": (glb("{}"), "asset.version: expected glTF 2.0"),
-    "old asset": (glb('{"asset": {"version": "1.0"}}'), "asset.version: expected glTF 2.0, found '1.0'"),
-    "nothing in it": (glb('{"asset": {"version": "2.0"}}'), "has no animation"),
-    "deep": (glb('{"asset":' + "[" * 100000), "nested too deeply"),
+    "bad JSON": (packed('{"asset": '), "is not valid JSON"),
+    "bad UTF-8": (packed("{}").replace(b"{}", b"\xff\xfe"), "not valid UTF-8"),
+    "a list": (packed("[]"), "expected an object, found a list"),
+    "no asset": (packed("{}"), "asset.version: expected glTF 2.0"),
+    "old asset": (packed('{"asset": {"version": "1.0"}}'), "asset.version: expected glTF 2.0, found '1.0'"),
+    "nothing in it": (packed('{"asset": {"version": "2.0"}}'), "has no animation"),
+    "deep": (packed('{"asset":' + "[" * 100000), "nested too deeply"),
 }
 
 
@@ -116,10 +115,7 @@ CHANGES = {
     "interpolation unknown": (change(*SAMPLER, "interpolation", "BEZIER"), "animations[0].samplers[0].interpolation"),
     "channel without sampler": (change(*CHANNEL, "sampler", None), 'animations[0].channels[0]: has no "sampler"'),
     "no channels": (change("animations", 0, "channels", []), "nothing moves"),
-    "compressed": (
-        change("bufferViews", 3, "extensions", {"EXT_meshopt_compression": {}}),
-        "compressed by meshopt",
-    ),
+    "compressed": (change("bufferViews", 3, "extensions", {"EXT_meshopt_compression": {}}), "compressed by meshopt"),
 }
 
 
@@ -128,12 +124,11 @@ def test_faults_in_the_document(tmp_path, case):
     apply, expected = CHANGES[case]
     document, buffer = made()
     apply(document)
-    assert expected in refused(tmp_path, glb(json.dumps(document), buffer))
+    assert expected in refused(tmp_path, packed(document, buffer))
 
 
 @pytest.mark.parametrize(
-    "uri",
-    ["../hero.bin", "/etc/hostname", "https://example.com/a.bin", "file:a.bin", "a%2F..%2F..%2Fb", "c:\\a"],
+    "uri", ["../hero.bin", "/etc/hostname", "https://example.com/a.bin", "file:a.bin", "a%2F..%2F..%2Fb", "c:\\a"]
 )
 def test_files_are_looked_for_in_the_folder_alone(tmp_path, uri):
     (tmp_path / "inner").mkdir()
@@ -166,35 +161,35 @@ def test_targets_without_a_body(tmp_path):
     for node in document["nodes"]:
         node.pop("skin", None)
         node.pop("name")
-    assert "has no skin" in refused(tmp_path, glb(json.dumps(document), buffer), load_target)
+    assert "has no skin" in refused(tmp_path, packed(document, buffer), load_target)
 
 
 def test_a_vrm_without_humanoid(tmp_path):
     hero = as_vrm1(character(BONES))
     document, buffer = chunks(hero.glb())
     document["extensions"]["VRMC_vrm"]["humanoid"] = {}
-    content = glb(json.dumps(document), buffer)
+    content = packed(document, buffer)
     assert "extensions.VRMC_vrm: has no humanoid bones" in refused(tmp_path, content, load_target, "hero.vrm")
 
 
 @pytest.mark.parametrize(("count", "expected"), [(10**5, "nodes: expected at most"), (10**6, "too large to read")])
 def test_a_million_nodes(tmp_path, count, expected):
     text = '{"asset": {"version": "2.0"}, "nodes": [' + ",".join(['{"name": "a"}'] * count) + "]}"
-    assert expected in refused(tmp_path, glb(text), load_target)
+    assert expected in refused(tmp_path, packed(text), load_target)
 
 
 def test_an_animation_of_a_year(tmp_path):
     document, buffer = made()
     times = np.linspace(0, 3e7, document["accessors"][5]["count"]).astype("<f4").tobytes()
     start = document["bufferViews"][document["accessors"][5]["bufferView"]]["byteOffset"]
-    content = glb(json.dumps(document), buffer[:start] + times + buffer[start + len(times) :])
+    content = packed(document, buffer[:start] + times + buffer[start + len(times) :])
     assert "that is too much" in refused(tmp_path, content)
 
 
 def test_nothing_is_written_for_a_bad_character(tmp_path):
     document, buffer = made()
     document["skins"][0]["joints"][3] = 10**6
-    (tmp_path / "hero.glb").write_bytes(glb(json.dumps(document), buffer))
+    (tmp_path / "hero.glb").write_bytes(packed(document, buffer))
     out = tmp_path / "out.glb"
     done = run(SAMPLES / "clap.bvh", tmp_path / "hero.glb", "-o", out)
     assert done.returncode == 1
@@ -207,4 +202,4 @@ def test_nothing_is_written_for_a_bad_character(tmp_path):
 
 def test_lists_of_nothing(tmp_path):
     text = '{"asset": {"version": "2.0"}, "extras": [' + ",".join(["[]"] * (3 * 10**6)) + "]}"
-    assert "lists and objects" in refused(tmp_path, glb(text), load_target)
+    assert "lists and objects" in refused(tmp_path, packed(text), load_target)

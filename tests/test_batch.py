@@ -116,12 +116,6 @@ def test_every_clip_gets_an_output_and_a_record(folder):
     }
 
 
-def test_a_second_run_has_nothing_to_do(folder):
-    go(folder)
-    seen = go(folder)
-    assert seen == [None] * 3
-
-
 def test_a_run_leaves_to_another_what_that_is_at_work_on(folder):
     """It takes it over at the end, if the other one has not done it by then."""
     first, begun = Database(folder / "out"), []
@@ -249,13 +243,6 @@ def test_an_output_that_is_there_already_is_taken_over_as_it_is(folder):
     after = path.stat()
     assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
     assert go(folder).skipped == 3
-
-
-def test_an_output_that_was_edited_is_left_alone(folder):
-    go(folder)
-    (folder / "out" / "a.bvh").write_text("edited")
-    assert go(folder).of("failed") == ["a.bvh"]
-    assert results(folder)["a.bvh"] == "edited"
 
 
 def test_a_file_in_the_place_of_a_folder_fails_the_clips_below_it(folder):
@@ -389,19 +376,6 @@ def test_reports_survive_a_worker_that_dies(folder, always):
     go(folder, Dying("other", always), index=folder / "index.html", reports=3)
     made = {"index.html", "index_reports/a.html", "index_reports/c.html"}
     assert pages(folder).keys() == made | (set() if always else {"index_reports/deep/b.html"})
-
-
-def test_a_report_that_cannot_be_written_is_a_problem(folder):
-    path = folder / "index_reports" / "a.html"
-    path.parent.mkdir()
-    path.write_text("my own")
-    batch = batch_of(folder, index=folder / "index.html", reports=None)
-    batch.convert(Workers(), Tally(clips=3))
-    assert [str(problem) for problem in batch.pages.problems.values()] == [
-        f"{path}: exists already; --overwrite replaces it"
-    ]
-    assert path.read_text() == "my own"
-    assert len(pages(folder)) == 4
 
 
 def test_only_pages_of_a_batch_are_replaced(folder):

@@ -128,23 +128,13 @@ def test_folders_without_permission_are_reported(tmp_path):
     done = subprocess.run([sys.executable, "-c", FIND_AS_NOBODY], cwd=tmp_path, capture_output=True, text=True)
     (tmp_path / "closed").chmod(0o700)
     assert done.stderr == ""
-    assert done.stdout.splitlines() == [
-        "['a'] ['closed: permission denied', 'link: permission denied']",
-        "['b']",
-    ]
+    assert done.stdout.splitlines() == ["['a'] ['closed: permission denied', 'link: permission denied']", "['b']"]
 
 
 def test_links_to_nothing_and_missing_files_are_clips_that_will_fail(tmp_path):
     (tmp_path / "gone.bvh").symlink_to(tmp_path / "nowhere")
     assert places(find_clips([tmp_path])) == ["gone.bvh"]
     assert places(find_clips([tmp_path / "none.bvh"])) == ["none.bvh"]
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
-def test_pipes_that_would_never_end_are_not_opened(tmp_path):
-    os.mkfifo(tmp_path / "pipe.bvh")
-    clips, unread = find_clips([tmp_path])
-    assert (clips, [str(error) for error in unread]) == ([], [f"{tmp_path / 'pipe.bvh'}: is not a regular file"])
 
 
 def test_folders_of_scenes_are_left_out(tmp_path):

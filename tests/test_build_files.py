@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import HERO, PERSON, SAMPLES
 from capsule_bodies import capsule_surface, mesh_of
-from program import last_records, run
+from program import last_records, run, succeeded
 
 from distretarget import Body, Build, Builds, FileError, Options, SkeletonEdit, load_build, load_target, read_motion
 from distretarget.body.build import OWN_BUILDS, average_build
@@ -66,8 +66,7 @@ def test_a_file_without_thickness_is_no_build():
 
 def test_the_command_line_takes_the_build_of_another_character(tmp_path):
     for name, more in {"own": (), "hero": ("--skin", HERO, "--source-skin", HERO), "none": ("--skin", "none")}.items():
-        done = run("retarget", CLAP, WALK, "-o", tmp_path / f"{name}.bvh", *more)
-        assert done.returncode == 0, done.stderr
+        succeeded("retarget", CLAP, WALK, "-o", tmp_path / f"{name}.bvh", *more)
     failed = run("retarget", CLAP, WALK, "-o", tmp_path / "x.bvh", "--skin", WALK)
     assert failed.returncode == 1
     assert "does not show how thick" in failed.stderr
@@ -77,9 +76,8 @@ def test_the_command_line_takes_the_build_of_another_character(tmp_path):
 
 
 def test_a_batch_gives_what_single_runs_give(tmp_path):
-    assert run("retarget", CLAP, HERO, "-o", tmp_path / "one.bvh", "--skin", HERO).returncode == 0
-    done = run("batch", CLAP, HERO, "-o", tmp_path / "many", "--format", "bvh", "--jobs", "1", "--skin", HERO)
-    assert done.returncode == 0, done.stderr
+    succeeded("retarget", CLAP, HERO, "-o", tmp_path / "one.bvh", "--skin", HERO)
+    succeeded("batch", CLAP, HERO, "-o", tmp_path / "many", "--format", "bvh", "--jobs", "1", "--skin", HERO)
     assert (tmp_path / "many" / "clap.bvh").read_bytes() == (tmp_path / "one.bvh").read_bytes()
     record = last_records(tmp_path / "many")["clap.bvh"]
     assert record["options"]["target_build"] == load_build(HERO).hash

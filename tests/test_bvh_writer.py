@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from distretarget.errors import FileError, MotionError, SkeletonError
+from distretarget.errors import MotionError, SkeletonError
 from distretarget.io.bvh import parse_bvh, read_bvh
 from distretarget.io.bvh_writer import write_bvh
 from distretarget.motion import Motion
@@ -42,12 +42,7 @@ def test_writing():
         "    OFFSET 0.000000 5.250000 0.100000",
         "    CHANNELS 3 Yrotation Xrotation Zrotation",
     ]
-    assert lines[13:17] == [
-        "      End Site",
-        "      {",
-        "        OFFSET 0.000000 1.000000 0.500000",
-        "      }",
-    ]
+    assert lines[13:17] == ["      End Site", "      {", "        OFFSET 0.000000 1.000000 0.500000", "      }"]
     assert lines[-6:-3] == ["MOTION", "Frames: 3", "Frame Time: 0.0333333"]
     assert lines[-3] == "0.0000000 10.0000000 0.0000000" + 9 * " 0.000000"
     assert format_bvh(motion).endswith("\n")
@@ -181,15 +176,6 @@ def test_values_that_are_not_finite_are_not_written(tmp_path):
     with pytest.raises(MotionError, match="finite"):
         write_bvh(tmp_path / "b.bvh", replace(motion, root_positions=path))
     assert not (tmp_path / "b.bvh").exists()
-
-
-def test_a_file_is_replaced_only_when_asked(tmp_path):
-    motion = read(TEXT)
-    write_bvh(tmp_path / "b.bvh", motion)
-    with pytest.raises(FileError, match="--overwrite"):
-        write_bvh(tmp_path / "b.bvh", motion)
-    write_bvh(tmp_path / "b.bvh", motion, overwrite=True)
-    assert_same(read_bvh(tmp_path / "b.bvh"), motion, 1e-6)
 
 
 def test_angles_turn_on_over_the_frames_and_through_the_lock():

@@ -1,15 +1,14 @@
-"""The mesh of a character: where its skin is in the rest pose and in motion, and what becomes of bad ones."""
-
-import json
+"""The mesh of a character: its parts, where its skin is at rest and in motion, and what becomes of bad ones."""
 
 import gltf_player
 import numpy as np
 import pytest
-from characters import ARMATURE, box_mesh, character, chunks
-from test_character_files import glb
+from characters import ARMATURE, box_mesh, character, chunks, packed
 from test_characters import BONES, WALK
 
 from distretarget import Motion, load_target, read_motion
+from distretarget.character.mesh import MeshPart, _bound
+from distretarget.character.nodes import Nodes
 from distretarget.io.input_file import InputFile
 from distretarget.io.target_file import CharacterMesh, parse_target
 
@@ -62,32 +61,12 @@ def test_the_skin_moves_as_a_player_moves_it(tmp_path, rig):
     np.testing.assert_allclose(mesh.heights(motion, up), mesh.posed(motion) @ up, atol=1e-9)
 
 
-def test_joints_without_weight_may_be_any_number(tmp_path):
-    """Exporters leave numbers beyond the skin's joints where the weight is 0."""
-    document, binary = chunks(hero().glb())
-    joints, weights = (
-        np.frombuffer(
-            binary, kind, 4 * accessor["count"], document["bufferViews"][accessor["bufferView"]]["byteOffset"]
-        )
-        for accessor, kind in (
-            (document["accessors"][attributes(document)["JOINTS_0"]], "<u2"),
-            (document["accessors"][attributes(document)["WEIGHTS_0"]], "<f4"),
-        )
-    )
-    assert (weights == 0).any()
-    junk = np.where(weights == 0, 9999, joints).astype("<u2").tobytes()
-    path = tmp_path / "hero.glb"
-    path.write_bytes(glb(json.dumps(document), binary.replace(joints.tobytes(), junk)))
-    plain = hero().write(tmp_path / "plain.glb")
-    np.testing.assert_array_equal(read(path)[1].vertices, read(plain)[1].vertices)
-
-
 def changed(tmp_path, change):
     """A hero whose document is changed."""
     document, binary = chunks(hero().glb())
     change(document)
     path = tmp_path / "hero.glb"
-    path.write_bytes(glb(json.dumps(document), binary))
+    path.write_bytes(packed(document, binary))
     return load_target(path).mesh
 
 
@@ -142,3 +121,65 @@ def test_a_mesh_without_skin_moves_with_its_node(tmp_path):
     assert hung.sum() >= len(found.vertices) / 2 - 2
     middle = found.vertices[hung].mean(axis=0) - skeleton.rest_positions[head]
     assert middle[1] > 0.5
+
+
+PLACES = np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]])  # of two bones
+TRIANGLE = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def bound(weights, to_bones=None, joints=None, normals=None):
+    """A triangle bound to two bones, of which the second has moved up by 2 since."""
+    nodes = Nodes(("a", "b"), np.array([-1, -1]), PLACES, np.tile([0.0, 0, 0, 1], (2, 1)), np.ones((2, 3)))
+    weights = np.broadcast_to(np.asarray(weights, float), (3, 2))
+    part = MeshPart(
+        vertices=TRIANGLE,
+        bones=np.array([0, 1]),
+        to_bones=np.tile(np.eye(4), (2, 1, 1)) if to_bones is None else to_bones,
+        joints=np.tile([0, 1], (3, 1)),
+        weights=weights,
+        triangles=np.array([[0, 1, 2]]),
+        materials=np.array([-1]),
+        uv=np.zeros((3, 2)),
+        normals=normals,
+    )
+    binds = dict(enumerate(nodes.transforms))
+    return _bound(part, 1, nodes, binds, joints or {0: 0, 1: 1})
+
+
+def test_vertices_are_the_mean_of_where_bones_bring_them_by_weight():
+    for weights, up in (([1, 0], 0.0), ([0, 1], 2.0), ([0.5, 0.5], 1.0), ([3, 1], 0.5), ([0.1, 0.1], 1.0)):
+        mesh = bound(weights)
+        np.testing.assert_allclose(mesh.vertices, TRIANGLE + np.array([0.0, up, 0.0]), atol=1e-12)
+        np.testing.assert_allclose(mesh.weights.sum(axis=1), 1.0)
+
+
+def test_normals_turn_with_bones_by_weight():
+    turned = np.tile(np.eye(4), (2, 1, 1))
+    turned[1, :3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # X to Y
+    mesh = bound([0.75, 0.25], turned, normals=np.tile([1.0, 0.0, 0.0], (3, 1)))
+    np.testing.assert_allclose(mesh.looks.normals, np.tile([3.0, 1.0, 0.0], (3, 1)) / np.sqrt(10.0), atol=1e-12)
+
+
+def test_negative_weights_count_as_none():
+    mesh = bound([2.0, -1.0])
+    np.testing.assert_allclose(mesh.vertices, TRIANGLE, atol=1e-12)
+    np.testing.assert_allclose(mesh.weights, [[1.0, 0.0]] * 3)
+
+
+def test_bones_whose_matrix_has_no_inverse_move_nothing():
+    to_bones = np.tile(np.eye(4), (2, 1, 1))
+    to_bones[1, :3, :3] = 0.0
+    np.testing.assert_allclose(bound([0.5, 0.5], to_bones).vertices, TRIANGLE, atol=1e-12)
+    assert bound([0.0, 1.0], to_bones) is None
+
+
+def test_a_triangle_with_a_vertex_that_nothing_moves_is_left_out():
+    mesh = bound([[1.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
+    assert len(mesh.triangles) == 0
+    assert len(mesh.vertices) == 2
+
+
+def test_bones_above_the_skeleton_move_nothing():
+    mesh = bound([0.5, 0.5], joints={0: 0})
+    np.testing.assert_allclose(mesh.vertices, TRIANGLE, atol=1e-12)
+    assert mesh.joints.max() == 0

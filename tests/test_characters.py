@@ -58,34 +58,6 @@ def test_joints_and_mesh_are_in_the_bind_pose(kind):
     assert points[0] == pytest.approx(np.concatenate([mesh.points for mesh in meshes]), abs=1e-5)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "matrices"])
-def test_joints_follow_the_performance(kind):
-    made = character(BONES, **KINDS[kind])
-    made.animate("other", WALK[:2])
-    made.animate("walk", WALK)
-    assert found(made, "walk", WALK.times)[0] == pytest.approx(WALK.positions, abs=2e-6)
-
-
-@pytest.mark.parametrize(
-    ("options", "error"),
-    [
-        ({"interpolation": "STEP"}, 2e-6),
-        ({"interpolation": "CUBICSPLINE"}, 2e-6),
-        ({"rotations": "i2"}, 2e-3),
-        ({"rotations": "i1"}, 0.1),
-        ({"stride": 24}, 2e-6),
-        ({"sparse": True}, 2e-6),
-        ({"scales": True, "all_translations": True}, 2e-6),
-        ({"flipped": True, "still": False}, 2e-6),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, dict) else "",
-)
-def test_keys_mean_the_performance(options, error):
-    made = character(BONES, axes=ROLLED, above=ARMATURE)
-    made.animate("walk", WALK, **options)
-    assert found(made, "walk", WALK.times)[0] == pytest.approx(WALK.positions, abs=error)
-
-
 def test_shown_pose_leaves_the_skin_bound_as_it_was():
     made, plain = character(BONES, axes=ROLLED), character(BONES, axes=ROLLED)
     made.show(WALK, 3)

@@ -6,10 +6,9 @@ import os
 import numpy as np
 import pytest
 from bodies import SAMPLES, other_lengths, person, swaying
-from program import run, run_process
+from program import refused, run, run_process, succeeded
 
 from distretarget import read_bvh, write_bvh
-from distretarget.io.skeleton_json import skeleton_to_json
 
 
 def lengths_of(skeleton):
@@ -20,16 +19,6 @@ def between_hips(motion):
     """(frames, 3), the middle of the hip joints, whose path the root scale multiplies."""
     joints = [motion.skeleton.index(f"{side}Hip") for side in ("Left", "Right")]
     return motion.positions[:, joints].mean(axis=1)
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The working folder, with a clip and a target."""
-    monkeypatch.chdir(tmp_path)
-    motion = swaying(person())
-    write_bvh(tmp_path / "in.bvh", motion)
-    (tmp_path / "body.json").write_text(skeleton_to_json(other_lengths(person()), "body"))
-    return tmp_path
 
 
 def test_a_clip_is_retargeted_and_its_metrics_are_written(folder):
@@ -57,7 +46,7 @@ def test_the_command_may_be_named(folder):
 
 @pytest.mark.usefixtures("folder")
 def test_options_may_come_first():
-    assert run("-o", "out.bvh", "in.bvh", "body.json").returncode == 0
+    succeeded("-o", "out.bvh", "in.bvh", "body.json")
 
 
 def test_root_scale_is_passed_on(folder):
@@ -72,7 +61,7 @@ BLOCKS = """{"format": "distretarget-skeleton", "version": 1, "joints": [
 BAD = {
     "missing source": (["none.bvh", "body.json", "-o", "out.bvh"], 1, "none.bvh"),
     "missing target": (["in.bvh", "none.json", "-o", "out.bvh"], 1, "none.json"),
-    "folder as source": (["sub", "body.json", "-o", "out.bvh"], 2, "batch"),
+    "folder as source": (["sub", "body.json", "-o", "out.bvh"], 2, "sub is a folder; 'distretarget batch'"),
     "empty file": (["empty.bvh", "body.json", "-o", "out.bvh"], 1, "empty.bvh"),
     "binary file": (["binary.bvh", "body.json", "-o", "out.bvh"], 1, "binary.bvh"),
     "typo in a key": (["in.bvh", "typo.json", "-o", "out.bvh"], 1, "ofset"),
@@ -87,6 +76,7 @@ BAD = {
     "unknown option": (["in.bvh", "body.json", "-o", "out.bvh", "--fast"], 2, "--fast"),
     "zero root scale": (["in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "0"], 2, "--root-scale"),
     "root scale no number": (["in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "nan"], 2, "--root-scale"),
+    "frame rate too high": (["in.bvh", "body.json", "-o", "o.bvh", "--fps", "100001"], 2, "from 0.001 to 100000"),
     "unknown axis": (["in.bvh", "body.json", "-o", "out.bvh", "--source-up", "W"], 2, "--source-up"),
     "missing map": (["in.bvh", "body.json", "-o", "out.bvh", "--map", "none.json"], 1, "none.json"),
     "output equal to the map": (["in.bvh", "body.json", "-o", "o", "--map", "o"], 1, "o: is an input"),
@@ -113,6 +103,11 @@ BAD = {
     "one argument": (["in.bvh", "-o", "out.bvh"], 2, "TARGET"),
     "show a missing file": (["skeleton", "show", "none.bvh"], 1, "none.bvh"),
     "export over the input": (["skeleton", "export", "in.bvh", "-o", "in.bvh", "--overwrite"], 1, "in.bvh"),
+    "a file for a batch": (
+        ["batch", "in.bvh", "body.json", "-o", "all.glb"],
+        2,
+        "results go into a folder; with --merge",
+    ),
     "unknown subcommand": (["skeleton", "shew", "in.bvh"], 2, "shew"),
 }
 
@@ -132,15 +127,8 @@ def test_bad_input_gives_one_line(folder, case):
     body = (folder / "body.json").read_text()
     (folder / "typo.json").write_text(body.replace("offset", "ofset", 1))
     (folder / "blocks.json").write_text(BLOCKS)
-    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     arguments, status, words = BAD[case]
-    done = run(*arguments)
-    assert done.returncode == status
-    assert done.stdout == ""
-    assert done.stderr.startswith("distretarget: ")
-    assert done.stderr.count("\n") == 1
-    assert words in done.stderr
-    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+    assert words in refused(*arguments, status=status)
 
 
 @pytest.mark.usefixtures("folder")
@@ -154,14 +142,12 @@ def test_a_process_ends_with_the_same_status_and_line(case):
 @pytest.mark.skipif(not hasattr(os, "link"), reason="no hard links here")
 def test_an_input_under_another_name_is_not_overwritten(folder):
     os.link(folder / "in.bvh", folder / "alias.bvh")
-    done = run("in.bvh", "body.json", "-o", "alias.bvh", "--overwrite")
-    assert done.returncode == 1
-    assert "is an input as well" in done.stderr
+    assert "is an input as well" in refused("in.bvh", "body.json", "-o", "alias.bvh", "--overwrite")
 
 
 def test_overwrite_replaces_an_output(folder):
     (folder / "out.bvh").write_text("old")
-    assert run("in.bvh", "body.json", "-o", "out.bvh", "--overwrite").returncode == 0
+    succeeded("in.bvh", "body.json", "-o", "out.bvh", "--overwrite")
     assert len(read_bvh(folder / "out.bvh")) == 20
 
 
@@ -225,18 +211,6 @@ def test_the_root_offset_is_passed_on(folder):
     np.testing.assert_allclose(paths["added"] - paths["replaced"], [[1, 2, 3]] * 20, atol=1e-5)
 
 
-def test_a_map_takes_precedence_over_that_of_the_target(folder):
-    body = json.loads((folder / "body.json").read_text())
-    swap = {"LeftShoulder": "RightShoulder", "RightShoulder": "LeftShoulder"}
-    (folder / "swap.json").write_text(json.dumps(swap))
-    (folder / "plain.json").write_text(json.dumps(body | {"map": {"LeftShoulder": "LeftHip"}}))
-    (folder / "swapped.json").write_text(json.dumps(body | {"map": swap}))
-    for target, options in (("plain", ["--map", "swap.json"]), ("swapped", []), ("body", [])):
-        assert run("in.bvh", f"{target}.json", "-o", f"{target}.bvh", *options).returncode == 0
-    assert (folder / "plain.bvh").read_bytes() == (folder / "swapped.bvh").read_bytes()
-    assert (folder / "plain.bvh").read_bytes() != (folder / "body.bvh").read_bytes()
-
-
 @pytest.mark.usefixtures("folder")
 def test_show_prints_the_tree():
     shown = run("skeleton", "show", "in.bvh").stdout.splitlines()
@@ -247,25 +221,11 @@ def test_show_prints_the_tree():
 
 
 def test_an_exported_skeleton_is_the_same_target(folder):
-    assert run("skeleton", "export", "in.bvh", "-o", "own.json").returncode == 0
+    succeeded("skeleton", "export", "in.bvh", "-o", "own.json")
     assert run("skeleton", "export", "in.bvh").stdout == (folder / "own.json").read_text()
     for target in ("in.bvh", "own.json"):
         run("in.bvh", target, "-o", f"to_{target}.bvh")
     assert (folder / "to_in.bvh.bvh").read_bytes() == (folder / "to_own.json.bvh").read_bytes()
-
-
-@pytest.mark.usefixtures("folder")
-def test_frames_that_do_not_converge_are_reported(monkeypatch):
-    monkeypatch.setattr("distretarget.objectives.contact.solve_contact_frames", _stop_early)
-    done = run("in.bvh", "body.json", "-o", "out.bvh")
-    assert done.returncode == 0
-    assert (
-        "warning: frames not converged 20, limit 0; worst in frame 0; cause: the solver stopped after " in done.stderr
-    )
-
-
-def _stop_early(_body, _clip, _given, _tolerance, _v, _first, log, _work):
-    log[3] = 1
 
 
 def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
@@ -275,8 +235,7 @@ def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
     assert len(targets) >= 4
     for number, clip in enumerate(clips):
         target = targets[number % len(targets)]
-        done = run(clip, target, "-o", tmp_path / clip.name)
-        assert done.returncode == 0
+        done = succeeded(clip, target, "-o", tmp_path / clip.name)
         assert all(line.startswith("warning: ") for line in done.stderr.splitlines())
         assert len(read_bvh(tmp_path / clip.name)) == len(read_bvh(clip))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import program
 import pytest
-from bodies import PERSON, clapping, lengthened, posed, swaying
+from bodies import APART, PERSON, clapping, lengthened, posed, standing, swaying
 
 from distretarget import write_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
@@ -40,8 +40,7 @@ Frame Time: 0.02
 def bent(degrees):
     """A person with the feet apart and the left forearm turned."""
     turn = np.radians([0, degrees, 0])
-    apart = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
-    return posed(PERSON, apart | {"LeftElbow": turn, "LeftWrist": -turn}, np.tile([0, 0.9, 0], (12, 1)))
+    return standing(APART | {"LeftElbow": turn, "LeftWrist": -turn}, 12, height=0.9)
 
 
 def clap(most):
@@ -102,16 +101,6 @@ def test_a_report_is_named_alike_in_all_commands(tmp_path):
     status, _, _ = run("scene a.bvh -t body.json -o out --report scene.html")
     assert status == 0
     assert "</html>" in (tmp_path / "scene.html").read_text("utf-8")
-
-
-def test_a_motion_does_not_differ_from_itself():
-    status, output, _ = run(
-        "diff a.bvh a.bvh -v --fail-over contact_error=0 --fail-over foot_skate=1 --fail-over jerk=1"
-    )
-    assert status == 0
-    for name in ("stress", "distance error", "contact error", "direction error", "bone error", "turn"):
-        assert row(output, name) == [0]
-    assert "left hand - right hand: " in output
 
 
 def test_the_worst_frames_and_pairs_are_printed():
@@ -237,14 +226,8 @@ BAD = {
 def test_bad_use_gives_one_line_and_changes_nothing(folder, case):
     (folder / "strange.json").write_text('{"Tail": "Hips"}')
     (folder / "still.bvh").write_text(BLOCKS.replace("Frames: 1", "Frames: 0").replace("0 0 0 0 0 0\n", ""))
-    before = {path: path.read_bytes() for path in folder.iterdir()}
     line, status, words = BAD[case]
-    code, output, errors = run(line)
-    assert (code, output) == (status, "")
-    assert errors.startswith("distretarget: ")
-    assert errors.count("\n") == 1
-    assert words in errors
-    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    assert words in program.refused(*shlex.split(line), status=status)
 
 
 def test_outputs_are_replaced_if_asked(folder):

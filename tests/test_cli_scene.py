@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from bodies import SAMPLES, person, swaying
-from program import run
+from program import refused, run, succeeded
 
 from distretarget import read_motion, write_bvh
 from distretarget.batch import results
@@ -88,9 +88,8 @@ def test_a_scene_that_has_changed_is_made_again_and_other_files_stay(folder):
 def test_a_prop_that_becomes_too_large_is_to_blame_itself(folder):
     write_bvh("box.bvh", swaying(person(), frames=4))
     written(folder / "scenes" / "large", props=[{"name": "box", "file": str(folder / "box.bvh"), "scale": 1e12}])
-    done = run("scene", "scenes/large/scene.json", "-o", "out")
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith(f"distretarget: {folder / 'box.bvh'}: 'box' reaches beyond 1e+12")
+    line = refused("scene", "scenes/large/scene.json", "-o", "out")
+    assert line.startswith(f"distretarget: {folder / 'box.bvh'}: 'box' reaches beyond 1e+12")
 
 
 # ---- links
@@ -119,14 +118,13 @@ def test_each_result_is_in_the_unit_of_its_target(tmp_path):
     metres.write_text(json.dumps(document | {"units": "m"}))
     for name, target in (("mixed", metres), ("alike", body)):
         targets = "-t", body, "-t", target
-        done = run("scene", clips / "one.bvh", clips / "other.bvh", *targets, "-o", tmp_path / name, "-q")
-        assert done.returncode == 0, done.stderr
+        succeeded("scene", clips / "one.bvh", clips / "other.bvh", *targets, "-o", tmp_path / name, "-q")
     for name, factor in (("one", 1.0), ("other", 100.0)):
         mixed, alike = (read_motion(tmp_path / folder / f"{name}.bvh").positions for folder in ("mixed", "alike"))
         np.testing.assert_allclose(factor * mixed, alike, atol=1e-3)
 
 
 def test_a_scene_file_takes_no_target(folder):
-    done = run("scene", folder / "one" / "scene.json", "-t", SAMPLES / "child.json", "-o", folder / "out")
-    assert done.returncode == 2
-    assert "scene.json is a scene or a folder of scenes, which name their targets; leave out -t." in done.stderr
+    scene = folder / "one" / "scene.json"
+    line = refused("scene", scene, "-t", SAMPLES / "child.json", "-o", folder / "out", status=2)
+    assert "scene.json is a scene or a folder of scenes, which name their targets; leave out -t." in line

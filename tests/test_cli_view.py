@@ -1,7 +1,6 @@
 """`distretarget view`: files in a page, written or opened in a browser."""
 
 import json
-import re
 import zlib
 from base64 import b64decode, b64encode
 
@@ -10,6 +9,7 @@ import pytest
 from bodies import HERO, SAMPLES
 from characters import chunks
 from click.testing import CliRunner
+from pages import embedded
 
 from distretarget import load_target, read_bvh, retarget, write_motion
 from distretarget.cli import cli
@@ -27,10 +27,7 @@ def view(*arguments):
 
 
 def stage_of(path):
-    (text,) = re.findall(
-        r'<script type="application/json" id="stage">(.*?)</script>', path.read_text("utf-8"), re.DOTALL
-    )
-    return json.loads(text)
+    return embedded(path.read_text("utf-8"), "stage")
 
 
 def test_files_stand_side_by_side(tmp_path):

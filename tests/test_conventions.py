@@ -5,7 +5,8 @@ import re
 import pytest
 from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 
-from distretarget.body.conventions import convention_of
+from distretarget.body.anatomy import ARM, LEG
+from distretarget.body.conventions import convention_of, vocabulary
 from distretarget.body.recognition import by_names
 
 
@@ -89,3 +90,10 @@ def test_100style_has_the_names_of_xsens():
     body = tree(f"Hips(Chest>Chest2>Chest3>Chest4({upper})|{'|'.join(map(leg.format, sides))})")
     assert convention_of(body) == "Xsens MVN"
     assert roles(body)["leftUpperLeg"] == "LeftHip"
+
+
+def test_words_of_the_data_make_no_convention_twice():
+    conventions = vocabulary().conventions
+    names = {(convention.title, frozenset(convention.parts)) for convention in conventions}
+    assert len(names) == len(conventions)  # a title may stand for several generations of a rig
+    assert all({"hips", "head", *ARM[1:], *LEG[:3]} <= set(convention.parts.values()) for convention in conventions)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bodies import (
     ALONG,
+    APART,
     LEG,
     PERSON,
     SAMPLES,
@@ -13,9 +14,11 @@ from bodies import (
     clapping,
     lengthened,
     moved,
+    nameless,
     other_lengths,
     person,
     posed,
+    standing,
     swaying,
     with_bone,
 )
@@ -27,23 +30,16 @@ from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_target
 from distretarget.measure.diff import diff
 
-APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
-
-
-def standing(frames=30, path=0.0, turns=None):
-    """A person with the feet apart: no pair of joints is near."""
-    return posed(PERSON, APART | (turns or {}), np.zeros((frames, 3)) + path + (LEG + 0.1) * UP)
-
 
 def travelling(speed, frames=30):
     """The person carried along the floor at a speed [leg lengths/s]."""
-    return standing(frames, np.outer(np.arange(frames) * 0.02 * speed * LEG, ALONG))
+    return standing(APART, frames, np.outer(np.arange(frames) * 0.02 * speed * LEG, ALONG))
 
 
 def bent(degrees, frames=30):
     """A person whose left forearm turns while the hand keeps its rotation."""
     turn = np.radians(degrees) * UP
-    return standing(frames, turns={"LeftElbow": turn, "LeftWrist": -turn})
+    return standing(APART | {"LeftElbow": turn, "LeftWrist": -turn}, frames)
 
 
 def gap(motion):
@@ -99,18 +95,6 @@ def test_contact_error_of_regions_and_of_frames_agree():
     assert sum(len(touch.frames) for touch in contacts.touches) == contacts.counts.sum() > 0
     errors = sum(touch.error * len(touch.frames) for touch in contacts.touches)
     assert errors == pytest.approx((contacts.error_of_frames * contacts.counts).sum())
-
-
-def test_a_motion_against_itself_is_no_different():
-    motion = read_bvh(SAMPLES / "clap.bvh")
-    result = diff(motion, motion)
-    metrics = result.comparison
-    for values in (metrics.distance_error, metrics.contacts.error, metrics.direction_error, metrics.turn):
-        np.testing.assert_allclose(values, 0, atol=1e-9)
-    assert metrics.contacts.counts.any()
-    np.testing.assert_array_equal(metrics.feet.skate, metrics.feet.skate_source)
-    np.testing.assert_array_equal(metrics.jerk, result.comparison.jerk_source)
-    assert result.stress.max() < 1e-20
 
 
 def test_symmetric_metrics_do_not_change_when_a_and_b_are_exchanged():
@@ -169,7 +153,7 @@ def test_few_frames(frames):
 
 
 def test_no_contacts():
-    result = diff(standing(), bent(5))
+    result = diff(standing(APART), bent(5))
     assert not result.comparison.contacts.counts.any()
     assert result.comparison.contacts.touches == ()
 
@@ -227,9 +211,9 @@ def test_what_cannot_be_compared():
     with pytest.raises(MapError, match="Tail"):
         diff(motion, motion, {"Tail": "Hips"})
     block = posed(PERSON.with_offsets(PERSON.offsets), {}, np.zeros((3, 3)))
-    strange = replace(block, skeleton=replace(PERSON, names=tuple(f"b{k}" for k in range(len(PERSON)))))
+    strange = replace(block, skeleton=nameless(PERSON))
     with pytest.raises(MatchingError):
-        diff(motion, strange, {f"b{k}": None for k in range(len(PERSON))})
+        diff(motion, strange, {f"j{k}": None for k in range(len(PERSON))})
 
 
 def test_a_map_says_which_joint_is_which():

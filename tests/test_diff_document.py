@@ -1,4 +1,4 @@
-"""The document of a diff: its numbers, what is null in it, its schema, its CSV."""
+"""The numbers of a diff as one document: its schema, its values, and its tables as CSV."""
 
 import csv
 import io
@@ -10,19 +10,13 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, clapping, lengthened, posed, swaying, with_bone
+from bodies import APART, PERSON, SAMPLES, clapping, lengthened, posed, standing, swaying, with_bone
 
 from distretarget import read_bvh, retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.report.clip_page import run_diff
-from distretarget.report.diff_document import (
-    About,
-    DiffDocument,
-    csv_text,
-    document,
-    json_text,
-)
+from distretarget.report.diff_document import About, DiffDocument, csv_lines, csv_text, document, json_text
 from distretarget.report.page import VERSION
 
 ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh")
@@ -58,17 +52,16 @@ def flying(seed, frames=20):
     return swaying(PERSON, frames, angle=1.5, seed=seed)
 
 
-def standing(speed, frames=20):
+def sliding(speed, frames=20):
     """A person with the feet apart, carried along the floor at a speed [m/s]."""
-    apart = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
-    return posed(PERSON, apart, np.outer(np.arange(frames), [0.02 * speed, 0, 0]) + np.array([0, 0.9, 0]))
+    return standing(APART, frames, np.outer(np.arange(frames), [0.02 * speed, 0, 0]), 0.9)
 
 
 CLIPS = {
     "clap": lambda: (clapping(np.sin(np.linspace(0, 3, 20)) ** 2), clapping(np.sin(np.linspace(0, 2, 20)) ** 2)),
     "sway": lambda: (flying(1), flying(2)),
-    "foot_skate": lambda: (standing(0.02), standing(0.05)),
-    "still against moving": lambda: (standing(0.0), standing(0.05)),
+    "foot_skate": lambda: (sliding(0.02), sliding(0.05)),
+    "still against moving": lambda: (sliding(0.0), sliding(0.05)),
     "one frame": lambda: (flying(1)[:1], flying(2)[:1]),
     "three frames": lambda: (flying(1)[:3], flying(2)[:3]),
     "a tail": lambda: (flying(1), swaying(with_bone(PERSON, "Tail", "Hips"))),
@@ -288,3 +281,18 @@ def test_the_rotation_copy_stands_beside_the_result():
     again = document(diff(run.source, run.motion), ABOUT)["metrics"]
     assert again["rotation_copy"] is None
     assert again["result"]["contact_error"] == pytest.approx(metrics["result"]["contact_error"])
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1"])
+def test_no_text_is_a_formula(text):
+    rows = list(csv.reader(csv_lines([text, "b"], [{text: text, "b": -1.5}])))
+    assert rows == [[f"'{text}", "b"], [f"'{text}", "-1.5"]]
+
+
+def test_no_text_ends_its_row():
+    assert [*csv.reader(csv_lines(["a", "b"], [{"a": "x\r\ny", "b": "\r=1"}]))][1:] == [["x \ny", " =1"]]
+
+
+def test_what_is_missing_is_an_empty_cell():
+    assert [*csv_lines(["a", "b"], [{"a": None}, {"b": 'x, "y"'}])] == ["a,b\n", ",\n", ',"x, ""y"""\n']
+    assert csv_text([{"a": 1}, {"a": 2}]) == "a\n1\n2\n"

@@ -1,19 +1,26 @@
-"""The manual: the reference is up to date, links lead to files, and every example runs."""
+"""The manual: the reference, manual pages and messages are up to date, links lead to files, and every example runs."""
 
+import os
 import re
 import shlex
 import shutil
 import subprocess
+import sys
 from dataclasses import fields
 
 import make_docs
+import make_errors
+import make_man
 import pytest
 from bodies import ROOT, SAMPLES
+from make_errors import CURES, NOT_MESSAGES
 from make_samples import CHARACTERS
 from program import run
 
 import distretarget
 from distretarget import read_bvh, write_bvh
+from distretarget.cli import COMMANDS
+from distretarget.io.files import REASONS
 from distretarget.objectives.activation import ContactSettings
 
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
@@ -63,6 +70,7 @@ def anchors(page):
 def test_generated_parts_are_up_to_date():
     for path, text in make_docs.documents().items():
         assert path.read_text("utf-8") == text, f"{path.name}: run tools/make_docs.py"
+    assert make_errors.PAGE.read_text("utf-8") == make_errors.page(), "run tools/make_errors.py"
 
 
 def test_the_table_of_settings_has_every_setting():
@@ -145,3 +153,32 @@ def test_pictures_are_small():
     pictures = [path for path in (ROOT / "docs" / "pictures").rglob("*") if path.is_file()]
     assert max(path.stat().st_size for path in pictures) < 2e6
     assert sum(path.stat().st_size for path in pictures) < 6.1e6
+
+
+MAN = dict(make_man.pages())
+
+
+def test_every_command_has_a_page():
+    assert {"distretarget", *(f"distretarget-{name}" for name in COMMANDS), "distretarget-skeleton-match"} <= {*MAN}
+
+
+@pytest.mark.parametrize("name", MAN)
+def test_a_page_says_what_the_help_says(name):
+    sections = [line for line in MAN[name].splitlines() if line.startswith(".SH ")]
+    assert sections[:3] == [".SH NAME", ".SH SYNOPSIS", ".SH DESCRIPTION"]
+    assert r"\-\-help" in MAN[name]
+    assert "\b" not in MAN[name]
+    assert "\n\n" not in MAN[name]
+
+
+def test_the_shell_completes_commands_and_options():
+    words = {"COMP_WORDS": "distretarget walk.bvh --sup", "COMP_CWORD": "2", "_DISTRETARGET_COMPLETE": "bash_complete"}
+    command = [sys.executable, "-c", "from distretarget.__main__ import main; main()"]
+    done = subprocess.run(command, env=os.environ | words, capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("plain,--supports\n", "")
+
+
+def test_nothing_is_told_of_messages_that_are_gone():
+    texts = {message.text for message in make_errors.messages()} | set(REASONS.values())
+    assert set(CURES) <= texts
+    assert not NOT_MESSAGES & texts

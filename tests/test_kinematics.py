@@ -5,13 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along
-from distretarget.numerics.kinematics import (
-    forward_kinematics,
-    line_rotations,
-    make_local,
-    turn_parts,
-    world_rotations,
-)
+from distretarget.numerics.kinematics import forward_kinematics, line_rotations, make_local, turn_parts, world_rotations
 from distretarget.numerics.quaternions import rotation_products, turned_by
 from distretarget.numerics.vectors import angles_between
 

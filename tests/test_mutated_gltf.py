@@ -6,12 +6,11 @@ import warnings
 
 import numpy as np
 import pytest
-from characters import Performance, as_vrm1, character, chunks
+from characters import Performance, as_vrm1, character, chunks, packed
 from fuzz_characters import through
 from fuzz_outcomes import REFUSED, RIGHT, outcome_of
 from mutated_gltf import mutated
 from test_bad_gltf import made, refused
-from test_character_files import glb
 from test_characters import BONES, WALK
 
 from distretarget import DistretargetError, load_target, read_bvh, read_motion, write_bvh, write_motion
@@ -32,7 +31,7 @@ def test_seeds_make_the_same_files():
 
 
 def saved(tmp_path, document, buffer=b"", name="hero.glb"):
-    (tmp_path / name).write_bytes(glb(document if isinstance(document, str) else json.dumps(document), buffer))
+    (tmp_path / name).write_bytes(packed(document, buffer))
     return tmp_path / name
 
 
@@ -43,16 +42,16 @@ def line_of_nodes(count, name, **more):
 
 
 def test_a_file_without_nodes(tmp_path):
-    assert "has no skin" in refused(tmp_path, glb('{"asset": {"version": "2.0"}}'), load_target)
+    assert "has no skin" in refused(tmp_path, packed('{"asset": {"version": "2.0"}}'), load_target)
 
 
 def test_names_that_are_too_long_for_a_line_are_cut(tmp_path):
     document, buffer = made()
     document["animations"] = [{"name": "x\n" * 10**5, "channels": [], "samplers": []}]
-    assert len(refused(tmp_path, glb(json.dumps(document), buffer))) < 200
+    assert len(refused(tmp_path, packed(document, buffer))) < 200
     document, buffer = chunks(as_vrm1(character(BONES)).glb())
     document["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"]["k\n" * 10**5] = {"node": -1}
-    line = refused(tmp_path, glb(json.dumps(document), buffer), load_target)
+    line = refused(tmp_path, packed(document, buffer), load_target)
     assert len(line) < 300
     assert line.isprintable()
 
@@ -68,9 +67,7 @@ def test_lists_that_are_too_long(many, tmp_path):
     document, buffer = made()
     holder = {"children": document["nodes"][0], "joints": document["skins"][0]}.get(many, document["animations"][0])
     holder[many] = [0] * 10**5
-    assert f"{many}: expected at most 65536 entries, found 100000" in refused(
-        tmp_path, glb(json.dumps(document), buffer)
-    )
+    assert f"{many}: expected at most 65536 entries, found 100000" in refused(tmp_path, packed(document, buffer))
 
 
 @pytest.mark.parametrize("number", ["1" * 5000, "1e999", "NaN", "Infinity", "-Infinity"])
@@ -124,7 +121,7 @@ def test_scales_that_cannot_be_computed_with(size, tmp_path):
     document, buffer = made()
     for number in (0, 1, 2):
         document["nodes"][number]["scale"] = [size] * 3
-    assert "in the world is too extreme" in refused(tmp_path, glb(json.dumps(document), buffer), load_target)
+    assert "in the world is too extreme" in refused(tmp_path, packed(document, buffer), load_target)
 
 
 def test_inverse_bind_matrices_with_a_last_row_of_zeros(tmp_path):
@@ -171,7 +168,7 @@ def test_a_chunk_without_the_length_of_its_buffer(tmp_path):
 
 def refused_soon(tmp_path, document, buffer=b"", read=load_target):
     """The line that a file gets after no more calls of functions than are few for each of its bytes."""
-    content, calls = glb(json.dumps(document), buffer), 0
+    content, calls = packed(document, buffer), 0
 
     def count(*_):
         nonlocal calls

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from bodies import CORPUS, needs_corpus
+from character_rigs import RIGS
 from named_bodies import BODY, DATA, ROLES, needs_names, published, roles, skeleton, tree
 
 from distretarget.body.anatomy import ARM, LEG
@@ -59,6 +60,20 @@ def test_makehuman_cmu_hangs_legs_and_spine_from_the_root_and_its_stand_ins_have
 def test_poser_leaves_the_dummy_out_of_the_neck():
     body = published("poser_secondlife_dummy")
     assert [body.names[joint] for joint in by_names(body).neck] == ["neck"]
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_every_part_of_a_rig_of_characters_is_found_and_nothing_else(name):
+    """Among twist, face, hair and cloth bones."""
+    rig = RIGS[name]
+    body = tree(rig.text)
+    anatomy = by_names(body)
+    limbs = {role: body.names[joint] for role, joint in anatomy.roles.items() if role.startswith(("left", "right"))}
+    assert limbs == rig.role_names()
+    assert [body.names[joint] for joint in anatomy.spine] == [*rig.spine]
+    assert [body.names[joint] for joint in anatomy.neck] == [*rig.neck]
+    assert [body.names[anatomy.roles[role]] for role in ("hips", "head")] == [rig.hips, rig.head]
+    assert anatomy.convention == rig.title
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,7 @@ from distretarget.body.recognition import by_names
 from distretarget.io.target_file import load_target
 
 RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*_t.json"))}
-LIMBS = {
-    "arms": ("Shoulder", "UpperArm", "LowerArm", "Hand"),
-    "legs": ("UpperLeg", "LowerLeg", "Foot", "Toes"),
-}
+LIMBS = {"arms": ("Shoulder", "UpperArm", "LowerArm", "Hand"), "legs": ("UpperLeg", "LowerLeg", "Foot", "Toes")}
 
 
 def unnamed(body, roles):

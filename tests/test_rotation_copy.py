@@ -8,13 +8,7 @@ from bodies import SAMPLES, SIDES, lengthened, matched, person, posed, swaying, 
 from skeleton_edits import with_offset
 
 from distretarget import read_bvh
-from distretarget.baseline.rotation_copy import (
-    RootScale,
-    find_root_scale,
-    longest_strides,
-    root_path,
-    rotation_copy,
-)
+from distretarget.baseline.rotation_copy import RootScale, find_root_scale, longest_strides, root_path, rotation_copy
 
 
 def chain():

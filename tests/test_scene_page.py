@@ -1,7 +1,5 @@
 """The report on a scene: everybody in one player, and rows of what touches."""
 
-import json
-import re
 import zlib
 from base64 import b64decode
 from functools import cache
@@ -9,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from pages import settle
-from program import run
+from pages import embedded, settle
+from program import succeeded
 
 from distretarget import SettingsError, diff, diff_scenes, retarget_scene, write_scene_report
 from distretarget.measure.metrics import BY_KEY
@@ -24,13 +22,8 @@ def page(name):
     return scene_page(setup.retargeted(), setup.names)
 
 
-def data_in(text, part):
-    (found,) = re.findall(rf'<script type="application/json" id="{part}">(.*?)</script>', text, re.DOTALL)
-    return json.loads(found)
-
-
 def data(name, part="stage"):
-    return data_in(page(name), part)
+    return embedded(page(name), part)
 
 
 def test_everybody_and_everything_is_in_it():
@@ -63,7 +56,7 @@ def test_rows_of_performers_with_skins_are_of_gaps_between_these():
     setup = load_scene(SAMPLES / "scenes" / "high_five" / "scene.json")
     motions = setup.read()[0]
     result = retarget_scene(motions, [motion.rigid_skeleton for motion in motions], skin="average")
-    stage, numbers = (data_in(scene_page(result, setup.names), part) for part in ("stage", "numbers"))
+    stage, numbers = (embedded(scene_page(result, setup.names), part) for part in ("stage", "numbers"))
     assert numbers[0]["rows"][0][3] == result.skin_gaps[0, 1].worst.frame
     rows = {row["name"]: row for row in stage["rows"]}
     one, other = setup.names
@@ -82,15 +75,12 @@ def test_a_part_that_nothing_drives_has_a_row_without_marks():
     bodies = [motion.rigid_skeleton for motion in motions]
     maps = [dict.fromkeys(("RightElbow", "RightWrist"))] * 2
     result = retarget_scene(motions, bodies, skin="average", joint_maps=maps)
-    found = re.findall(
-        r'<script type="application/json" id="stage">(.*?)</script>', scene_page(result, setup.names), re.DOTALL
-    )
-    assert any(row["points"] == [[], [], []] for row in json.loads(found[0])["rows"] if "hand" in row["name"])
+    rows = embedded(scene_page(result, setup.names), "stage")["rows"]
+    assert any(row["points"] == [[], [], []] for row in rows if "hand" in row["name"])
 
 
 def test_the_command_writes_it(tmp_path):
-    done = run("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report", tmp_path / "report.html")
-    assert done.returncode == 0, done.stderr
+    succeeded("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report", tmp_path / "report.html")
     assert (tmp_path / "report.html").read_text("utf-8") == page("staff")
 
 

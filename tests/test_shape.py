@@ -1,10 +1,8 @@
 """The parts of a body, found without names."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, reordered, swaying, tree_of
+from bodies import CORPUS, mirrored, moved, nameless, needs_corpus, person, posed, reordered, swaying, tree_of
 from characters import PERSON
 from scipy.spatial.transform import Rotation
 
@@ -63,7 +61,7 @@ def named(skeleton, anatomy):
 def renumbered(skeleton, seed):
     """The skeleton with children in another order and meaningless names, and the old number of each joint."""
     other, order = reordered(skeleton, seed)
-    return replace(other, names=tuple(f"j{joint}" for joint in range(len(order)))), order
+    return nameless(other), order
 
 
 def lying(skeleton):
@@ -351,14 +349,7 @@ SECOND_LIFE = "Clavicle_{} UpArm_{} LoArm_{} Hand_{} UpLeg_{} LoLeg_{} Foot_{} T
 WORDS, LETTERS = ("Left", "Right"), ("L", "R")
 SPINE4 = "Spine Spine1 Spine2 Spine3"
 CMU = ("Hips", "LowerBack Spine Spine1", "Neck Neck1", "Head", MIXAMO, WORDS)
-MAKEHUMAN_RIG = (
-    "root",
-    "spine05 spine04 spine03 spine02 spine01",
-    "neck01 neck02 neck03",
-    "head",
-    MAKEHUMAN,
-    LETTERS,
-)
+MAKEHUMAN_RIG = ("root", "spine05 spine04 spine03 spine02 spine01", "neck01 neck02 neck03", "head", MAKEHUMAN, LETTERS)
 OLD_MAKEHUMAN_RIG = ("Root", "Spine1 Spine2 Spine3", "Neck", "Head", SECOND_LIFE, LETTERS)
 PLAIN = ("Hips", "Spine", "Neck", "Head", "- {}Arm {}ForeArm {}Hand {}UpLeg {}Leg {}Foot -", WORDS)
 RIGS = {  # hips, spine, neck, head, limbs in the order of LIMBS, left and right
@@ -394,14 +385,7 @@ RIGS = {  # hips, spine, neck, head, limbs in the order of LIMBS, left and right
     "makehuman_old/12_03.bvh": CMU,
     "pybvh/bvh_example.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO, WORDS),
     "pybvh/bvh_test2.bvh": ("Hips", "Chest Chest2 Chest3 Chest4", "Neck", "Head", OPTITRACK, WORDS),
-    "pybvh/bvh_test3.bvh": (
-        "Hips",
-        SPINE4,
-        "Neck Neck1",
-        "Head",
-        MIXAMO.replace("ToeBase", "ForeFoot"),
-        WORDS,
-    ),
+    "pybvh/bvh_test3.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO.replace("ToeBase", "ForeFoot"), WORDS),
     "pybvh/standard_skeleton.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO, WORDS),
     "synthetic_odd/odd_plain.bvh": PLAIN,
     "synthetic_odd/odd_frames_0.bvh": PLAIN,

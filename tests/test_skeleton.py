@@ -60,15 +60,6 @@ def test_tau_is_a_metric_along_the_tree(skeleton):
     assert np.all(distances <= tau * (1 + 1e-9) + 1e-9)
 
 
-@given(trees())
-def test_depth_first_visits_each_subtree_in_one_go(skeleton):
-    def nested(joint):
-        return [joint, *(below for child in skeleton.children[joint] for below in nested(child))]
-
-    assert list(skeleton.depth_first) == nested(0)
-    assert sorted(skeleton.depth_first) == list(range(len(skeleton)))
-
-
 @given(trees(), st.floats(0.1, 10))
 def test_with_lengths_keeps_directions(skeleton, factor):
     other = skeleton.with_lengths(skeleton.lengths * factor)

@@ -1,19 +1,23 @@
-"""Skeleton files: what they say, every refusal with its place, and the schema."""
+"""Skeleton files: what they say and how they are written, every refusal with its place, and the schema."""
 
 import json
 import re
+from dataclasses import replace
 from importlib.resources import files
 
 import jsonschema
 import numpy as np
 import pytest
-from bodies import tree_of
-from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, full, short, valid
+from bodies import person, tree_of
+from hypothesis import assume, given, reject
+from hypothesis import strategies as st
+from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, assert_same, full, load_json, short, valid
 from table_one import table_one
 
-from distretarget.errors import SkeletonFileError
+from distretarget.errors import SkeletonError, SkeletonFileError
+from distretarget.io.skeleton_json import ALL_CHANNELS, joints_meant, skeleton_to_json
 from distretarget.io.target_file import load_target
-from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS
+from distretarget.skeleton import SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
 
 
 def spine(**changes):
@@ -63,22 +67,14 @@ GOOD = {
 }
 BAD = {
     "a list": ([full()], "", "expected an object, found a list of 1"),
-    "no format": (
-        without("format", full()),
-        "",
-        'has no "format"; expected "format": "distretarget-skeleton"',
-    ),
+    "no format": (without("format", full()), "", 'has no "format"; expected "format": "distretarget-skeleton"'),
     "other format": (full(format="bvh"), "format", "expected \"distretarget-skeleton\", found 'bvh'"),
     "no version": (without("version", short()), "", 'has no "version"; expected "version": 1'),
     "other version": (full(version=2), "version", "expected 1, found 2"),
     "version true": (full(version=True), "version", "expected 1, found true"),
     "version as text": (full(version="1"), "version", "expected 1, found '1'"),
     "unknown key": (full(unit="cm"), "unit", "unknown key; did you mean 'units'?"),
-    "key with blank": (
-        full(**{"x y": 1}),
-        '["x y"]',
-        "unknown key; it has 'format', 'version', 'name', 'joints'",
-    ),
+    "key with blank": (full(**{"x y": 1}), '["x y"]', "unknown key; it has 'format', 'version', 'name', 'joints'"),
     "name": (full(name=3), "name", "expected a string, found 3"),
     "short name": (short(name=None), "name", "expected a string, found null"),
     "units": (full(units="px"), "units", "expected one of 'mm', 'cm', 'm', 'dm', 'in', 'ft', found 'px'"),
@@ -95,11 +91,7 @@ BAD = {
     "zero bones": (spine(offset=[0, 0, 0]), "joints", "all bones have length 0"),
     "joint no object": (full(HIPS, "Spine"), "joints[1]", "expected an object, found 'Spine'"),
     "joint's key": (spine(chanels=[]), "joints[1].chanels", "unknown key; did you mean 'channels'?"),
-    "no name": (
-        full(HIPS, without("name", SPINE)),
-        "joints[1]",
-        "has no \"name\"; expected 'name', 'parent'",
-    ),
+    "no name": (full(HIPS, without("name", SPINE)), "joints[1]", "has no \"name\"; expected 'name', 'parent'"),
     "no parent": (full(without("parent", HIPS), SPINE), "joints[0]", 'has no "parent"'),
     "no offset": (full(HIPS, without("offset", SPINE)), "joints[1]", 'has no "offset"'),
     "joint name": (spine(name=True), "joints[1].name", "expected a string, found true"),
@@ -110,21 +102,13 @@ BAD = {
     "name with blank at its end": (spine(name="a "), "joints[1].name", "expected a name without"),
     "name of no character": (spine(name="\ud800"), "joints[1].name", "expected a name without"),
     "long name": (full(units="x" * 99), "units", f"found '{'x' * 37}...'"),
-    "two numbers": (
-        spine(offset=[0, 1]),
-        "joints[1].offset",
-        "expected a list of 3 numbers, found a list of 2",
-    ),
+    "two numbers": (spine(offset=[0, 1]), "joints[1].offset", "expected a list of 3 numbers, found a list of 2"),
     "four numbers": (spine(offset=[0, 1, 2, 3]), "joints[1].offset", "expected a list of 3 numbers"),
     "offset no list": (spine(offset=1), "joints[1].offset", "expected a list, found 1"),
     "offset text": (spine(offset=[0, 0, "18"]), "joints[1].offset[2]", "expected a number, found '18'"),
     "offset true": (spine(offset=[0, True, 0]), "joints[1].offset[1]", "expected a number, found true"),
     "offset NaN": (spine(offset=[0, float("nan"), 0]), "joints[1].offset[1]", "expected a finite number"),
-    "offset infinite": (
-        spine(offset=[0, 0, -float("inf")]),
-        "joints[1].offset[2]",
-        "finite number, at most 1e+12",
-    ),
+    "offset infinite": (spine(offset=[0, 0, -float("inf")]), "joints[1].offset[2]", "finite number, at most 1e+12"),
     "offset too large": (spine(offset=[0, 0, 2e12]), "joints[1].offset[2]", "at most 1e+12, found 2e+12"),
     "parent no text": (spine(parent=0), "joints[1].parent", "expected a string, found 0"),
     "unknown parent": (spine(parent="Hip"), "joints[1].parent", "no joint 'Hip'; did you mean 'Hips'?"),
@@ -148,11 +132,7 @@ BAD = {
     "twins": (full(HIPS, SPINE, SPINE), "joints", "joints that cannot be told apart: 'Hips/Spine'"),
     "no root": (full(HIPS | {"parent": "Spine"}, SPINE), "joints[0].parent", "expected null"),
     "root not first": (full(SPINE, HIPS), "joints[1].parent", "the root must be the first joint"),
-    "two roots": (
-        spine(parent=None),
-        "joints[1].parent",
-        "expected the name of a joint, since 'Hips' is the root",
-    ),
+    "two roots": (spine(parent=None), "joints[1].parent", "expected the name of a joint, since 'Hips' is the root"),
     "root as end": (full(HIPS | {"end": True}, SPINE), "joints[0].end", "the root cannot be an End Site"),
     "end no flag": (spine(end=1), "joints[1].end", "expected true or false, found 1"),
     "end with channels": (
@@ -165,11 +145,7 @@ BAD = {
         "joints[2].parent",
         "'Spine' is an End Site, which has no children",
     ),
-    "channels no list": (
-        spine(channels="Xrotation"),
-        "joints[1].channels",
-        "expected a list, found 'Xrotation'",
-    ),
+    "channels no list": (spine(channels="Xrotation"), "joints[1].channels", "expected a list, found 'Xrotation'"),
     "channel no text": (spine(channels=[1]), "joints[1].channels[0]", "expected a string, found 1"),
     "unknown channel": (
         spine(channels=["Xrotation", "Yrotatoin"]),
@@ -202,11 +178,7 @@ BAD = {
         'lengths["LeftElbw"]',
         "no such joint; did you mean 'LeftElbow'",
     ),
-    "factor of no joint": (
-        short(factors={"Tail\n": 2}),
-        r'factors["Tail\n"]',
-        "no such joint; it has 'Hips'",
-    ),
+    "factor of no joint": (short(factors={"Tail\n": 2}), r'factors["Tail\n"]', "no such joint; it has 'Hips'"),
     "length of the root": (short(lengths={"Hips": 1}), 'lengths["Hips"]', "the root has no bone"),
     "length and factor": (
         short(lengths={"Head": 1}, factors={"Head": 2}),
@@ -251,29 +223,17 @@ def test_the_schema_refuses_what_it_can(name):
 @pytest.mark.parametrize(
     ("text", "place", "reason"),
     [
-        (
-            '{"format": "distretarget-skeleton",\n "version" 1}',
-            "line 2, column 12",
-            "is not valid JSON: Expecting ':'",
-        ),
+        ('{"format": "distretarget-skeleton",\n "version" 1}', "line 2, column 12", "is not valid JSON: Expecting ':'"),
         ("{", "line 1, column 2", "is not valid JSON"),
         ('{"format": "distretarget-skeleton", "version": 1, "version": 1}', "version", "found it twice"),
         (json.dumps(full())[:-2] + ', {"name": "a", "name": "b"}]}', "joints[2].name", "found it twice"),
-        (
-            json.dumps(short())[:-1] + ', "factors": {"Head": 1, "Head": 2}}',
-            'factors["Head"]',
-            "found it twice",
-        ),
+        (json.dumps(short())[:-1] + ', "factors": {"Head": 1, "Head": 2}}', 'factors["Head"]', "found it twice"),
         (json.dumps(short())[:-1] + ', "scale": NaN}', "scale", "expected a finite number"),
         (json.dumps(short())[:-1] + ', "scale": 1e999}', "scale", "expected a finite number"),
         (json.dumps(short())[:-1] + f', "scale": {"9" * 5000}}}', "scale", "expected a finite number"),
         ("[" * 100_000, "", "nested too deeply"),
         ('{"format":' * 100_000, "", "nested too deeply"),
-        (
-            json.dumps(short())[:-1] + f', "scale": {"[" * 500}{"]" * 500}}}',
-            "scale",
-            "expected a number, found a list",
-        ),
+        (json.dumps(short())[:-1] + f', "scale": {"[" * 500}{"]" * 500}}}', "scale", "expected a number, found a list"),
     ],
 )
 def test_bad_texts(written, text, place, reason):
@@ -297,3 +257,112 @@ def test_examples_of_the_manual(written, example):
     source = tree_of(np.ones((4, 3)), names, [-1, 0, 0, 0])
     load_target(written(example)).for_source(source)
     assert valid(json.loads(example))
+
+
+NAMES = ("Hips", "Left", "Hand", "Right", "Hand")
+PARENTS = (-1, 0, 1, 0, 3)
+
+
+def meant_by(reference, names, parents):
+    """The joints that a reference may mean, of those that have a parent in `parents`."""
+    known = {}
+    for joint, name in enumerate(names[: len(parents)]):
+        known.setdefault(name, []).append(joint)
+    return joints_meant(reference, names, parents, known)
+
+
+def test_the_key_of_a_joint_means_it_alone():
+    body = person()
+    parents = body.parents.tolist()
+    assert [meant_by(key, body.names, parents) for key in body.keys] == [[joint] for joint in range(len(body))]
+
+
+@pytest.mark.parametrize(
+    ("reference", "meant"),
+    [
+        ("Hand", [2, 4]),
+        ("Left/Hand", [2]),
+        ("Hips/Right/Hand", [4]),
+        ("ft/Hand", []),
+        ("Hips/Hand", []),
+        ("/Hand", []),
+        ("", []),
+    ],
+)
+def test_parents_tell_joints_of_one_name_apart(reference, meant):
+    assert meant_by(reference, NAMES, PARENTS) == meant
+
+
+def test_only_the_joints_so_far_are_meant():
+    assert meant_by("Hand", NAMES, PARENTS[:3]) == [2]
+
+
+def test_a_whole_path_means_its_joint_though_a_part_of_another_path_looks_the_same():
+    assert meant_by("a/b", ("a", "b", "a", "b"), (-1, 0, 1, 2)) == [1]
+
+
+def test_table_one_round_trip():
+    assert_same(load_json(skeleton_to_json(table_one(), "table one")), table_one())
+
+
+def test_written_text():
+    skeleton = load_json(json.dumps(full(HIPS, SPINE | {"name": "Rücken"}, units="cm")))
+    skeleton = replace(skeleton, end_sites=[False, True], channels=(("Xrotation",), ()))
+    assert skeleton_to_json(skeleton, "a") == (
+        '{\n  "format": "distretarget-skeleton",\n  "version": 1,\n  "name": "a",\n  "units": "cm",\n'
+        '  "joints": [\n'
+        '    {"name": "Hips", "parent": null, "offset": [0.0, 96.4, 0.0], "channels": ["Xrotation"]},\n'
+        '    {"name": "Rücken", "parent": "Hips", "offset": [0.0, 24.0, 0.0], "end": true}\n  ]\n}\n'
+    )
+
+
+@st.composite
+def skeletons(draw):
+    """Random skeletons with End Sites, any channels, and names that often repeat."""
+    count = draw(st.integers(2, 10))
+    names = st.sampled_from(["a", "b", "Arm L", "ü", "\udce9", '"\\'])
+    numbers = st.sampled_from(["", "", *range(count)])
+    coordinates = st.floats(-1e9, 1e9)
+    channels = st.lists(st.sampled_from(ALL_CHANNELS), unique=True).map(tuple)
+    ends = [False] + [draw(st.booleans()) for _ in range(count - 1)]
+    inner = [joint for joint in range(count) if not ends[joint]]
+    try:
+        return Skeleton(
+            names=tuple(f"{draw(names)}{draw(numbers)}" for _ in range(count)),
+            parents=[-1] + [draw(st.sampled_from([i for i in inner if i < j])) for j in range(1, count)],
+            offsets=[[draw(coordinates) for _ in "xyz"] for _ in range(count)],
+            channels=tuple(() if end else draw(channels) for end in ends),
+            end_sites=ends,
+            units=draw(st.sampled_from([None, "cm"])),
+            up=draw(st.sampled_from([None, "-Z"])),
+        )
+    except SkeletonError:
+        reject()
+
+
+@given(skeletons(), st.text())
+def test_round_trip(skeleton, name):
+    assume(skeleton.lengths.max() >= SMALLEST)
+    text = skeleton_to_json(skeleton, name)
+    assert_same(load_json(text), skeleton)
+    assert json.loads(text)["name"] == name
+    assert valid(json.loads(text))
+
+
+def test_name_and_map_are_kept(written):
+    joint_map = {"Spine": "Chest", "Hips": None}
+    text = skeleton_to_json(load_json(json.dumps(full())), "hero", joint_map)
+    body = load_target(written(text))
+    assert (body.name, body.map) == ("hero", joint_map)
+    assert list(body.map) == list(joint_map)
+    assert skeleton_to_json(body.skeleton, body.name, body.map) == text
+    assert text.endswith('  ],\n  "map": {\n    "Spine": "Chest",\n    "Hips": null\n  }\n}\n')
+    assert valid(json.loads(text))
+
+
+def test_slashes_in_names_are_kept_or_refused():
+    plain = tree_of(np.ones((3, 3)), ["a", "b/c", "d"])
+    assert_same(load_json(skeleton_to_json(plain, "")), plain)
+    mixed = tree_of(np.ones((5, 3)), ["a", "b", "c", "b/c", "d"], [-1, 0, 1, 0, 3])
+    with pytest.raises(SkeletonError, match="'b/c' may mean several joints"):
+        skeleton_to_json(mixed, "")

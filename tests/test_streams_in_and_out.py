@@ -6,17 +6,10 @@ import json
 import numpy as np
 import pytest
 from bodies import SAMPLES, person, swaying
-from characters import character, chunks
+from characters import character, chunks, packed
 from test_characters import BONES, WALK
 
-from distretarget import (
-    DistretargetError,
-    SettingsError,
-    load_target,
-    read_motion,
-    retarget,
-    write_motion,
-)
+from distretarget import DistretargetError, SettingsError, load_target, read_motion, retarget, write_motion
 from distretarget.io.json_node import Node
 from distretarget.io.skeleton_json import skeleton_to_json
 
@@ -46,10 +39,7 @@ def test_what_is_read_from_bytes_is_what_the_file_has(tmp_path, hero, given):
 
 def test_the_name_of_a_file_object_stands_for_it(tmp_path):
     (tmp_path / "bad.bvh").write_text("HIERARCHY\n")
-    with (
-        (tmp_path / "bad.bvh").open("rb") as file,
-        pytest.raises(DistretargetError, match=r"bad\.bvh:1: "),
-    ):
+    with (tmp_path / "bad.bvh").open("rb") as file, pytest.raises(DistretargetError, match=r"bad\.bvh:1: "):
         read_motion(file)
     with pytest.raises(DistretargetError, match=r"^bytes:1: the file ends"):
         read_motion(b"HIERARCHY\n")
@@ -76,19 +66,11 @@ def test_bytes_have_no_files_beside_them(tmp_path, monkeypatch, hero):
     document["buffers"][0].pop("uri")
     document["images"] = [{"uri": "secret.png"}]
     (tmp_path / "secret.png").write_bytes(b"the secret")
-    target = load_target(remade(document, buffer))
+    target = load_target(packed(document, buffer))
     assert target.mesh.file.gltf.image(Node("", "", 0.0)) == b""
     written = io.BytesIO()
-    write_motion(written, read_motion(remade(document, buffer)), remade(document, buffer), kind="glb")
+    write_motion(written, read_motion(packed(document, buffer)), packed(document, buffer), kind="glb")
     assert b"the secret" not in written.getvalue()
-
-
-def remade(document, buffer):
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    parts = [len(text).to_bytes(4, "little"), b"JSON", text, len(buffer).to_bytes(4, "little"), b"BIN\0", buffer]
-    content = b"".join(parts)
-    return b"glTF" + (2).to_bytes(4, "little") + (12 + len(content)).to_bytes(4, "little") + content
 
 
 @pytest.mark.parametrize("wrong", [3, None, io.StringIO("HIERARCHY"), ["a.bvh"]])

@@ -13,6 +13,8 @@ import threading
 import time
 import tomllib
 import zipfile
+from base64 import b64encode
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import PurePath
 from urllib.parse import quote, urlsplit
@@ -38,11 +40,23 @@ TOKEN = "secret"
 PLAIN = "distretarget clap.bvh hero.glb -o clap_hero.glb"
 
 
+class Dropped(Bench):
+    """A bench with a clip and a character on it."""
+
+    def __init__(self, clip=WAVE, character=HERO, names=("", "")):
+        super().__init__()
+        given = zip(("clip", "character"), (clip, character), names, strict=True)
+        self.files = {role: self.add(name or path.name, path.read_bytes())["id"] for role, path, name in given}
+
+    def ordered(self, tab="", **more):
+        """What becomes of an order for both files, with more fields."""
+        return self.carry_out(Order.of(self.files | more), tab)
+
+
 @pytest.fixture(scope="module")
-def dropped():
-    """A bench with two files on it, and the numbers of these."""
-    bench = Bench()
-    return bench, *(bench.add(path.name, path.read_bytes())["id"] for path in (SAMPLES / "wave.bvh", HERO))
+def bench():
+    """A bench with the wave and the hero, which several tests share."""
+    return Dropped()
 
 
 @contextmanager
@@ -117,19 +131,16 @@ def by_command(folder, done):
         {"format": "gltf"},
     ],
 )
-def test_what_is_taken_away_is_what_its_command_makes(tmp_path, dropped, more):
-    bench, clip, character = dropped
-    done = bench.carry_out(Order.of({"clip": clip, "character": character, **more}))
+def test_what_is_taken_away_is_what_its_command_makes(tmp_path, bench, more):
+    done = bench.ordered(**more)
     name, content = done.file(more.get("format", "glb"))
     assert name == f"wave_hero.{more.get('format', 'glb')}"
     assert content == by_command(tmp_path, done)
 
 
-def test_several_clips_are_zipped_each_as_its_command_makes_it(dropped):
-    bench, clip, character = dropped
+def test_several_clips_are_zipped_each_as_its_command_makes_it(bench):
     other = bench.add("wave.bvh", (SAMPLES / "clap.bvh").read_bytes())["id"]
-    files = [{"clip": each, "character": character} for each in (clip, other)]
-    orders = [*map(Order.of, [*files, {**files[0], "format": "bvh"}])]
+    orders = [Order.of(bench.files | more) for more in ({}, {"clip": other}, {"format": "bvh"})]
     name, content = bench.zipped(orders)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         assert archive.namelist() == ["wave_hero.glb", "wave_hero1.glb", "wave_hero.bvh"]
@@ -152,12 +163,9 @@ def test_several_clips_are_zipped_each_as_its_command_makes_it(dropped):
     ],
 )
 def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character):
-    bench = Bench()
-    numbers = [bench.add(name, path.read_bytes())["id"] for name, path in ((clip, WAVE), (character, HERO))]
-    edits = {"end": "30f"}
     contacts = [{"plant": "left foot", "keep": False}]
-    order = {"clip": numbers[0], "character": numbers[1], "edits": edits, "contacts": contacts, "map": {"Head": None}}
-    done = bench.carry_out(Order.of(order))
+    bench = Dropped(names=(clip, character))
+    done = bench.ordered(edits={"end": "30f"}, contacts=contacts, map={"Head": None})
     name, content = done.file(done.format)
     assert content == by_command(tmp_path, done)
     project = done.file("project")[0]
@@ -167,34 +175,23 @@ def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character
     assert (tmp_path / "made_from" / name).read_bytes() == content
 
 
-def test_orders_that_go_on_from_others_give_the_same_to_the_bit(dropped):
-    _, clip, character = dropped
-    bench, contacts = (
-        dropped[0],
-        [
-            [],
-            [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}],
-            [{"plant": "left foot", "keep": False, "frames": [5, 30]}],
-            [{"between": ["left hand", "right hand"], "keep": False}, {"look": "head", "like": "source"}],
-        ],
-    )
-    for entries in contacts:
-        done = bench.carry_out(Order.of({"clip": clip, "character": character, "contacts": entries}))
-        fresh = Bench()
-        numbers = [fresh.add(path.name, path.read_bytes())["id"] for path in (WAVE, HERO)]
-        other = fresh.carry_out(Order.of({"clip": numbers[0], "character": numbers[1], "contacts": entries}))
-        assert done.conversion is bench.carry_out(Order.of({"clip": clip, "character": character})).conversion
+def test_orders_that_go_on_from_others_give_the_same_to_the_bit(bench):
+    for entries in (
+        [],
+        [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}],
+        [{"plant": "left foot", "keep": False, "frames": [5, 30]}],
+        [{"between": ["left hand", "right hand"], "keep": False}, {"look": "head", "like": "source"}],
+    ):
+        done, other = bench.ordered(contacts=entries), Dropped().ordered(contacts=entries)
+        assert done.conversion is bench.ordered().conversion
         assert done.file("glb") == other.file("glb")
         assert done.as_data == other.as_data
 
 
-def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, dropped):
-    bench, clip, character = dropped
-    walk = load_file(SAMPLES / "walk.bvh")
-    rest = dict(rest_pose_in(walk).rotations)
-    plain, posed = ({"clip": clip, "character": character, "rest": each} for each in (None, rest))
-    done = bench.carry_out(Order.of(posed))
-    assert done.file("glb")[1] != bench.carry_out(Order.of(plain)).file("glb")[1]
+def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, bench):
+    rest = dict(rest_pose_in(load_file(SAMPLES / "walk.bvh")).rotations)
+    done = bench.ordered(rest=rest)
+    assert done.file("glb")[1] != bench.ordered(rest=None).file("glb")[1]
     assert done.file("glb")[1] == by_command(tmp_path / "made", done)
     assert json.loads(done.file("map")[1]) == {"format": "distretarget-map", "version": 1, "map": {}, "rest": rest}
     project = tmp_path / "made" / "made_from" / "wave_hero.project.json"
@@ -203,16 +200,13 @@ def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, dropped):
     assert (project.parent / done.names.result).read_bytes() == done.file("glb")[1]
 
 
-def test_the_papers_objective_has_no_supports_in_its_command(dropped):
-    bench, clip, character = dropped
-    options = {"objective": "paper", "supports": "feet"}
-    done = bench.carry_out(Order.of({"clip": clip, "character": character, "options": options}))
+def test_the_papers_objective_has_no_supports_in_its_command(bench):
+    done = bench.ordered(options={"objective": "paper", "supports": "feet"})
     assert done.names.command(done.order) == "distretarget wave.bvh hero.glb -o wave_hero.glb --objective paper"
 
 
-def test_a_project_is_refused_with_other_files(tmp_path, dropped):
-    bench, clip, character = dropped
-    done = bench.carry_out(Order.of({"clip": clip, "character": character, "edits": {"end": "30f"}}))
+def test_a_project_is_refused_with_other_files(tmp_path, bench):
+    done = bench.ordered(edits={"end": "30f"})
     path = tmp_path / "wave.project.json"
     path.write_bytes(done.file("project")[1])
     for source in (WAVE, HERO):
@@ -237,10 +231,8 @@ def test_a_project_is_refused_with_other_files(tmp_path, dropped):
     assert "belongs beside it" in said({})
 
 
-def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(dropped):
-    bench, clip, character = dropped
-    order = {"clip": clip, "character": character}
-    found = bench.carry_out(Order.of(order)).as_data["contacts"]
+def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(bench):
+    found = bench.ordered().as_data["contacts"]
     assert {each["mark"] for each in found} == {"found"}
     gone = found[0]["entry"]
     key = "plant" if "plant" in gone else "between"
@@ -248,7 +240,7 @@ def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(dropp
         {key: gone[key], "frames": gone["frames"], "keep": False},
         {"between": ["left hand", "right hand"], "frames": [5, 9], "gap": 1},
     ]
-    marked = bench.carry_out(Order.of({**order, "contacts": entries})).as_data["contacts"]
+    marked = bench.ordered(contacts=entries).as_data["contacts"]
     marks = {(each["mark"], tuple(each["parts"]), *each["entry"]["frames"]) for each in marked}
     assert ("dropped", tuple(found[0]["parts"]), *gone["frames"]) in marks
     assert ("added", ("left hand", "right hand"), 5, 9) in marks
@@ -287,42 +279,26 @@ def test_a_file_is_what_it_holds_and_nothing_to_use_is_refused():
 
 
 def test_an_order_that_is_overtaken_ends_early():
-    bench = Bench()
-    numbers = [bench.add(path.name, path.read_bytes())["id"] for path in (SAMPLES / "walk.bvh", SAMPLES / "child.json")]
-    order, outcomes = {"clip": numbers[0], "character": numbers[1]}, []
+    bench = Dropped(SAMPLES / "walk.bvh", SAMPLES / "child.json")
 
-    def carry_out(turn):
+    def outcome(turn):
         try:
-            bench.carry_out(Order.of({**order, "edits": {"turn": float(turn + 1)}}))
-            outcomes.append("done")
+            bench.ordered(edits={"turn": float(turn + 1)})
         except OvertakenError:
-            outcomes.append("overtaken")
+            return "overtaken"
+        return "done"
 
-    threads = [threading.Thread(target=carry_out, args=(turn,)) for turn in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(outcomes) == 8
+    with ThreadPoolExecutor(8) as pool:
+        outcomes = [*pool.map(outcome, range(8))]
     assert outcomes.count("done") >= 1
     assert "overtaken" in outcomes
 
 
 def test_orders_of_other_tabs_overtake_none():
-    bench = Bench()
-    numbers = [bench.add(path.name, path.read_bytes())["id"] for path in (WAVE, SAMPLES / "child.json")]
-    done = []
-
-    def carry_out(tab):
-        edits = {"turn": float(tab)}
-        done.append(bench.carry_out(Order.of({"clip": numbers[0], "character": numbers[1], "edits": edits}), tab))
-
-    threads = [threading.Thread(target=carry_out, args=(str(tab),)) for tab in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(done) == 3
+    bench = Dropped(WAVE, SAMPLES / "child.json")
+    with ThreadPoolExecutor(3) as pool:
+        done = pool.map(lambda tab: bench.ordered(str(tab), edits={"turn": float(tab)}), range(3))
+    assert len([*done]) == 3
 
 
 def test_only_who_knows_the_token_gets_an_answer(studio):
@@ -403,37 +379,37 @@ def test_a_wheel_has_the_samples():
     assert {path: f"distretarget/{path}" for path in paths} == wheel["force-include"]
 
 
-def test_what_cannot_be_written_is_not_offered(dropped):
-    bench, clip, character = dropped
-    order = {"clip": clip, "character": character}
-    assert bench.carry_out(Order.of(order)).as_data["formats"] == ["glb", "bvh", "gltf", "vrma", "npz"]
+def test_what_cannot_be_written_is_not_offered(bench):
+    assert bench.ordered().as_data["formats"] == ["glb", "bvh", "gltf", "vrma", "npz"]
     for form in ("vrm", "exe", "../x"):
         with pytest.raises(SettingsError, match="expected one of glb"):
-            bench.carry_out(Order.of({**order, "format": form}))
+            bench.ordered(format=form)
 
 
-def test_a_character_in_fbx_without_a_mesh_is_written_as_bvh():
+def test_a_character_in_fbx_without_a_mesh_is_written_as_bvh(tmp_path):
     pytest.importorskip("ufbx")
     body = person()
     joints = zip(body.names, body.parents, body.offsets, strict=True)
-    bones = fbx([Node(name, int(parent), T=tuple(100.0 * offset)) for name, parent, offset in joints])
-    bench = Bench()
-    character = bench.add("bones.fbx", bones)["id"]
-    clip = bench.add("wave.bvh", (SAMPLES / "wave.bvh").read_bytes())["id"]
-    done = bench.carry_out(Order.of({"clip": clip, "character": character}))
+    bones = [Node(name, int(parent), T=tuple(100.0 * offset)) for name, parent, offset in joints]
+    (tmp_path / "bones.fbx").write_bytes(fbx(bones))
+    done = Dropped(WAVE, tmp_path / "bones.fbx").ordered()
     assert done.as_data["formats"] == ["bvh", "vrma", "npz"]
     assert done.file("bvh")[1].startswith(b"HIERARCHY")
 
 
-def test_a_kind_of_file_that_is_none_is_refused(dropped):
-    bench, clip, character = dropped
-    done = bench.carry_out(Order.of({"clip": clip, "character": character}))
+def test_a_kind_of_file_that_is_none_is_refused(bench):
     for kind in ("vrm", "exe", "../x"):
         with pytest.raises(SettingsError):
-            done.file(kind)
+            bench.ordered().file(kind)
 
 
 # ---- in a browser
+
+
+@pytest.fixture
+def expect():
+    """What waits until something holds on a page."""
+    return pytest.importorskip("playwright.sync_api").expect
 
 
 DROPS = """async ([base, name]) => {
@@ -444,11 +420,7 @@ DROPS = """async ([base, name]) => {
 }"""
 
 
-def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tmp_path):
-    from base64 import b64encode
-
-    from playwright.sync_api import expect
-
+def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tmp_path, expect):
     tab, problems = browser.new_page(viewport={"width": 1440, "height": 950}), []
     tab.on("pageerror", lambda error: problems.append(str(error)))
     tab.goto(studio)
@@ -498,9 +470,7 @@ def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tm
     tab.close()
 
 
-def test_a_sample_is_one_press_away_from_an_empty_page(browser):
-    from playwright.sync_api import expect
-
+def test_a_sample_is_one_press_away_from_an_empty_page(browser, expect):
     tab = browser.new_page()
     with serving(Bench()) as address:
         tab.goto(address)
@@ -512,9 +482,7 @@ def test_a_sample_is_one_press_away_from_an_empty_page(browser):
         tab.close()
 
 
-def test_each_clip_keeps_its_own_changes_and_all_are_taken_together(solved, tmp_path):
-    from playwright.sync_api import expect
-
+def test_each_clip_keeps_its_own_changes_and_all_are_taken_together(solved, tmp_path, expect):
     tab, wait = solved
     expect(tab.get_by_test_id("clips")).to_be_hidden()
     expect(tab.get_by_test_id("all")).to_be_hidden()
@@ -556,10 +524,8 @@ DRAWN = """async () => {
 
 
 @pytest.fixture
-def solved(browser):
+def solved(browser, expect):
     """A tab with a clip on a character, of a studio of its own, and a function that waits for a solved command."""
-    from playwright.sync_api import expect
-
     bench, problems = Bench(), []
     for path in (SAMPLES / "clap.bvh", HERO):
         bench.add(path.name, path.read_bytes())
@@ -623,9 +589,7 @@ def drag(tab, contact, of_bar, shift):
     tab.mouse.up()
 
 
-def test_contacts_are_moved_stretched_and_kept_on_their_bars(solved):
-    from playwright.sync_api import expect
-
+def test_contacts_are_moved_stretched_and_kept_on_their_bars(solved, expect):
     tab, wait = solved
     first = tab.locator("[data-testid=contact][data-between='left hand,right hand'][data-frames='58-75']")
     drag(tab, first, 0.99, 20 / 277)
@@ -695,9 +659,7 @@ def click_joint(tab, stage, view, joint):
     tab.mouse.click(box["x"] + x, box["y"] + y)
 
 
-def test_two_clicks_on_bodies_pair_their_joints(solved):
-    from playwright.sync_api import expect
-
+def test_two_clicks_on_bodies_pair_their_joints(solved, expect):
     tab, wait = solved
     stage, pairing = drawn(tab), tab.get_by_test_id("pairing")
     tab.get_by_text("Who drives whom").click()
@@ -718,9 +680,7 @@ def test_two_clicks_on_bodies_pair_their_joints(solved):
     assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": None}
 
 
-def test_a_rest_pose_is_given_and_taken_back(solved):
-    from playwright.sync_api import expect
-
+def test_a_rest_pose_is_given_and_taken_back(solved, expect):
     tab, wait = solved
     tab.locator("#who > summary").click()
     tab.set_input_files("[data-testid=rest]", SAMPLES / "walk.bvh")
@@ -746,9 +706,7 @@ def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
     assert entry["frames"][0] == 0
 
 
-def test_a_project_is_saved_and_opened_again(solved, tmp_path):
-    from playwright.sync_api import expect
-
+def test_a_project_is_saved_and_opened_again(solved, tmp_path, expect):
     tab, wait = solved
     tab.get_by_test_id("mirror").check()
     tab.get_by_test_id("end").fill("60f")
@@ -872,9 +830,7 @@ def test_a_frame_in_the_verdict_leads_there(solved):
     pytest.fail(f"frame {stage.evaluate('app.clock.frame')} is shown, not {frame}")
 
 
-def test_a_second_tab_has_the_files_and_orders_of_its_own(solved, browser):
-    from playwright.sync_api import expect
-
+def test_a_second_tab_has_the_files_and_orders_of_its_own(solved, browser, expect):
     tab, wait = solved
     other = browser.new_page()
     other.goto(tab.url)

@@ -55,11 +55,7 @@ REASONS = {
 
 
 class Database:
-    """The database in a folder of results; the newest record of a clip counts.
-
-    Attributes:
-        path: of its file.
-    """
+    """The database in a folder of results; the newest record of a clip counts."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         """Open the database of a folder; unless `read_only`, make both if they do not exist.

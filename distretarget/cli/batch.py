@@ -62,12 +62,7 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
     metavar="GLOB",
     help="Retarget only files whose name or path in the folder matches; with a / at the end, files in such folders.",
 )
-@click.option(
-    "--exclude",
-    multiple=True,
-    metavar="GLOB",
-    help="Leave out such files.",
-)
+@click.option("--exclude", multiple=True, metavar="GLOB", help="Leave out such files.")
 @click.option(
     "--input-list",
     type=click.File(encoding="utf-8-sig", errors="surrogateescape"),

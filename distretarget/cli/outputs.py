@@ -11,14 +11,7 @@ from pathlib import Path, PurePath
 import click
 
 from distretarget.errors import FileError, shown
-from distretarget.io.files import (
-    STANDARD_INPUT,
-    Content,
-    check_writable,
-    encoded_parts,
-    reason_of,
-    write_whole,
-)
+from distretarget.io.files import STANDARD_INPUT, Content, check_writable, encoded_parts, reason_of, write_whole
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.report.diff_document import About
 

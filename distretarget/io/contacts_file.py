@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Look, Plant
 from distretarget.errors import SettingsError, SkeletonFileError, closest
@@ -14,7 +14,7 @@ from distretarget.io.json_node import Node, on_lines, on_one_line, parse_json
 
 HEADER: dict[str, object] = {"format": "distretarget-contacts", "version": 1}
 SUFFIX = ".contacts.json"  # of a file beside a clip, instead of the clip's ending
-PAIR, TRIPLE = 2, 3
+Value = TypeVar("Value")
 
 
 def load_contacts(path: str | Path) -> ContactList:
@@ -83,19 +83,23 @@ def _entry(node: Node) -> Entry:
         raise SkeletonFileError(node.path, node.place, error.reason) from None
 
 
+def _several(node: Node, read: Callable[[Node], Value], count: int, expected: str) -> tuple[Value, ...]:
+    """The values of a list of so many; an error says what was expected."""
+    values = tuple(map(read, node.items()))
+    if len(values) != count:
+        node.expected(expected)
+    return values
+
+
 def _names(node: Node) -> tuple[str, ...]:
-    names = tuple(each.text() for each in node.items())
-    if len(names) != PAIR:
-        node.expected('two names, such as ["left hand", "hips"]')
+    names = _several(node, Node.text, 2, 'two names, such as ["left hand", "hips"]')
     if names[0] == names[1]:
         node.fail(f"names {names[0]!r} twice; expected two parts")
     return names
 
 
 def _span(node: Node) -> tuple[float, ...]:
-    span = tuple(each.number() for each in node.items())
-    if len(span) != PAIR:
-        node.expected("the first and the last of them, such as [81, 170]")
+    span = _several(node, Node.number, 2, "the first and the last of them, such as [81, 170]")
     if not 0 <= span[0] <= span[1]:
         node.fail(f"goes from {span[0]:g} to {span[1]:g}; expected the first, from 0, and then the last")
     return span
@@ -127,10 +131,7 @@ def _share(node: Node) -> float:
 
 
 def _numbers(node: Node) -> tuple[float, ...]:
-    numbers = tuple(each.number() for each in node.items())
-    if len(numbers) != TRIPLE:
-        node.expected("three numbers, x, y and z")
-    return numbers
+    return _several(node, Node.number, 3, "three numbers, x, y and z")
 
 
 def _on(node: Node) -> object:

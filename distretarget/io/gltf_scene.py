@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.character.animations import choose_animation
 from distretarget.character.mesh import MeshPart
-from distretarget.character.nodes import INFLUENCES, Animation, CharacterScene, Nodes, SkinBinding
-from distretarget.character.sampling import Curve, sampled
+from distretarget.character.nodes import INFLUENCES, Animation, CharacterScene, Curve, Nodes, SkinBinding, sampled
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError
 from distretarget.io.gltf import INDICES, Gltf
 from distretarget.io.json_node import Fields, Node

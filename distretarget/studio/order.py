@@ -31,29 +31,18 @@ HOW = ("animation", "fps", "edits", "options", "in_place", "contacts", "map", "r
 
 @dataclass(frozen=True)
 class Order:
-    """How a clip is to be on a character.
+    """How a clip is to be on a character."""
 
-    Attributes:
-        clip: the number of the clip's file.
-        character: that of the character's.
-        animation: which of several; None for the only one.
-        fps: the frame rate at which the clip is sampled [frames/s]; None for its own.
-        edits, options, in_place: as in the command line.
-        contacts: entries of a contact file.
-        map_file: the joints that drive those of the character, and how the body of the clip stands.
-        format: the ending of what is to be taken away; None for the character's usual one.
-    """
-
-    clip: str
-    character: str
-    animation: str | None
-    fps: float | None
+    clip: str  # the number of its file
+    character: str  # the same
+    animation: str | None  # which of several; None for the only one
+    fps: float | None  # at which the clip is sampled [frames/s]; None for its own
     edits: Edits
     options: Options
     in_place: bool
     contacts: ContactList
-    map_file: MapFile
-    format: str | None
+    map_file: MapFile  # the joints that drive those of the character, and how the body of the clip stands
+    format: str | None  # the ending of what is to be taken away; None for the character's usual one
     key: str  # what it was made from
 
     @classmethod
@@ -122,17 +111,11 @@ class Order:
 
 @dataclass(frozen=True)
 class Names:
-    """What the files of an order are called, in one folder.
-
-    Attributes:
-        clip: the clip.
-        character: the character.
-        output: the ending of the result.
-    """
+    """What the files of an order are called, in one folder."""
 
     clip: str
     character: str
-    output: str
+    output: str  # the ending of the result
 
     @classmethod
     def of(cls, clip: InputFile, character: InputFile, output: str) -> Names:
