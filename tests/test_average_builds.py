@@ -29,10 +29,10 @@ def like(leg, crown):
 
 
 def radius(build, body, part):
-    """The mean radius of a part of a body with a build [% of the body's size]."""
+    """The mean radius of a part of a body with a build [% of two leg lengths]."""
     capsules = build.on(body)
     on = [part in SEGMENTS[segment] for segment in capsules.segments]
-    return 100 * capsules.radii[on].mean() / body.unit
+    return 50 * capsules.radii[on].mean() / body.leg_length
 
 
 @pytest.mark.parametrize(

@@ -143,8 +143,12 @@ class Body:
 
     @of_rig
     def height(self) -> float:
-        """The extent upwards of the standing body; without an anatomy along its legs, else the largest [file units]."""
+        """The extent upwards of the standing body but its arms; without an anatomy along its legs, else the largest
+        [file units].
+        """
         of_body, rest = self.regions.of_joint >= 0, self.skeleton.rest_positions
+        for arm in self.arms:
+            of_body[[*self.skeleton.subtree(arm.shoulder)]] = False
         if self.legs is None:
             return float(np.ptp(rest[of_body], axis=0).max())
         if self.anatomy is None or self.stands_at_rest:
