@@ -2,12 +2,14 @@
 
 On its toes a foot is a lever: the longer it is, the higher is its ankle. Where one foot alone stands on its toes, no
 height of the hips suits both legs then, and the knee above the longer foot bends more than the source's; hips that
-follow the ankles jolt. So each bone of a foot that rests, from b to where it points in a flat foot, is turned by
+follow the ankles jolt. So a foot that rests is turned back by the share
 
-    share (angle from flat to b) b x up,    share = 1 - (lift of the source's heel, scaled + ROLL) / (own lift + ROLL)
+    share = 1 - (lift of the source's heel, scaled + ROLL) / (own lift + ROLL)
 
-and by less where the sole faces upwards: a bone that is level turns all the way, one that points straight down does
-not, as it shows no way back. What is left is the hips' (`foot_lock.hips_rise`).
+of the least rotation that lays its sole on the floor, which also rolls it off its edge. Its toes, and a foot on its
+edge or back, are turned by their bones b, by share (angle from flat to b) b x up: a bone that is level turns all the
+way, one that points straight down does not, as it shows no way back. Where the sole faces upwards the share falls to
+nothing. What is left is the hips' (`foot_lock.hips_rise`).
 """
 
 from __future__ import annotations
@@ -16,15 +18,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.resting import feet_resting
 from distretarget.ik.poses import posed_motion
 from distretarget.matching.undersides import Undersides
-from distretarget.numerics.quaternions import turned_by
+from distretarget.numerics.quaternions import least_rotation, turned_by
+from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, cross
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.foot_lock import ROLL, heel_lift, lowest_of_foot, sole_levels
 from distretarget.objectives.supports import BLEND
+
+FACING = 0.5  # a sole faces the floor if its normal is at least so far upwards, as at up to 60 degrees from flat
 
 
 def with_low_heels(clip: Clip, undersides: Undersides | None = None) -> Clip:
@@ -35,11 +41,14 @@ def with_low_heels(clip: Clip, undersides: Undersides | None = None) -> Clip:
     rests = [feet_resting(clip.source, pair.source, clip.up, clip.leg_lengths[0], clip.shots) for pair in clip.legs]
     for pair, resting, lifts in zip(clip.legs, rests, _lifts(clip, undersides, rests), strict=True):
         lift, own_lift = (np.maximum(each, 0.0) + ROLL * clip.leg_lengths[1] for each in lifts)
-        up = turned_by(clip.copy.world_rotations_of(pair.target.ankle), pair.target_sole.normal) @ clip.up
-        share = np.maximum(1.0 - lift / own_lift, 0.0) * np.minimum(1.0 + up, 1.0)
+        normals = turned_by(clip.copy.world_rotations_of(pair.target.ankle), pair.target_sole.normal)
+        share = np.maximum(1.0 - lift / own_lift, 0.0) * np.minimum(1.0 + normals @ clip.up, 1.0)
         rest = clip.widened(resting, BLEND).max(axis=1)
-        _turn_to_flat(clip, pair, clip.averaged(rest * share, BLEND), v)
-    return replace(clip, copy=posed_motion(clip.copy, v, clip.parts, clip.copy.root_positions)) if v.any() else clip
+        _turn_to_flat(clip, pair, rest * share, normals, v)
+    if not v.any():
+        return clip
+    v = clip.averaged(v, BLEND)
+    return replace(clip, copy=posed_motion(clip.copy, v, clip.parts, clip.copy.root_positions))
 
 
 def _lifts(clip: Clip, undersides: Undersides | None, rests: Sequence[Array]) -> Iterator[tuple[Array, Array]]:
@@ -57,9 +66,9 @@ def _lifts(clip: Clip, undersides: Undersides | None, rests: Sequence[Array]) ->
         yield scale * lift, clip.copy.positions[:, pair.target.ankle] @ up - lowest - pair.target_sole.ankle
 
 
-def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, v: Array) -> None:
-    """Write to v, (frames, parts + 1, 3), the rotations that turn the bones of a foot, by a share, (frames,), of their
-    angles, towards where they point in a flat foot [rad].
+def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, normals: Array, v: Array) -> None:
+    """Write to v, (frames, parts + 1, 3), the rotations that turn a foot, by a share, (frames,), towards a flat foot
+    [rad]: by its sole, whose `normals`, (frames, 3), are turned up, as far as it faces the floor, else by its bones.
     """
     sole, skeleton, up = pair.target_sole, clip.skeleton, np.tile(clip.up, (len(clip), 1))
     flat, to_toe = dict(zip(sole.joints.tolist(), sole.heights.tolist(), strict=True)), skeleton.line(pair.target.toe)
@@ -70,3 +79,5 @@ def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, v: Array) -> None:
             angle = np.arcsin(np.clip((flat[joint] - flat[above]) / length, -1.0, 1.0))
             own_angle = np.arcsin(np.clip(bone @ clip.up, -1.0, 1.0))
             v[:, clip.parts[above]] = (share * (angle - own_angle))[:, None] * cross(bone, up)
+    part, turns = clip.parts[pair.target.ankle], Rotation.from_quat(least_rotation(normals, up)).as_rotvec()
+    v[:, part] += smoothstep(normals @ clip.up / FACING)[:, None] * (share[:, None] * turns - v[:, part])
