@@ -43,9 +43,9 @@ def test_the_heel_of_a_foot_twice_as_long_lifts_less():
     )
 
 
-@pytest.mark.parametrize("edge", [0.0, 0.6])
-def test_a_long_foot_turns_back_from_steep_toes_and_from_its_edge(edge):
-    """A bone that points down shows hardly any way back, but the sole does."""
+@pytest.mark.parametrize("edge", [0.0, 0.3])
+def test_a_long_foot_turns_back_from_steep_toes_rolled_or_not(edge):
+    """A bone that points down shows hardly any way back, but the side of the foot does."""
     steep = Rotation.from_rotvec([0.0, 0.0, edge]) * Rotation.from_rotvec([1.05, 0.0, 0.0])
     clip = clip_of(posed(person(), {"LeftAnkle": steep.as_rotvec()}, np.tile((LEG + 0.1) * UP, (40, 1))), 2.0)
     assert np.all(lift(with_low_heels(clip).copy) < 0.78 * lift(clip.copy))

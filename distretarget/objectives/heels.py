@@ -2,14 +2,14 @@
 
 On its toes a foot is a lever: the longer it is, the higher is its ankle. Where one foot alone stands on its toes, no
 height of the hips suits both legs then, and the knee above the longer foot bends more than the source's; hips that
-follow the ankles jolt. So a foot that rests is turned back by the share
+follow the ankles jolt. So each bone of a foot that rests, from b to where it points in a flat foot, is turned by
 
-    share = 1 - (lift of the source's heel, scaled + ROLL) / (own lift + ROLL)
+    share (angle from flat to b) b x n,    share = 1 - (lift of the source's heel, scaled + ROLL) / (own lift + ROLL)
 
-of the least rotation that lays its sole on the floor, which also rolls it off its edge. Its toes, and a foot on its
-edge or back, are turned by their bones b, by share (angle from flat to b) b x up: a bone that is level turns all the
-way, one that points straight down does not, as it shows no way back. Where the sole faces upwards the share falls to
-nothing. What is left is the hips' (`foot_lock.hips_rise`).
+with n the normal of the sole: about the foot's own side, also where it points straight down. A foot on its edge or back
+would roll over that way, so n gives way to the direction up as the sole turns from the floor: a bone that points
+straight down does not turn then, as it shows no way back. By less, down to nothing, turns a foot whose sole faces
+upwards. What is left is the hips' (`foot_lock.hips_rise`).
 """
 
 from __future__ import annotations
@@ -18,19 +18,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from distretarget.body.resting import feet_resting
 from distretarget.ik.poses import posed_motion
 from distretarget.matching.undersides import Undersides
-from distretarget.numerics.quaternions import least_rotation, turned_by
+from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, cross
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.foot_lock import ROLL, heel_lift, lowest_of_foot, sole_levels
 from distretarget.objectives.supports import BLEND
 
-FACING = 0.5  # a sole faces the floor if its normal is at least so far upwards, as at up to 60 degrees from flat
+FACING = 0.5  # a sole faces the floor if its normal points upwards by this or more, as up to 60 degrees from flat
 
 
 def with_low_heels(clip: Clip, undersides: Undersides | None = None) -> Clip:
@@ -67,10 +66,11 @@ def _lifts(clip: Clip, undersides: Undersides | None, rests: Sequence[Array]) ->
 
 
 def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, normals: Array, v: Array) -> None:
-    """Write to v, (frames, parts + 1, 3), the rotations that turn a foot, by a share, (frames,), towards a flat foot
-    [rad]: by its sole, whose `normals`, (frames, 3), are turned up, as far as it faces the floor, else by its bones.
+    """Write to v, (frames, parts + 1, 3), the rotations that turn the bones of a foot, by a share, (frames,), of their
+    angles, towards where they point in a flat foot [rad]; `normals`, (frames, 3), are those of the sole.
     """
-    sole, skeleton, up = pair.target_sole, clip.skeleton, np.tile(clip.up, (len(clip), 1))
+    sole, skeleton = pair.target_sole, clip.skeleton
+    upwards = clip.up + smoothstep(normals @ clip.up / FACING)[:, None] * (normals - clip.up)
     flat, to_toe = dict(zip(sole.joints.tolist(), sole.heights.tolist(), strict=True)), skeleton.line(pair.target.toe)
     for joint in sorted(flat, key=to_toe.__contains__):  # of the bones of one part that to the toe counts
         above, length = int(skeleton.parents[joint]), float(skeleton.lengths[joint])
@@ -78,6 +78,4 @@ def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, normals: Array, v: Ar
             bone = (clip.copy.positions[:, joint] - clip.copy.positions[:, above]) / length
             angle = np.arcsin(np.clip((flat[joint] - flat[above]) / length, -1.0, 1.0))
             own_angle = np.arcsin(np.clip(bone @ clip.up, -1.0, 1.0))
-            v[:, clip.parts[above]] = (share * (angle - own_angle))[:, None] * cross(bone, up)
-    part, turns = clip.parts[pair.target.ankle], Rotation.from_quat(least_rotation(normals, up)).as_rotvec()
-    v[:, part] += smoothstep(normals @ clip.up / FACING)[:, None] * (share[:, None] * turns - v[:, part])
+            v[:, clip.parts[above]] = (share * (angle - own_angle))[:, None] * cross(bone, upwards)
