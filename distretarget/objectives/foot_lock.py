@@ -179,9 +179,8 @@ def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
     hips, length = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs])), clip.leg_lengths[1]
     legs = hips - supports.places[:, : supports.feet : 2]
     beyond = np.maximum(lengths(legs) - length, 0.0)
-    lifted = supports.weights[:, supports.feet :].max(axis=1, initial=0.0) > 0.0
     rests = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2) > 0.0
-    short = np.where(rests & lifted[:, None], beyond, 0.0) / length
+    short = np.where(rests & (supports.beside_feet > 0.0)[:, None], beyond, 0.0) / length
     for of_leg, resting in zip(short.T, rests.T, strict=True):
         for first, end in spans_of(resting):
             of_leg[first:end] -= np.median(of_leg[first:end])
