@@ -281,7 +281,7 @@ def held_by_hand(clip, feet):
     return feet.with_joints(hand, clip.regions.of_joint[hand], np.ones((len(clip), 1)), np.zeros((len(clip), 1, 3)))
 
 
-@pytest.mark.parametrize(("rise", "share"), [(0.0, 0.0), (0.4, 0.0), (0.75, 0.5), (1.0, 1.0), (3.0, 1.0)])
+@pytest.mark.parametrize(("rise", "share"), [(0.0, 0.0), (0.25, 0.15625), (0.5, 0.5), (1.0, 1.0), (3.0, 1.0)])
 @pytest.mark.parametrize("moments", [30, 50])
 def test_feet_that_legs_do_not_reach_for_a_while_rest_as_near_as_they_do(rise, share, moments):
     """For less than half of the rest, that is; where legs are too short most of the time, feet stay."""
@@ -309,7 +309,7 @@ def test_feet_leave_their_places_smoothly_and_each_on_its_own():
 def test_hips_of_a_cartwheel_are_not_held_by_short_legs():
     result = retarget(read_bvh(SAMPLES / "supports" / "cartwheel.bvh"), load_target(SAMPLES / "child.json"))
     copy, own = (result.metrics[side]["hips_acceleration"] for side in ("rotation_copy", "result"))
-    assert own < 3.5 * copy  # 5.0 if feet stay on the floor
+    assert own < 2.2 * copy  # 5.0 if feet stay on the floor
 
 
 def with_hips(body, factor):

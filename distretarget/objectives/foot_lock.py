@@ -168,11 +168,11 @@ def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
 
 def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
     """Return the supports with feet where legs reach while something else carries the body as well: a place that is
-    too far from the hips' final path moves to the nearest point that the straight leg reaches. It begins to move where
-    the leg is too short by half of `SINK`, beyond the median frame of the same rest, and has moved all the way at
-    `SINK`. Without this, short legs pull a body down that its hands lift, and let it go with a jolt. Legs that are too
-    short in all of a rest, as in a push-up, are only stretched. On feet alone a leg is short where wide hips tilt: the
-    foot stays on the floor, and the pelvis turns to let it.
+    too far from the hips' final path moves to the nearest point that the straight leg reaches. It moves the more, the
+    more the leg is too short beyond the median frame of the same rest, and all the way from `SINK` on. Without this,
+    short legs pull a body down that its hands lift, and let it go with a jolt. Legs that are too short in all of a
+    rest, as in a push-up, are only stretched. On feet alone a leg is short where wide hips tilt: the foot stays on the
+    floor, and the pelvis turns to let it.
     """
     if not clip.legs:
         return supports
@@ -184,7 +184,7 @@ def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
     for of_leg, resting in zip(short.T, rests.T, strict=True):
         for first, end in spans_of(resting):
             of_leg[first:end] -= np.median(of_leg[first:end])
-    gone = clip.widened(smoothstep(2.0 * short / SINK - 1.0), BLEND)
+    gone = clip.widened(smoothstep(short / SINK), BLEND)
     places = supports.places.copy()
     places[:, : supports.feet] += np.repeat((gone * beyond)[..., None] * normalised(legs), 2, axis=1)
     return replace(supports, places=places)
