@@ -181,13 +181,19 @@ def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
     beyond = np.maximum(lengths(legs) - length, 0.0)
     rests = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2) > 0.0
     short = np.where(rests & (supports.beside_feet > 0.0)[:, None], beyond, 0.0) / length
-    for of_leg, resting in zip(short.T, rests.T, strict=True):
-        for first, end in spans_of(resting):
-            of_leg[first:end] -= np.median(of_leg[first:end])
-    gone = clip.widened(smoothstep(short / SINK), BLEND)
+    gone = clip.widened(smoothstep(by_shot(_over_medians, clip.shots, short, rests) / SINK), BLEND)
     places = supports.places.copy()
     places[:, : supports.feet] += np.repeat((gone * beyond)[..., None] * normalised(legs), 2, axis=1)
     return replace(supports, places=places)
+
+
+def _over_medians(values: Array, rests: Flags) -> Array:
+    """Values, (frames, legs), less their median over each rest."""
+    over = values.copy()
+    for of_leg, resting in zip(over.T, rests.T, strict=True):
+        for first, end in spans_of(resting):
+            of_leg[first:end] -= np.median(of_leg[first:end])
+    return over
 
 
 def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:
