@@ -5,7 +5,7 @@ import pytest
 from bodies import UP, lengthened, matched, person, posed
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, retarget
+from distretarget import Options, Skeleton, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.heels import with_low_heels
@@ -79,6 +79,33 @@ def test_a_foot_that_does_not_rest_stays():
 def test_hips_over_one_foot_on_its_toes_and_a_flat_one_are_nearer_to_the_sources_height():
     metrics = retarget(on_toes(0.5), lengthened(person(), {"Toe": 2.0})).metrics["result"]
     assert metrics["hips_height_largest"] < 1.5  # 4.6 if the long foot points down as far as the source's
+
+
+def ending_at_the_ball():
+    """A person whose feet have an End Site in place of toes."""
+    body = person()
+    keep = np.array([joint for joint, name in enumerate(body.names) if not name.endswith("Toe_End")])
+    names = [body.names[joint] for joint in keep]
+    toes = np.array([name.endswith("Toe") for name in names])
+    channels = tuple(() if toe else body.channels[joint] for joint, toe in zip(keep, toes, strict=True))
+    return Skeleton(
+        names=tuple(names),
+        parents=body.parents[keep],
+        offsets=body.offsets[keep],
+        channels=channels,
+        end_sites=body.end_sites[keep] | toes,
+    )
+
+
+@pytest.mark.parametrize(("pitch", "bent"), [(0.6, 0.6), (0.0, 0.0), (-0.4, 0.0)])
+def test_toes_that_the_source_does_not_have_bend_where_the_foot_stands_on_them(pitch, bent):
+    """Those of a foot on its heel do not."""
+    path = np.tile((LEG + 0.1) * UP, (40, 1))
+    source = posed(ending_at_the_ball(), {"LeftAnkle": np.array([pitch, 0.0, 0.0])}, path)
+    result = retarget(source, person())
+    for motion, expected in ((result.rotation_copy, 0.0), (result.motion, bent)):
+        toe = Rotation.from_quat(motion.rotations[:, motion.skeleton.index("LeftToe")])
+        np.testing.assert_allclose(toe.magnitude(), expected, atol=0.02)
 
 
 def test_feet_that_are_free_keep_the_sources_rotation():
