@@ -138,12 +138,14 @@ def test_the_root_rises_only_for_skin_that_would_be_below_the_floor():
 
 
 def test_the_root_rises_for_skin_no_farther_than_the_legs_reach():
-    """A trunk that reaches far below the floor does not lift the feet on which the body stands."""
+    """A trunk that reaches far below the floor does not lift the feet that rest beside it; on feet alone it bends."""
     clip, _ = on_floor_of(read_bvh(SAMPLES / "wave.bvh"), SAMPLES / "child.json")
     feet, leg = find_foot_lock(clip), clip.leg_lengths[1]
     feet = replace(feet, weights=np.ones_like(feet.weights))
     deep = Flesh(np.array([clip.pelvis]), np.full((len(clip), 1), 10.0 * leg))
-    hips = clip.raised(np.outer(rise_of_flesh(clip, feet, deep), UPWARDS)).copy_on_path(
+    assert not rise_of_flesh(clip, feet, deep).any()
+    held = feet.with_joints(np.array([0]), np.array([0]), np.ones((len(clip), 1)), np.zeros((len(clip), 1, 3)))
+    hips = clip.raised(np.outer(rise_of_flesh(clip, held, deep), UPWARDS)).copy_on_path(
         np.array([pair.target.hip for pair in clip.legs])
     )
     reaches = np.linalg.norm(hips - feet.places[:, ::2], axis=2).max(axis=1) / leg

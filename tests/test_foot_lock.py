@@ -212,6 +212,21 @@ def test_wide_hips_that_tilt_are_as_high_as_narrow_ones_by_the_leg_that_stands(f
     np.testing.assert_allclose(hips_rise(clip, replace(stance, places=places)), share * lower, atol=1e-6)
 
 
+def test_on_one_leg_hips_tilt_as_fast_as_the_sources_and_not_in_a_jump():
+    """Wide hips that sway on the left leg, and then in the air."""
+    body, frames = person(), np.arange(200)
+    tilts = np.outer(0.2 * np.sin(0.2 * frames), [0, 0, 1])
+    sways = posed(body, {"Hips": tilts, "LeftHip": -tilts}, np.tile((LEG + 0.1) * UP, (200, 1)))
+    clip = Clip.of(matched(sways, with_hips(body, 2.0)), RootScale.even(1.0))
+    feet = find_foot_lock(clip)
+    places = np.repeat(sways.positions[:, [pair.source.ankle for pair in clip.legs]], 2, axis=1)
+    left = 1.0 * ((frames < 100)[:, None] & (np.arange(4) < 2))
+    rise = hips_rise(clip, replace(feet, places=places, weights=left))
+    half = body.offsets[body.index("LeftHip")][0]
+    np.testing.assert_allclose(rise[10:90], -half * np.sin(tilts[10:90, 2]), atol=0.25 * 0.2 * half)
+    np.testing.assert_allclose(rise[110:], 0.0, atol=1e-9)
+
+
 def with_forefoot(body):
     """The body with its toe joints right below the ankles, so that they turn the whole foot."""
     offsets = np.array(body.offsets)
@@ -260,13 +275,20 @@ def test_a_first_frame_in_another_posture_says_nothing_of_the_rest():
     np.testing.assert_allclose(stance.weights[1:, left], 0.0)
 
 
-@pytest.mark.parametrize(("rise", "share"), [(0.0, 0.0), (0.4, 0.0), (0.75, 0.5), (1.0, 1.0), (3.0, 1.0)])
+def held_by_hand(clip, feet):
+    """The supports with a hand that rests as well."""
+    hand = np.array([clip.skeleton.index("LeftWrist")])
+    return feet.with_joints(hand, clip.regions.of_joint[hand], np.ones((len(clip), 1)), np.zeros((len(clip), 1, 3)))
+
+
+@pytest.mark.parametrize(("rise", "share"), [(0.0, 0.0), (0.25, 0.15625), (0.5, 0.5), (1.0, 1.0), (3.0, 1.0)])
 @pytest.mark.parametrize("moments", [30, 50])
 def test_feet_that_legs_do_not_reach_for_a_while_rest_as_near_as_they_do(rise, share, moments):
     """For less than half of the rest, that is; where legs are too short most of the time, feet stay."""
     clip = Clip.of(matched(standing(person(), 80), person()), RootScale.even(1.0))
     feet, rises = find_foot_lock(clip), np.outer(rise * SINK * LEG * (np.arange(80) < moments), UP)
-    moved = feet_within_reach(clip.raised(rises), feet).places - feet.places
+    moved = feet_within_reach(clip.raised(rises), held_by_hand(clip, feet)).places[:, :4] - feet.places
+    np.testing.assert_array_equal(feet_within_reach(clip.raised(rises), feet).places, feet.places)  # on feet alone
     expected = share * rises if moments < 40 else 0.0 * rises
     np.testing.assert_allclose(moved, np.repeat(expected[:, None], 4, axis=1), atol=1e-9)
 
@@ -275,7 +297,8 @@ def test_feet_leave_their_places_smoothly_and_each_on_its_own():
     clip = Clip.of(matched(standing(person(), 80), person()), RootScale.even(1.0))
     feet, time = find_foot_lock(clip), np.arange(80)
     lower = np.outer(SINK * LEG * np.exp(-(((time - 40) / 8) ** 2)), UP)[:, None] * np.array([0, 0, 1, 1])[:, None]
-    moved = feet_within_reach(clip, replace(feet, places=feet.places - lower)).places - feet.places + lower
+    low = held_by_hand(clip, replace(feet, places=feet.places - lower))
+    moved = feet_within_reach(clip, low).places[:, :4] - feet.places + lower
     np.testing.assert_allclose(moved[40], lower[40], atol=1e-5)
     np.testing.assert_array_equal(moved[:, :2], 0.0)
     assert moved.min() > -1e-9
@@ -286,7 +309,7 @@ def test_feet_leave_their_places_smoothly_and_each_on_its_own():
 def test_hips_of_a_cartwheel_are_not_held_by_short_legs():
     result = retarget(read_bvh(SAMPLES / "supports" / "cartwheel.bvh"), load_target(SAMPLES / "child.json"))
     copy, own = (result.metrics[side]["hips_acceleration"] for side in ("rotation_copy", "result"))
-    assert own < 3.5 * copy  # 5.0 if feet stay on the floor
+    assert own < 2.2 * copy  # 5.0 if feet stay on the floor
 
 
 def with_hips(body, factor):

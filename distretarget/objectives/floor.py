@@ -50,11 +50,11 @@ def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Fle
 
 def rise_of_flesh(clip: Clip, supports: Supports, flesh: Flesh) -> Array:
     """Return how much the root rises, (frames,), so that the skin of trunk and head is no lower than the soles while
-    something rests [target file units]: a large head in a cartwheel, a belly in a push-up. It rises no farther than
-    the legs of resting feet reach: what is missing then is the trunk's.
+    something other than a foot rests [target file units]: a large head in a cartwheel, a belly in a push-up. It rises
+    no farther than the legs of resting feet reach: what is missing then is the trunk's, as is all on feet alone.
     """
     low = flesh.heights - clip.copy_on_path(flesh.joints) @ clip.up
-    rise: Array = supports.weights.max(axis=1, initial=0.0) * low.max(axis=1, initial=0.0)
+    rise: Array = supports.beside_feet * low.max(axis=1, initial=0.0)
     if not rise.any():
         return rise
     rise = by_shot(partial(largest, reach=round(ROOT_BLEND / clip.frame_time)), clip.shots, rise[:, None])

@@ -156,27 +156,23 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
 
 
 def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
-    """(frames,), how far the hip joints of the legs that stand are below the source's, scaled, smoothed [target file
-    units]: where the pelvis tilts on one leg, that leg's joint is lower in wide hips. `rests`, (frames, legs), is how
-    firmly each foot rests.
+    """(frames,), how far the hip joints of the legs that stand are below the source's, scaled [target file units]:
+    where the pelvis tilts on one leg, that leg's joint is lower in wide hips; nothing while no foot rests. `rests`,
+    (frames, legs), is how firmly each foot rests.
     """
     hips = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs]))
     higher = _over_source(clip, hips, [pair.source.hip for pair in clip.legs])
-
-    def lower(higher: Array, rests: Array) -> Array:
-        total = rests.sum(axis=1)
-        mean = (rests * higher).sum(axis=1) / np.maximum(total, LITTLE)
-        return -smoothed(mean[:, None], total, ROOT_BLEND / clip.frame_time)[:, 0]
-
-    return by_shot(lower, clip.shots, higher, rests)
+    mean = (rests * higher).sum(axis=1) / np.maximum(rests.sum(axis=1), 1.0)
+    return -clip.averaged(mean, BLEND)
 
 
 def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
-    """Return the supports with feet where legs reach: a place that is too far from the hips' final path moves to the
-    nearest point that the straight leg reaches. It begins to move where the leg is too short by half of `SINK`, beyond
-    the median frame of the same rest, and has moved all the way at `SINK`. Without this, short legs pull a body down
-    that its hands lift, and let it go with a jolt. Legs that are too short in all of a rest, as in a push-up, are only
-    stretched.
+    """Return the supports with feet where legs reach while something else carries the body as well: a place that is
+    too far from the hips' final path moves to the nearest point that the straight leg reaches. It moves the more, the
+    more the leg is too short beyond the median frame of the same rest, and all the way from `SINK` on. Without this,
+    short legs pull a body down that its hands lift, and let it go with a jolt. Legs that are too short in all of a
+    rest, as in a push-up, are only stretched. On feet alone a leg is short where wide hips tilt: the foot stays on the
+    floor, and the pelvis turns to let it.
     """
     if not clip.legs:
         return supports
@@ -184,14 +180,20 @@ def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
     legs = hips - supports.places[:, : supports.feet : 2]
     beyond = np.maximum(lengths(legs) - length, 0.0)
     rests = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2) > 0.0
-    short = np.where(rests, beyond, 0.0) / length
-    for of_leg, resting in zip(short.T, rests.T, strict=True):
-        for first, end in spans_of(resting):
-            of_leg[first:end] -= np.median(of_leg[first:end])
-    gone = clip.widened(smoothstep(2.0 * short / SINK - 1.0), BLEND)
+    short = np.where(rests & (supports.beside_feet > 0.0)[:, None], beyond, 0.0) / length
+    gone = clip.widened(smoothstep(by_shot(_over_medians, clip.shots, short, rests) / SINK), BLEND)
     places = supports.places.copy()
     places[:, : supports.feet] += np.repeat((gone * beyond)[..., None] * normalised(legs), 2, axis=1)
     return replace(supports, places=places)
+
+
+def _over_medians(values: Array, rests: Flags) -> Array:
+    """Values, (frames, legs), less their median over each rest."""
+    over = values.copy()
+    for of_leg, resting in zip(over.T, rests.T, strict=True):
+        for first, end in spans_of(resting):
+            of_leg[first:end] -= np.median(of_leg[first:end])
+    return over
 
 
 def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:

@@ -52,6 +52,11 @@ class Supports:
         return np.asarray(self.weights[:, : self.feet].max(axis=1, initial=0.0))
 
     @property
+    def beside_feet(self) -> Array:
+        """(frames,), 1 while something other than a foot rests, blended to 0."""
+        return np.asarray(self.weights[:, self.feet :].max(axis=1, initial=0.0))
+
+    @property
     def touches(self) -> Iterator[tuple[int, Array]]:
         """The joints that touch other performers or props, each with how firmly, (frames,), 0 to 1."""
         springs = self.scene_springs
