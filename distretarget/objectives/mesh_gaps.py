@@ -76,7 +76,7 @@ def spare_of_copy(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, 
     frames = np.arange(-first % step, len(motion), step)
     gaps, of_mesh = _gaps(body, spots, pairs, motion[frames], 0.0)
     thick = spots.are_hard & ~np.isin(spots.places, PLACE[:-1][IS_ARM])
-    spare = thick * np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0)
+    spare = np.where(thick, np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0), 0.0)
     return _between(spare, frames, len(motion))
 
 

@@ -8,7 +8,7 @@ and again with these put right by the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -129,13 +129,44 @@ def _displaced(
     """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units], in a part of a clip that
     begins with the frame `first`; `free` as `how_free`, and `alone`, (frames, limbs), is 0 while a limb touches others.
     """
+    body, shots = skins.target, (clip.shots, clip.frame_time)
+    pairs, are_hard = body.balls.pairs, IS_HARD[body.balls.pairs[:, 0]]
+    near = partial(nearer_than_capsules, pairs=pairs, first=first, shots=clip.shots)
+    frames, spots = _of_source(clip, skins, posed, free, alone, near)
+    found = len(spots.limbs)
+    if reach is not None:
+        frames, spots = _reaching(frames, spots, reach)
+    bend = partial(brought_out, body.balls, body.displaced, spots)
+    if body.surface is None:
+        return bend(frames, body.limbs, *shots, REACH)
+
+    def softer(by: Array) -> Array:
+        return np.where(are_hard, frames.soft + by[:, spots.of_pair], frames.soft)
+
+    spare = spare_of_copy(body, spots, pairs, posed, first)
+    spare[:, found:] = 0.0  # gaps that a user asks for are those of the capsules
+    d = find_start(body.balls, body.displaced, frames._replace(soft=softer(spare)), *shots)
+    for steps in ROUNDS:
+        now = bent(posed, body.limbs, body.unit * d)
+        farther = -near(body, spots=spots, motion=now, touching=frames.firmness, spare=spare)
+        farther[:, found:] = 0.0
+        now_asked = frames._replace(soft=softer(farther), aims=frames.aims - farther)
+        d = bend(now_asked, body.limbs, *shots, REACH, d, steps)
+    return d
+
+
+def _of_source(
+    clip: Clip, skins: Skins, posed: Motion, free: Array, alone: Array, near: Callable[..., Array]
+) -> tuple[Frames, Spots]:
+    """What is asked of limbs so that they touch what they touch in the source, and the spots where they can; `near` is
+    `nearer_than_capsules` of these frames, others as for `_displaced`.
+    """
     body, source, balls = skins.target, skins.source, skins.target.balls
     ends = source.posed(clip.source)
     in_source = segment_gaps(source.balls, ends, APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
     spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
     gaps = spots.least(in_source)
-    near = partial(nearer_than_capsules, pairs=balls.pairs, first=first, shots=clip.shots)
     gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
     touching = how_touching(spots, gaps)
     firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
@@ -149,24 +180,7 @@ def _displaced(
         firmness=firmness,
         **anchors(clip.source, posed, skins, spots, in_source, firmness),
     )
-    shots, found = (clip.shots, clip.frame_time), len(spots.limbs)
-    if reach is not None:
-        frames, spots = _reaching(frames, spots, reach)
-    spare = spare_of_copy(body, spots, balls.pairs, posed, first)
-    spare[:, found:] = 0.0
-    are_hard = IS_HARD[balls.pairs[:, 0]]
-    soft = np.where(are_hard, frames.soft + spare[:, spots.of_pair], frames.soft)
-    d = find_start(balls, body.displaced, frames._replace(soft=soft), *shots)
-    bend = partial(brought_out, balls, body.displaced, spots)
-    if body.surface is None:
-        return bend(frames, body.limbs, *shots, REACH, start=d)
-    for steps in ROUNDS:
-        now = bent(posed, body.limbs, body.unit * d)
-        nearer = near(body, spots=spots, motion=now, touching=frames.firmness, spare=spare)
-        nearer[:, found:] = 0.0  # gaps that a user asks for are those of the capsules
-        soft = np.where(are_hard, frames.soft - nearer[:, spots.of_pair], frames.soft)
-        d = bend(frames._replace(aims=frames.aims + nearer, soft=soft), body.limbs, *shots, REACH, d, steps)
-    return d
+    return frames, spots
 
 
 def _reaching(frames: Frames, spots: Spots, reach: Reach) -> tuple[Frames, Spots]:
