@@ -12,6 +12,7 @@ from distretarget import Options, load_target, read_bvh, retarget, retarget_scen
 from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_contacts
 from distretarget.measure.skin import find_skin
+from distretarget.measure.skin_touches import FARTHEST
 from distretarget.scene.scene_file import load_scene
 from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies
 from distretarget.skin.capsules import SEGMENTS
@@ -149,3 +150,4 @@ def test_performers_who_overlap_in_the_source_may_just_touch():
     assert errors(0.202).max() < 0.3
     assert errors(0.19).max() > 0.3
     assert errors(0.5).min() > 5.0
+    assert errors(2.0) == pytest.approx(FARTHEST, rel=0.1)

@@ -81,6 +81,7 @@ class Match:
         baseline = Baseline(
             source=clip.source,
             rotation_copy=self.in_file(along_channels(engine_root.placed(clip.copy), self.matching.body_joints)),
+            rise=scale.rise / scale.height,
             matching=self.matching,
             world=self.world,
             distances=clip.distances,
