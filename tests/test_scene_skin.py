@@ -13,8 +13,11 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_contacts
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_touches import FARTHEST
+from distretarget.objectives.skin import brought_out
+from distretarget.objectives.supports import BLEND
+from distretarget.scene import skin as scene_skin
 from distretarget.scene.scene_file import load_scene
-from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies
+from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies, _middle
 from distretarget.skin.capsules import SEGMENTS
 
 TOUCH = 0.005  # gaps of less in the source touch [body units]
@@ -60,6 +63,36 @@ def test_hands_lie_on_those_whom_they_touch(name):
     touches = before < TOUCH
     assert touches.sum() > 20
     assert np.median(after[touches]) < 2 * TOUCH
+
+
+def places_on_trunk(kind, motions, holder, held):
+    """(hands, frames, 2), the angles and the heights of the middles of both hands about the other's trunk [rad, 1]."""
+    skins = [getattr(one.skins, kind) for one in scene("lift")]
+    axes, found = skins[held].landmarks.axes(motions[held]), []
+    for hand in ("left hand", "right hand"):
+        middles = _middle(skins[holder], motions[holder], SEGMENTS.index(hand))
+        off = np.einsum("fij,fj->fi", axes.directions[:, 0], middles - axes.starts[:, 0])
+        found.append(np.stack([np.arctan2(off[:, 2], off[:, 1]), off[:, 0] / axes.lengths[:, 0]], axis=1))
+    return np.array(found)
+
+
+def test_hands_lie_on_the_same_place_of_those_whom_they_lift():
+    before, after = [one.source for one in scene("lift")], [one.motion for one in scene("lift")]
+    of_source, of_result = (places_on_trunk(*each, 0, 1) for each in (("source", before), ("target", after)))
+    off = np.abs(of_result - of_source)[:, hand_gaps(scene("lift"), "source", before) < TOUCH]
+    assert np.degrees(off[..., 0]).mean() < 10.0
+    assert off[..., 1].mean() < 0.15
+
+
+def test_what_hands_touch_sets_in_over_time(monkeypatch):
+    def solved(balls, displaced, spots, frames, *rest):
+        steps.append(np.abs(np.diff(frames.firmness, axis=0)).max() / rest[2])
+        return brought_out(balls, displaced, spots, frames, *rest)
+
+    steps = []
+    monkeypatch.setattr(scene_skin, "brought_out", solved)
+    scene.__wrapped__("high_five")
+    assert 0.0 < steps[0] < 1.0 / BLEND  # [1/s]
 
 
 def test_the_order_of_thick_performers_hardly_matters():

@@ -1,15 +1,17 @@
 """Skin of performers who share a world: limbs leave other bodies and props, and hands that touch them lie on them.
 
 Here all performers are one body with many limbs, in one unit, so that limbs that meet give way alike; their own parts
-stay apart as well. Hands that touch another performer or a prop in the source are drawn to its surface, and limbs leave
-what they are in, as those of a single performer (`objectives.skin`). For each ball of a limb, a prop has one ball that
-stands for it, inside its surface at the point nearest to that ball. So size and shape of a prop do not matter.
+stay apart as well. Hands that touch another performer or a prop in the source are drawn to its surface, on a performer
+to the same place of the body, and limbs leave what they are in, as those of a single performer (`objectives.skin`). For
+each ball of a limb, a prop has one ball that stands for it, inside its surface at the point nearest to that ball. So
+size and shape of a prop do not matter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -20,12 +22,15 @@ from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import slices_of, smoothstep, spans_of
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import by_shot, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers
-from distretarget.objectives.anchors import no_anchors
+from distretarget.objectives.anchors import no_anchors, shared_hands, tie
 from distretarget.objectives.body_skin import BodySkin, Skins
+from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, softness, touching_others
 from distretarget.objectives.spots import APART, Spots, of_pairs
+from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.contacts import PropContacts, SceneContacts, common_shots
@@ -45,6 +50,8 @@ RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh":
 RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
 HARD = SEGMENTS.index("head")  # a prop is no softer than this, and all of it is one place
 WORSE = 0.01  # a limb that is deeper than before by more than this, on average, is not displaced [body units]
+# The segments of each of the first of `PARTS`, those that stay where they are while limbs bend.
+STEADY_PARTS = [np.array([*map(SEGMENTS.index, names)]) for part, names in PARTS.items() if part not in ARM_PARTS]
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
@@ -279,6 +286,7 @@ def _apart(
     touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / DRAWN_WITHIN))
     each = zip(performers, bodies.skins, strict=True)
     limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
+    touching = by_shot(partial(averaged, reach=round(BLEND / clips[0].frame_time)), shots, touching)
     frames = Frames(
         posed=bodies.posed(posed),
         limbs=bodies.limbs(posed),
@@ -286,10 +294,48 @@ def _apart(
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         aims=spots.least(np.maximum(in_source, least)),
         firmness=touching,
-        **no_anchors(len(in_source), len(limbs)),
+        **_on_others(sources, bodies, [clip.source for clip in clips], posed, spots, in_source, touching),
     )
     moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, DRAWN_WITHIN)
     return bodies.bent(posed, moves)
+
+
+def _on_others(
+    sources: Bodies,
+    bodies: Bodies,
+    before: Sequence[Motion],
+    posed: Sequence[Motion],
+    spots: Spots,
+    in_source: Array,
+    firmness: Array,
+) -> dict[str, Array]:
+    """The fields of `Frames` that bring the middles of hands to the places of other performers that they touch. The
+    sources move as `before`; `posed`, `spots`, `in_source` and `firmness` as in `anchors`.
+    """
+    count, kinds = len(bodies.skins), len(STEADY_PARTS)
+    firsts = np.cumsum([0, *(len(skin.limbs) for skin in bodies.skins)])
+    fields = no_anchors(len(firmness), int(firsts[-1]), count * kinds)
+    for i, j in permutations(range(count), 2):
+        one, other = sources.skins[i], bodies.skins[i]
+        touched, own = sources.skins[j].landmarks, bodies.skins[j].landmarks
+        if touched is None or own is None:
+            continue
+        axes = touched.axes(before[j]), own.axes(posed[j])
+        for limb, (hand, *_) in shared_hands(one, other).items():
+            points, now = _middle(one, before[i], hand), _middle(other, posed[i], hand)
+            places, out, _ = rays(*axes, np.repeat(points[:, None, None], len(PARTS), axis=2))
+            at = np.s_[:, firsts[i] + limb, j * kinds : (j + 1) * kinds]
+            fields["off"][at] = (now[:, None] - places[:, 0, :kinds]) / bodies.unit
+            fields["rays"][at] = out[:, 0, :kinds]
+            ends = [(i * COUNT + hand, j * COUNT + parts) for parts in STEADY_PARTS]
+            ties = [tie(bodies.balls.pairs, spots, *both, in_source, firmness) for both in ends]
+            fields["ties"][at] = np.stack(ties, axis=1)
+    return fields
+
+
+def _middle(skin: BodySkin, motion: Motion, segment: int) -> Array:
+    """(frames, 3), the middle of the balls of a segment [file units]."""
+    return np.asarray(skin.unit * skin.centres(skin.posed(motion), segment).mean(axis=1))
 
 
 def _how_free(one: Performer, body: BodySkin) -> Array:
