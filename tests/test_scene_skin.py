@@ -95,6 +95,16 @@ def test_what_hands_touch_sets_in_over_time(monkeypatch):
     assert 0.0 < steps[0] < 1.0 / BLEND  # [1/s]
 
 
+def test_who_claps_beside_another_claps_as_alone():
+    """Hands near another performer, but not on it, still touch their own body."""
+    one, hero = read_bvh(SAMPLES / "clap.bvh")[:180:2], load_target(HERO)
+    height, width = np.ptp(one.positions[0, :, 1]), np.ptp(one.positions[..., 0])
+    other = moved(one, Rotation.identity(), shift=(width + 0.08 * height, 0.0, 0.0))
+    alone = retarget(one, hero).metrics["result"]["skin_gap"]
+    for performer in retarget_scene([one, other], [hero] * 2).results:
+        assert performer.metrics["result"]["skin_gap"] == pytest.approx(alone, abs=0.05)
+
+
 def test_the_order_of_thick_performers_hardly_matters():
     for one, other in zip(scene("waltz"), scene("waltz", -1)[::-1], strict=True):
         off = np.abs(one.motion.positions - other.motion.positions)

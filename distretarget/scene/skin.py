@@ -28,7 +28,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.anchors import no_anchors, shared_hands, tie
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
-from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, softness, touching_others
+from distretarget.objectives.skin import TOUCH, brought_out, how_free, how_touching, limb_places, softness
 from distretarget.objectives.spots import APART, Spots, of_pairs
 from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
@@ -211,12 +211,15 @@ def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> lis
 def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[Skins | None]) -> list[Motion]:
     """Return the performers' motions with limbs bent as their own skins ask, and those that they have to the others."""
     performers = contacts.performers
-    posed = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
-    unbent, held = posed, zip(performers, contacts.springs(posed, posed), posed, strict=True)
-    posed = [_drawn(one, drawn).with_own_skin(now) for one, drawn, now in held]
+    unbent = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
     known = {number: skin for number, skin in enumerate(skins) if skin}
+    if not known:
+        return unbent
     numbers, shapes = [*known], _find_shapes(contacts, known)
-    if not known or (len(known) < 2 and not shapes):
+    sticks, props = [performers[i].match.skins is None for i in numbers], [contacts.props[k].motion for k in shapes]
+    sources = Bodies([skin.source for skin in known.values()], sticks, [*shapes.values()], lambda _: props)
+    posed = _with_own_skins(contacts, unbent, sources, known)
+    if len(known) < 2 and not shapes:
         return posed
     to_props = contacts.springs_to_props(posed, {*range(len(contacts.props))} - shapes.keys())
     chosen = [_free_of(_drawn(performers[i], to_props[i]), [contacts.on_props[i, k] for k in shapes]) for i in numbers]
@@ -228,12 +231,34 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
         places = contacts.placements(all_moved(moved))
         return [places[k].moved(contacts.props[k].motion) for k in shapes]
 
-    sticks = [performers[i].match.skins is None for i in numbers]
     bodies = Bodies([skin.target for skin in known.values()], sticks, [*shapes.values()], props_moved)
-    props = [contacts.props[k].motion for k in shapes]
-    sources = Bodies([skin.source for skin in known.values()], sticks, [*shapes.values()], lambda _: props)
     apart = _apart(chosen, bodies, sources, [posed[i] for i in numbers])
     return all_moved(_where_it_helps(chosen, bodies, [unbent[i] for i in numbers], apart))
+
+
+def _with_own_skins(
+    contacts: SceneContacts, unbent: Sequence[Motion], sources: Bodies, known: Mapping[int, Skins]
+) -> list[Motion]:
+    """The motions with limbs bent as their own skins ask. A limb whose skin touches another performer in the source, or
+    that is drawn to a prop or to one without skin, touches nothing of its own body.
+    """
+    performers, posed = contacts.performers, [*unbent]
+    clips = [performers[i].clip for i in known]
+    gaps, pairs = (
+        segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART),
+        sources.balls.pairs,
+    )
+    near, between = smoothstep((APART - gaps) / (APART - TOUCH)), np.not_equal(*(pairs // COUNT).T)
+    drawn = contacts.springs_to_props(unbent) if len(known) == len(unbent) else contacts.springs(unbent, unbent)
+    for row, (i, skin) in enumerate(known.items()):
+        one, touching = performers[i], np.zeros((len(gaps), len(skin.target.limbs)))
+        for number, limb in enumerate(skin.target.limbs):
+            segments = np.setdiff1d(skin.target.of_joint[[*limb.joints]], [-1])
+            own = np.isin(pairs, row * COUNT + segments).any(axis=1)
+            touching[:, number] = near[:, own & between].max(axis=1, initial=0.0)
+        others = np.maximum(one.clip.widened(touching, BLEND), _drawn_to(_drawn(one, drawn[i]), skin.target))
+        posed[i] = one.with_own_skin(unbent[i], alone=1.0 - others)
+    return posed
 
 
 def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
@@ -267,7 +292,7 @@ def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
 
 
 def _drawn(one: Performer, springs: Springs) -> Performer:
-    """Return the performer with its scene springs; its limbs in scene contact then touch nothing of its own body."""
+    """Return the performer with its scene springs."""
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
@@ -338,11 +363,21 @@ def _middle(skin: BodySkin, motion: Motion, segment: int) -> Array:
     return np.asarray(skin.unit * skin.centres(skin.posed(motion), segment).mean(axis=1))
 
 
+def _drawn_to(one: Performer, body: BodySkin) -> Array:
+    """(frames, limbs), how firmly each limb is drawn to other performers or props, 0 to 1."""
+    drawn = np.zeros((len(one.clip), len(body.limbs)))
+    for joint, weight in one.supports.touches:
+        for number, limb in enumerate(body.limbs):
+            if joint in one.clip.skeleton.subtree(limb.top):
+                drawn[:, number] = np.maximum(drawn[:, number], weight)
+    return drawn
+
+
 def _how_free(one: Performer, body: BodySkin) -> Array:
     """(frames, limbs, 2), how far the middle and end of limbs can move, 0 to 1: not while they touch a prop without a
     shape.
     """
-    alone = 1.0 - touching_others(one.clip, body, one.supports)
+    alone = 1.0 - _drawn_to(one, body)
     return how_free(one.clip, body, one.supports, one.settings) * alone[..., None]
 
 
