@@ -291,6 +291,10 @@ class Motion:
         rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
         return replace(self, root_positions=turn.apply(np.array(self.root_positions)), rotations=rotations)
 
+    def moved(self, by: Array) -> Motion:
+        """Return the motion displaced by a vector, (3,), or by one in each frame, (frames, 3) [file units]."""
+        return replace(self, root_positions=self.root_positions + by) if by.any() else self
+
     def scaled(self, factor: float) -> Motion:
         """Return the motion of a body that is larger by a factor, along a path that is; a SettingsError if the factor
         is not above 0.

@@ -169,10 +169,12 @@ def test_performers_stand_on_the_same_floor_as_alone():
     """Also on characters whose soles are thick, and where the floor of one source is lower."""
     one, hero = leaning(), load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
     lower = moved(leaning(), Rotation.identity(), shift=(1000.0, -4.0, 0.0))
-    alone = retarget(one, hero).motion.positions
+    alone = retarget(one, hero)
     for performer, shift in zip(retarget_scene([one, lower], [hero] * 2).results, (0.0, 1000.0), strict=True):
-        off = performer.motion.positions - alone - [shift * performer.root_scale, 0.0, 0.0]
+        off = performer.motion.positions - alone.motion.positions - [shift * performer.root_scale, 0.0, 0.0]
         assert np.abs(off).max() < 1e-6 * size()
+        for key in ("floor", "foot_height"):
+            assert performer.metrics["result"][key] == pytest.approx(alone.metrics["result"][key], abs=0.01)
 
 
 def test_the_order_of_the_performers_does_not_matter():

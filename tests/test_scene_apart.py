@@ -15,6 +15,7 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
 from distretarget.measure.gaps import measure_skin_contacts
 from distretarget.measure.skin import find_skin
+from distretarget.measure.skin_touches import FARTHEST
 from distretarget.objectives.spots import IS_HARD
 from distretarget.scene import sweeps
 from distretarget.scene.props import PropSurface
@@ -222,4 +223,4 @@ def test_gaps_between_skins_are_told():
     assert measure_skin_contacts([other, away], [other, away], [skin] * 2, [skin] * 2) is None
     far = measure_skin_contacts([other, other], [other, away], [skin] * 2, [skin] * 2)
     assert far.frames == len(other)
-    assert far.error == pytest.approx(100.0 * np.sqrt(3) * 1000.0 / skin.height, rel=0.1)
+    assert far.error == pytest.approx(FARTHEST, rel=0.1)

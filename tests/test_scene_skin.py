@@ -12,8 +12,12 @@ from distretarget import Options, load_target, read_bvh, retarget, retarget_scen
 from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_contacts
 from distretarget.measure.skin import find_skin
+from distretarget.measure.skin_touches import FARTHEST
+from distretarget.objectives.skin import brought_out
+from distretarget.objectives.supports import BLEND
+from distretarget.scene import skin as scene_skin
 from distretarget.scene.scene_file import load_scene
-from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies
+from distretarget.scene.skin import COUNT, DRAWN_WITHIN, Bodies, _middle
 from distretarget.skin.capsules import SEGMENTS
 
 TOUCH = 0.005  # gaps of less in the source touch [body units]
@@ -59,6 +63,46 @@ def test_hands_lie_on_those_whom_they_touch(name):
     touches = before < TOUCH
     assert touches.sum() > 20
     assert np.median(after[touches]) < 2 * TOUCH
+
+
+def places_on_trunk(kind, motions, holder, held):
+    """(hands, frames, 2), the angles and the heights of the middles of both hands about the other's trunk [rad, 1]."""
+    skins = [getattr(one.skins, kind) for one in scene("lift")]
+    axes, found = skins[held].landmarks.axes(motions[held]), []
+    for hand in ("left hand", "right hand"):
+        middles = _middle(skins[holder], motions[holder], SEGMENTS.index(hand))
+        off = np.einsum("fij,fj->fi", axes.directions[:, 0], middles - axes.starts[:, 0])
+        found.append(np.stack([np.arctan2(off[:, 2], off[:, 1]), off[:, 0] / axes.lengths[:, 0]], axis=1))
+    return np.array(found)
+
+
+def test_hands_lie_on_the_same_place_of_those_whom_they_lift():
+    before, after = [one.source for one in scene("lift")], [one.motion for one in scene("lift")]
+    of_source, of_result = (places_on_trunk(*each, 0, 1) for each in (("source", before), ("target", after)))
+    off = np.abs(of_result - of_source)[:, hand_gaps(scene("lift"), "source", before) < TOUCH]
+    assert np.degrees(off[..., 0]).mean() < 10.0
+    assert off[..., 1].mean() < 0.15
+
+
+def test_what_hands_touch_sets_in_over_time(monkeypatch):
+    def solved(balls, displaced, spots, frames, *rest):
+        steps.append(np.abs(np.diff(frames.firmness, axis=0)).max() / rest[2])
+        return brought_out(balls, displaced, spots, frames, *rest)
+
+    steps = []
+    monkeypatch.setattr(scene_skin, "brought_out", solved)
+    scene.__wrapped__("high_five")
+    assert 0.0 < steps[0] < 1.0 / BLEND  # [1/s]
+
+
+def test_who_claps_beside_another_claps_as_alone():
+    """Hands near another performer, but not on it, still touch their own body."""
+    one, hero = read_bvh(SAMPLES / "clap.bvh")[:180:2], load_target(HERO)
+    height, width = np.ptp(one.positions[0, :, 1]), np.ptp(one.positions[..., 0])
+    other = moved(one, Rotation.identity(), shift=(width + 0.08 * height, 0.0, 0.0))
+    alone = retarget(one, hero).metrics["result"]["skin_gap"]
+    for performer in retarget_scene([one, other], [hero] * 2).results:
+        assert performer.metrics["result"]["skin_gap"] == pytest.approx(alone, abs=0.05)
 
 
 def test_the_order_of_thick_performers_hardly_matters():
@@ -149,3 +193,4 @@ def test_performers_who_overlap_in_the_source_may_just_touch():
     assert errors(0.202).max() < 0.3
     assert errors(0.19).max() > 0.3
     assert errors(0.5).min() > 5.0
+    assert errors(2.0) == pytest.approx(FARTHEST, rel=0.1)

@@ -112,7 +112,7 @@ def find_root_offset(body: Body, up: Array) -> RootOffset:
 
 def with_root_offset(motion: Motion) -> Motion:
     """Return the motion with the root's OFFSET added to its positions."""
-    return replace(motion, root_positions=motion.root_positions + motion.skeleton.offsets[0])
+    return motion.moved(motion.skeleton.offsets[0])
 
 
 def on_own_soles(matching: Matching, scale: float | None = None, undersides: Undersides | None = None) -> Matching:
@@ -120,8 +120,8 @@ def on_own_soles(matching: Matching, scale: float | None = None, undersides: Und
     rise = rise_onto_soles(matching, scale or find_root_scale(matching), undersides)
     if not rise:
         return matching
-    target, motion = matching.target, matching.source_motion
-    raised = replace(motion, root_positions=motion.root_positions + rise * target.up_vector)
+    target = matching.target
+    raised = matching.source_motion.moved(rise * target.up_vector)
     return replace(matching, source=matching.source.with_motion(raised, target.up))
 
 

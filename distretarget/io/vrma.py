@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -78,7 +77,7 @@ def as_humanoid(motion: Motion) -> Motion:
     held = Motion(skeleton, motion.root_positions, world, motion.frame_time_text)
     hips = np.array([bones["hips"]])
     away = motion.positions_of(hips) - held.positions_of(hips)
-    return replace(held, root_positions=held.root_positions + away[:, 0])
+    return held.moved(away[:, 0])
 
 
 def _humanoid(motion: Motion) -> tuple[Body, dict[str, int]]:

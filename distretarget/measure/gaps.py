@@ -14,7 +14,7 @@ from distretarget.matching.matching import Matching
 from distretarget.measure.skin import Skin
 from distretarget.measure.skin_depths import LIMBS, PARTS, find_depths
 from distretarget.measure.skin_places import PLACE_OF
-from distretarget.measure.skin_touches import TOUCHING
+from distretarget.measure.skin_touches import FARTHEST, TOUCHING
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, lengths
@@ -202,7 +202,7 @@ def measure_skin_contacts(
             touching = gaps < TOUCHING
             if not touching.any():
                 continue
-            after = _gaps(results, skins, one, other, block, np.inf)
+            after = _gaps(results, skins, one, other, block, FARTHEST)
             for frame, limb in zip(*np.nonzero(touching.any(axis=2)), strict=True):
                 part = int(gaps[frame, limb].argmin())
                 gap = gaps[frame, limb, part]

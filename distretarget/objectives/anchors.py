@@ -10,7 +10,7 @@ import numpy as np
 
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array, Flags
+from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.objectives.spots import Spots
@@ -39,7 +39,8 @@ def anchors(
         return no_anchors(len(posed), len(limbs))
     for limb, (segment, *_) in hands.items():
         for part, names in enumerate(PARTS.values()):
-            fields["ties"][:, limb, part] = _tie(other, spots, segment, names, in_source, firmness)
+            touched = np.array([*map(SEGMENTS.index, names)])
+            fields["ties"][:, limb, part] = tie(other.balls.pairs, spots, segment, touched, in_source, firmness)
     touch = np.flatnonzero(fields["ties"].any(axis=(1, 2)))
     if not len(touch):
         return no_anchors(len(posed), len(limbs))
@@ -123,16 +124,15 @@ def _carried(heights: Array) -> Array:
     return carried
 
 
-def _tie(
-    body: BodySkin, spots: Spots, segment: int, names: tuple[str, ...], in_source: Array, firmness: Array
-) -> Array:
-    """(frames,), how far a segment of a limb touches a part of the body with some segments, 0 to 1."""
-    numbers = [SEGMENTS.index(name) for name in names]
-    one, other = body.balls.pairs.T
-    on = ((one == segment) & np.isin(other, numbers)) | ((other == segment) & np.isin(one, numbers))
-    tie = np.zeros(len(firmness))
+def tie(pairs: Numbers, spots: Spots, segment: int, touched: Numbers, in_source: Array, firmness: Array) -> Array:
+    """Return how far a segment of a limb touches some others, (frames,), 0 to 1; `pairs`, (pairs, 2), are the segments
+    of `spots`, and the other arguments as in `anchors`.
+    """
+    one, other = pairs.T
+    on = ((one == segment) & np.isin(other, touched)) | ((other == segment) & np.isin(one, touched))
+    found = np.zeros(len(firmness))
     for spot in np.unique(spots.of_pair[on]):
         own = spots.of_pair == spot
         farther = in_source[:, on & own].min(axis=1) - in_source[:, own].min(axis=1)
-        tie = np.maximum(tie, firmness[:, spot] * smoothstep(1.0 - farther / NEARER))
-    return np.asarray(tie)
+        found = np.maximum(found, firmness[:, spot] * smoothstep(1.0 - farther / NEARER))
+    return np.asarray(found)

@@ -88,11 +88,14 @@ def with_skin(
     settings: ContactSettings,
     reach: Reach | None = None,
     wanted: Flags | None = None,
+    alone: Array | None = None,
 ) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks, and as a user does; `posed` is the motion
-    before. Only frames that are `wanted`, (frames,), need to be right; by default all.
+    before. Only frames that are `wanted`, (frames,), need to be right; by default all. Limbs touch the body itself as
+    far as they are `alone`, (frames, limbs), 0 to 1; by default all are.
     """
-    free, alone = how_free(clip, skins.target, supports, settings), 1.0 - touching_others(clip, skins.target, supports)
+    free = how_free(clip, skins.target, supports, settings)
+    alone = np.ones(free.shape[:2]) if alone is None else alone
     ends = free[..., 1] if reach is None else free[..., 1] * (1.0 - reach.ties)
     posed = approached(clip, skins, posed, ends)
     margin = round(FADES * TAU / clip.frame_time)
@@ -242,16 +245,6 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
         if limb.top in {leg.hip for leg in clip.target_legs or ()}:
             free[:, number, 1] = 0.0
     return free
-
-
-def touching_others(clip: Clip, body: BodySkin, supports: Supports) -> Array:
-    """(frames, limbs), how firmly each limb touches other performers or props, 0 to 1."""
-    touching = np.zeros((len(clip), len(body.limbs)))
-    for joint, weight in supports.touches:
-        for number, limb in enumerate(body.limbs):
-            if joint in clip.skeleton.subtree(limb.top):
-                touching[:, number] = np.maximum(touching[:, number], weight)
-    return touching
 
 
 def how_touching(spots: Spots, gaps: Array) -> Array:

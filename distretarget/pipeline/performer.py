@@ -21,7 +21,7 @@ from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
-from distretarget.numerics.vectors import Flags, extent, lengths
+from distretarget.numerics.vectors import Array, Flags, extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.clip import Clip
@@ -81,6 +81,7 @@ class Match:
         baseline = Baseline(
             source=clip.source,
             rotation_copy=self.in_file(along_channels(engine_root.placed(clip.copy), self.matching.body_joints)),
+            rise=scale.rise / scale.height,
             matching=self.matching,
             world=self.world,
             distances=clip.distances,
@@ -211,12 +212,15 @@ class Performer:
         """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
-    def with_own_skin(self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None) -> Motion:
-        """Return a motion with its limbs bent as the performer's skin asks, and as a user does, in the frames that are
-        `wanted`, (frames,), by default all; the same motion without skin.
+    def with_own_skin(
+        self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None, alone: Array | None = None
+    ) -> Motion:
+        """Return a motion with its limbs bent as the performer's skin asks, and as a user does, as `with_skin`; the
+        same motion without skin.
         """
-        skins = self.match.skins
-        return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted) if skins else posed
+        if skins := self.match.skins:
+            return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted, alone)
+        return posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
         """Return the result of the poses, with the paper's solved points where there are any; `posed` is its motion

@@ -52,6 +52,7 @@ class Baseline:
 
     source: Motion
     rotation_copy: Motion
+    rise: float  # of the source, so that it stands on the floor that the target stands on [source file units]
     matching: Matching
     world: World
     distances: DistanceProblem
@@ -61,14 +62,14 @@ class Baseline:
 
     @cached_property
     def reference(self) -> Reference:
-        """The source as motions are measured against it."""
-        source, target = self.matching.source, self.matching.target
+        """The source as motions are measured against it: on their floor."""
+        source, target, up = self.matching.source, self.matching.target, self.world.up_vector
         skins, surface = None, None
         if self.skins:
             of_target = _skin_of(target, self.skins.target.capsules, self.mesh)
             skins = _skin_of(source, self.skins.source.capsules, self.source_mesh), of_target
             surface = find_surface(target.skeleton, self.skins.target.capsules, self.mesh)
-        return Reference(self.source, self.matching, self.world.up_vector, skins, surface)
+        return Reference(self.source.moved(self.rise * up), self.matching, up, skins, surface)
 
     @cached_property
     def comparison(self) -> Comparison:

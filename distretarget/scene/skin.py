@@ -1,15 +1,17 @@
 """Skin of performers who share a world: limbs leave other bodies and props, and hands that touch them lie on them.
 
 Here all performers are one body with many limbs, in one unit, so that limbs that meet give way alike; their own parts
-stay apart as well. Hands that touch another performer or a prop in the source are drawn to its surface, and limbs leave
-what they are in, as those of a single performer (`objectives.skin`). For each ball of a limb, a prop has one ball that
-stands for it, inside its surface at the point nearest to that ball. So size and shape of a prop do not matter.
+stay apart as well. Hands that touch another performer or a prop in the source are drawn to its surface, on a performer
+to the same place of the body, and limbs leave what they are in, as those of a single performer (`objectives.skin`). For
+each ball of a limb, a prop has one ball that stands for it, inside its surface at the point nearest to that ball. So
+size and shape of a prop do not matter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -20,12 +22,15 @@ from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import slices_of, smoothstep, spans_of
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import by_shot, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers
-from distretarget.objectives.anchors import no_anchors
+from distretarget.objectives.anchors import no_anchors, shared_hands, tie
 from distretarget.objectives.body_skin import BodySkin, Skins
-from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, softness, touching_others
+from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
+from distretarget.objectives.skin import TOUCH, brought_out, how_free, how_touching, limb_places, softness
 from distretarget.objectives.spots import APART, Spots, of_pairs
+from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.contacts import PropContacts, SceneContacts, common_shots
@@ -45,6 +50,8 @@ RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh":
 RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
 HARD = SEGMENTS.index("head")  # a prop is no softer than this, and all of it is one place
 WORSE = 0.01  # a limb that is deeper than before by more than this, on average, is not displaced [body units]
+# The segments of each of the first of `PARTS`, those that stay where they are while limbs bend.
+STEADY_PARTS = [np.array([*map(SEGMENTS.index, names)]) for part, names in PARTS.items() if part not in ARM_PARTS]
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
@@ -204,12 +211,15 @@ def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> lis
 def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[Skins | None]) -> list[Motion]:
     """Return the performers' motions with limbs bent as their own skins ask, and those that they have to the others."""
     performers = contacts.performers
-    posed = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
-    unbent, held = posed, zip(performers, contacts.springs(posed, posed), posed, strict=True)
-    posed = [_drawn(one, drawn).with_own_skin(now) for one, drawn, now in held]
+    unbent = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
     known = {number: skin for number, skin in enumerate(skins) if skin}
+    if not known:
+        return unbent
     numbers, shapes = [*known], _find_shapes(contacts, known)
-    if not known or (len(known) < 2 and not shapes):
+    sticks, props = [performers[i].match.skins is None for i in numbers], [contacts.props[k].motion for k in shapes]
+    sources = Bodies([skin.source for skin in known.values()], sticks, [*shapes.values()], lambda _: props)
+    posed = _with_own_skins(contacts, unbent, sources, known)
+    if len(known) < 2 and not shapes:
         return posed
     to_props = contacts.springs_to_props(posed, {*range(len(contacts.props))} - shapes.keys())
     chosen = [_free_of(_drawn(performers[i], to_props[i]), [contacts.on_props[i, k] for k in shapes]) for i in numbers]
@@ -221,12 +231,34 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
         places = contacts.placements(all_moved(moved))
         return [places[k].moved(contacts.props[k].motion) for k in shapes]
 
-    sticks = [performers[i].match.skins is None for i in numbers]
     bodies = Bodies([skin.target for skin in known.values()], sticks, [*shapes.values()], props_moved)
-    props = [contacts.props[k].motion for k in shapes]
-    sources = Bodies([skin.source for skin in known.values()], sticks, [*shapes.values()], lambda _: props)
     apart = _apart(chosen, bodies, sources, [posed[i] for i in numbers])
     return all_moved(_where_it_helps(chosen, bodies, [unbent[i] for i in numbers], apart))
+
+
+def _with_own_skins(
+    contacts: SceneContacts, unbent: Sequence[Motion], sources: Bodies, known: Mapping[int, Skins]
+) -> list[Motion]:
+    """The motions with limbs bent as their own skins ask. A limb whose skin touches another performer in the source, or
+    that is drawn to a prop or to one without skin, touches nothing of its own body.
+    """
+    performers, posed = contacts.performers, [*unbent]
+    clips = [performers[i].clip for i in known]
+    gaps, pairs = (
+        segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART),
+        sources.balls.pairs,
+    )
+    near, between = smoothstep((APART - gaps) / (APART - TOUCH)), np.not_equal(*(pairs // COUNT).T)
+    drawn = contacts.springs_to_props(unbent) if len(known) == len(unbent) else contacts.springs(unbent, unbent)
+    for row, (i, skin) in enumerate(known.items()):
+        one, touching = performers[i], np.zeros((len(gaps), len(skin.target.limbs)))
+        for number, limb in enumerate(skin.target.limbs):
+            segments = np.setdiff1d(skin.target.of_joint[[*limb.joints]], [-1])
+            own = np.isin(pairs, row * COUNT + segments).any(axis=1)
+            touching[:, number] = near[:, own & between].max(axis=1, initial=0.0)
+        others = np.maximum(one.clip.widened(touching, BLEND), _drawn_to(_drawn(one, drawn[i]), skin.target))
+        posed[i] = one.with_own_skin(unbent[i], alone=1.0 - others)
+    return posed
 
 
 def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
@@ -260,7 +292,7 @@ def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
 
 
 def _drawn(one: Performer, springs: Springs) -> Performer:
-    """Return the performer with its scene springs; its limbs in scene contact then touch nothing of its own body."""
+    """Return the performer with its scene springs."""
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
@@ -279,6 +311,7 @@ def _apart(
     touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / DRAWN_WITHIN))
     each = zip(performers, bodies.skins, strict=True)
     limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
+    touching = by_shot(partial(averaged, reach=round(BLEND / clips[0].frame_time)), shots, touching)
     frames = Frames(
         posed=bodies.posed(posed),
         limbs=bodies.limbs(posed),
@@ -286,17 +319,65 @@ def _apart(
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         aims=spots.least(np.maximum(in_source, least)),
         firmness=touching,
-        **no_anchors(len(in_source), len(limbs)),
+        **_on_others(sources, bodies, [clip.source for clip in clips], posed, spots, in_source, touching),
     )
     moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, DRAWN_WITHIN)
     return bodies.bent(posed, moves)
+
+
+def _on_others(
+    sources: Bodies,
+    bodies: Bodies,
+    before: Sequence[Motion],
+    posed: Sequence[Motion],
+    spots: Spots,
+    in_source: Array,
+    firmness: Array,
+) -> dict[str, Array]:
+    """The fields of `Frames` that bring the middles of hands to the places of other performers that they touch. The
+    sources move as `before`; `posed`, `spots`, `in_source` and `firmness` as in `anchors`.
+    """
+    count, kinds = len(bodies.skins), len(STEADY_PARTS)
+    firsts = np.cumsum([0, *(len(skin.limbs) for skin in bodies.skins)])
+    fields = no_anchors(len(firmness), int(firsts[-1]), count * kinds)
+    for i, j in permutations(range(count), 2):
+        one, other = sources.skins[i], bodies.skins[i]
+        touched, own = sources.skins[j].landmarks, bodies.skins[j].landmarks
+        if touched is None or own is None:
+            continue
+        axes = touched.axes(before[j]), own.axes(posed[j])
+        for limb, (hand, *_) in shared_hands(one, other).items():
+            points, now = _middle(one, before[i], hand), _middle(other, posed[i], hand)
+            places, out, _ = rays(*axes, np.repeat(points[:, None, None], len(PARTS), axis=2))
+            at = np.s_[:, firsts[i] + limb, j * kinds : (j + 1) * kinds]
+            fields["off"][at] = (now[:, None] - places[:, 0, :kinds]) / bodies.unit
+            fields["rays"][at] = out[:, 0, :kinds]
+            ends = [(i * COUNT + hand, j * COUNT + parts) for parts in STEADY_PARTS]
+            ties = [tie(bodies.balls.pairs, spots, *both, in_source, firmness) for both in ends]
+            fields["ties"][at] = np.stack(ties, axis=1)
+    return fields
+
+
+def _middle(skin: BodySkin, motion: Motion, segment: int) -> Array:
+    """(frames, 3), the middle of the balls of a segment [file units]."""
+    return np.asarray(skin.unit * skin.centres(skin.posed(motion), segment).mean(axis=1))
+
+
+def _drawn_to(one: Performer, body: BodySkin) -> Array:
+    """(frames, limbs), how firmly each limb is drawn to other performers or props, 0 to 1."""
+    drawn = np.zeros((len(one.clip), len(body.limbs)))
+    for joint, weight in one.supports.touches:
+        for number, limb in enumerate(body.limbs):
+            if joint in one.clip.skeleton.subtree(limb.top):
+                drawn[:, number] = np.maximum(drawn[:, number], weight)
+    return drawn
 
 
 def _how_free(one: Performer, body: BodySkin) -> Array:
     """(frames, limbs, 2), how far the middle and end of limbs can move, 0 to 1: not while they touch a prop without a
     shape.
     """
-    alone = 1.0 - touching_others(one.clip, body, one.supports)
+    alone = 1.0 - _drawn_to(one, body)
     return how_free(one.clip, body, one.supports, one.settings) * alone[..., None]
 
 
