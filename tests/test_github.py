@@ -54,3 +54,9 @@ def test_paths_exist(name):
     folders = "|".join(re.escape(folder.name) for folder in ROOT.iterdir() if folder.is_dir())
     for path in re.findall(rf"(?<![\w/.-])(?:{folders})/[\w./-]*\w|\b[\w/]+\.(?:md|py|toml|yml|cff)\b", text):
         assert (ROOT / path).exists() or path.startswith("out/"), path
+
+
+@pytest.mark.parametrize("name", ["run", "pythons"])
+def test_tests_that_checks_choose_exist(name):
+    chosen = re.search(r"tests/test_\{(.*?)\}\.py", (ROOT / ".ci" / name).read_text("utf-8")).group(1).split(",")
+    assert [test for test in chosen if not (ROOT / "tests" / f"test_{test}.py").exists()] == []
