@@ -59,7 +59,7 @@ class Clip:
     shots: Shots  # (frames,), the number of each frame's shot; shots are separated by cuts
     scale: RootScale  # from the source's world to the target's
     up: Array  # (3,), the unit vector up in both
-    unit: float  # the target's body unit, twice its leg length [target file units]
+    unit: float  # the target's body unit [target file units]
     leg_lengths: tuple[float, float]  # of source and target [file units of each]; 0 without legs
     legs: tuple[LegPair, ...]  # both legs; none unless source and target have them
     target_legs: Legs | None  # the target's own legs, driven or not; None where it has none
