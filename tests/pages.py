@@ -57,6 +57,18 @@ def check_text_can_be_read(tab):
     assert not [(ratio, what) for ratio, what in found if ratio < 4.5]
 
 
+def made_once(folder, make):
+    """A function that makes the page of a name in a folder, once, and returns its file; `make` returns its text."""
+
+    def page(name):
+        path = folder / f"{name}.html"
+        if not path.exists():
+            path.write_text(make(name), "utf-8")
+        return path
+
+    return page
+
+
 @contextmanager
 def printed(tab):
     """A page in its dark theme while it is printed: on white, with the terms, and as before at the end."""

@@ -297,12 +297,13 @@ def test_short_legs_do_not_make_a_body_small():
     body = Body.of(lengthened(person(), {"Knee": 0.3, "Ankle": 0.3}))
     assert 2 * body.leg_length < 0.9 * body.height
     assert body.unit == body.height
+    assert body.leg == body.leg_length
 
 
 def test_bodies_without_legs_have_a_size():
     body = Body.of(bent_chain())
     assert (body.legs, body.leg_length, body.pelvis_joint) == (None, 0.0, None)
-    assert (body.height, body.unit) == (2.0, 3.0)
+    assert (body.height, body.unit, body.leg) == (2.0, 3.0, 1.5)
 
 
 @ups

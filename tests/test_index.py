@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bodies import person, swaying
 from conftest import PLAYER_BUILT
-from pages import check_it_asks_for_nothing, check_text_can_be_read, embedded, printed, settle
+from pages import check_it_asks_for_nothing, check_text_can_be_read, embedded, made_once, printed, settle
 
 import distretarget.report
 from distretarget.measure.metrics import COLUMNS
@@ -213,18 +213,13 @@ MADE = {
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
     """Makes a page once: its file."""
-    folder = tmp_path_factory.mktemp("pages")
 
-    def page(name):
-        path = folder / f"{name}.html"
-        if not path.exists():
-            records = MADE[name]()
-            links = {one["output"]: f"reports/{one['output']}.html" for one in records if one["status"] == "done"}
-            played = stages() if name == "played" else {}
-            path.write_text(index_page(records, links, f"Title {name}", played), "utf-8")
-        return path
+    def text(name):
+        records = MADE[name]()
+        links = {one["output"]: f"reports/{one['output']}.html" for one in records if one["status"] == "done"}
+        return index_page(records, links, f"Title {name}", stages() if name == "played" else {})
 
-    return page
+    return made_once(tmp_path_factory.mktemp("pages"), text)
 
 
 @pytest.fixture

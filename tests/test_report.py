@@ -22,7 +22,7 @@ from bodies import (
     tree_of,
     with_bone,
 )
-from pages import check_it_asks_for_nothing, check_text_can_be_read, embedded, printed, settle
+from pages import check_it_asks_for_nothing, check_text_can_be_read, embedded, made_once, printed, settle
 from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
@@ -227,15 +227,7 @@ MADE = {
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory):
     """Makes a report once: its file."""
-    folder = tmp_path_factory.mktemp("reports")
-
-    def report(name):
-        path = folder / f"{name}.html"
-        if not path.exists():
-            path.write_text(MADE[name](), "utf-8")
-        return path
-
-    return report
+    return made_once(tmp_path_factory.mktemp("reports"), lambda name: MADE[name]())
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ def resting(rests, off=OFF):
 class Still:
     """A clip in which the copy does not move, of a body with legs of length 1 and one joint in a region."""
 
-    frame_time, unit = 1 / 60, 2.0
+    frame_time, leg = 1 / 60, 1.0
 
     def __init__(self, shots=ONE_SHOT, region="left hand"):
         self.shots = shots

@@ -84,16 +84,15 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
     if "unreadable" in findings:
         return audited
     body = Body.of_motion(motion)
-    leg = 0.5 * body.unit
     return replace(
         audited,
         rig=(motion.skeleton.names, motion.skeleton.parents.tobytes()),
         frames=len(motion),
         frame_time=motion.frame_time,
-        leg=leg,
+        leg=body.leg,
         up=body.up,
         pictures=dict(_pictures(motion, body, findings)) if pictures else {},
-        places=_places(motion, leg),
+        places=_places(motion, body.leg),
     )
 
 

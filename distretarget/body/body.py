@@ -142,6 +142,11 @@ class Body:
         return max(2.0 * self.leg_length, self.height) if self.legs else self.skeleton.longest_path
 
     @of_rig
+    def leg(self) -> float:
+        """The length of a leg, or half the body unit where there is none [file units]."""
+        return self.leg_length or 0.5 * self.unit
+
+    @of_rig
     def height(self) -> float:
         """The extent upwards of the standing body but its arms; without an anatomy along its legs, else the largest
         [file units].
@@ -250,7 +255,7 @@ class Body:
 
     def _find_shots(self, motion: Motion) -> Shots:
         joints = np.flatnonzero(self.regions.of_joint >= 0)
-        return find_shots(motion.positions, joints, 0.5 * self.unit, motion.frame_time)
+        return find_shots(motion.positions, joints, self.leg, motion.frame_time)
 
     @of_rig
     def rest(self) -> Pose:

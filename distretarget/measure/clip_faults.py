@@ -96,7 +96,7 @@ def find_faults(motion: Motion) -> Findings:
     if len(motion) < 2:
         return {"unreadable": Finding(1.0, None, "has fewer than two frames")}
     body = Body.of_motion(motion)
-    leg = 0.5 * body.unit
+    leg = body.leg
     if leg <= 0:
         return {"unreadable": Finding(1.0, None, "has no bone with a length")}
     joints = np.flatnonzero((body.regions.of_joint >= 0) & ~body.skeleton.end_sites)
@@ -170,7 +170,7 @@ def _of_steps(motion: Motion, body: Body, joints: Numbers, shots: Shots) -> Find
     """Joints that jump or flip, in a motion without repeated frames."""
     if len(motion) < 2:
         return {"jumps": Finding(0.0), "flips": Finding(0.0)}
-    steps, rotations = steps_along(motion.positions, joints) / (0.5 * body.unit), motion.rotations[:, joints]
+    steps, rotations = steps_along(motion.positions, joints) / body.leg, motion.rotations[:, joints]
     cosine = np.abs((rotations[1:] * rotations[:-1]).sum(axis=-1))
     turns = 2.0 * np.arccos(np.minimum(cosine, 1.0))  # against the parents [rad]
     far, inside = max(FAR, FAST * motion.frame_time), np.diff(shots) == 0

@@ -161,7 +161,7 @@ class Reference:
         further[self._cuts] = 0.0
         return Comparison(
             contacts=contacts,
-            contact_gap=contacts.largest_gaps(0.5 * self.matching.source.unit, 0.5 * self.matching.target.unit),
+            contact_gap=contacts.largest_gaps(self.matching.source.leg, self.matching.target.leg),
             skin=self._skin.in_result(result),
             feet=feet,
             supports=supports,

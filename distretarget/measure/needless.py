@@ -60,7 +60,7 @@ def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Arra
     cuts = np.diff(shots) != 0
     off[cuts[:-1] | cuts[1:]] = 0.0
     span = 2 * round(LASTS / result.frame_time) + 1
-    percent = 100.0 * min(INSTANT / result.frame_time, 1.0) ** 2 / (0.5 * body.unit)
+    percent = 100.0 * min(INSTANT / result.frame_time, 1.0) ** 2 / body.leg
     for joint in joints:  # one by one, for which scipy has a faster filter
         off[:, joint] = percent * median_filter(off[:, joint], span, mode="nearest")
     return off

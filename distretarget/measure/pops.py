@@ -32,7 +32,7 @@ def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
     a root on the floor, do not pop, and no joint pops at a cut of the source between `shots`, (frames,), or where the
     source itself jumps.
     """
-    scale = 100 * INSTANT / (0.5 * body.unit * result.frame_time)  # of steps in file units
+    scale = 100 * INSTANT / (body.leg * result.frame_time)  # of steps in file units
     pops, going_on = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
     joints = np.flatnonzero(body.regions.of_joint >= 0)
     for block in blocks_of(len(pops)):

@@ -122,6 +122,11 @@ class Clip:
         return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms, drops=drops)
 
     @property
+    def leg(self) -> float:
+        """The length of the target's leg, or half its body unit where there is none [target file units]."""
+        return self.leg_lengths[1] or 0.5 * self.unit
+
+    @property
     def skeleton(self) -> Skeleton:
         """The target's skeleton."""
         return self.copy.skeleton

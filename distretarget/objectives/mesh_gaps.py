@@ -54,27 +54,23 @@ def nearer_than_capsules(
     """
     if body.surface is None:
         return np.zeros((len(motion), len(spots.limbs)))
-    step = _step(motion)
-    frames = np.arange(-first % step, len(motion), step)
-    near = np.where(touching[frames] > 0.0, FARTHEST, NEAR)
-    gaps, of_mesh = _gaps(body, spots, pairs, motion[frames], near)
+    near = np.where(touching > 0.0, FARTHEST, NEAR)
+    frames, gaps, of_mesh = _looked_at(body, spots, pairs, motion, first, near)
     known = of_mesh < FARTHEST
     off = np.where(known, gaps - of_mesh, 0.0)
     off = off.clip(-np.maximum(np.where(touching > 0.0, MOST, THICKER), spare)[frames], MOST)
-    averaged_in = partial(_averaged, reach=round(STEADY / (step * motion.frame_time)))
+    averaged_in = partial(_averaged, reach=round(STEADY / (_step(motion) * motion.frame_time)))
     return _between(by_shot(averaged_in, shots[frames], off, known), frames, len(motion))
 
 
 def spare_of_copy(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, first: int) -> Array:
     """Return how far capsules of hands and forearms may overlap others, (frames, spots) [body units]: as far as they do
     in a motion while its mesh is outside, less by twice the depth where it is inside. So limbs that sink in nowhere
-    stay where they are. Arms that pass through arms may be outside beyond them. Arguments as `nearer_than_capsules`.
+    stay where they are. Arms that pass through arms may be outside beyond them. Arguments as `nearer_than_capsules`, of
+    a body with a mesh.
     """
-    if body.surface is None:
-        return np.zeros((len(motion), len(spots.limbs)))
-    step = _step(motion)
-    frames = np.arange(-first % step, len(motion), step)
-    gaps, of_mesh = _gaps(body, spots, pairs, motion[frames], 0.0)
+    near = np.zeros((len(motion), len(spots.limbs)))
+    frames, gaps, of_mesh = _looked_at(body, spots, pairs, motion, first, near)
     thick = spots.are_hard & ~np.isin(spots.places, PLACE[:-1][IS_ARM])
     spare = np.where(thick, np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0), 0.0)
     return _between(spare, frames, len(motion))
@@ -85,17 +81,23 @@ def _step(motion: Motion) -> int:
     return max(round(1.0 / (RATE * motion.frame_time)), 1)
 
 
-def _gaps(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, near: Array | float) -> tuple[Array, Array]:
-    """The gaps at each spot by capsules and by the mesh, (frames, spots) each [body units]; the mesh's are infinite but
-    for hands and forearms that are nearer than `near` by capsules.
+def _looked_at(
+    body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, first: int, near: Array
+) -> tuple[Numbers, Array, Array]:
+    """The frames that are looked at, and the gaps at each spot by capsules and by the mesh there, (some frames, spots)
+    each [body units]; the mesh's are infinite but for hands and forearms that are nearer by capsules than `near`,
+    (frames, spots).
     """
+    step = _step(motion)
+    frames = np.arange(-first % step, len(motion), step)
+    motion = motion[frames]
     gaps = spots.least(of_pairs(segment_gaps(body.balls, body.posed(motion), FARTHEST), body.balls.pairs, pairs))
-    wanted = spots.are_hard & (gaps < near)
+    wanted = spots.are_hard & (gaps < near[frames])
     places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
     parts = [*zip(spots.limbs.tolist(), places, strict=True)]
     assert body.surface is not None
     of_mesh = body.surface.gaps(motion, parts, wanted, FARTHEST * body.unit) if wanted.any() else gaps
-    return gaps, np.where(wanted, of_mesh / body.unit, np.inf)
+    return frames, gaps, np.where(wanted, of_mesh / body.unit, np.inf)
 
 
 def _between(values: Array, frames: Numbers, count: int) -> Array:

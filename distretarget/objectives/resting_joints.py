@@ -83,7 +83,7 @@ def with_resting_joints(clip: Clip, feet: Supports, resting: RestingJoints) -> S
     distance of that from the rotation copy on the root's path.
     """
     blend = partial(_blended, frame_time=clip.frame_time)
-    far = lengths(resting.places - clip.copy_on_path(resting.joints)) / (0.5 * clip.unit)
+    far = lengths(resting.places - clip.copy_on_path(resting.joints)) / clip.leg
     weights = [by_shot(blend, clip.shots, *columns) for columns in zip(resting.rests.T, far.T, strict=True)]
     regions = clip.regions.of_joint[resting.joints]
     return feet.with_joints(resting.joints, regions, np.stack(weights, axis=1), resting.places)

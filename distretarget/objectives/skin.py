@@ -251,7 +251,12 @@ def how_touching(spots: Spots, gaps: Array) -> Array:
     """(frames, spots), how near limbs are to what they touch, 0 to 1, by gaps, (frames, spots). Only hands and forearms
     touch: an upper arm is near the trunk anyway.
     """
-    return np.asarray(smoothstep((APART - gaps) / (APART - TOUCH)) * spots.are_hard)
+    return nearness(gaps) * spots.are_hard
+
+
+def nearness(gaps: Array) -> Array:
+    """How near parts are that touch, by their gaps [body units]: from 0 at `APART` to 1 at `TOUCH`."""
+    return smoothstep((APART - gaps) / (APART - TOUCH))
 
 
 def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:

@@ -305,8 +305,7 @@ def _carry(motion: Motion, body: Body) -> tuple[Rotation, Array]:
     heading = vector @ up
     shift = motion.root_positions[-1] - motion.root_positions[0]
     shift = shift - (shift @ up) * up
-    leg = 0.5 * body.unit
-    if lengths(shift) < STAYS * leg and abs(np.degrees(heading)) < FACES:
+    if lengths(shift) < STAYS * body.leg and abs(np.degrees(heading)) < FACES:
         return Rotation.identity(), np.zeros(3)
     turn = Rotation.from_rotvec(heading * up)
     place = np.array(motion.root_positions[0])

@@ -135,7 +135,7 @@ def _player_page(
     All sides are shown in units of twice the leg length that the `first` performer has on the first; `scale` is in
     units of the other sides per unit of the first, along the floor.
     """
-    leg, up = first.matching.leg_lengths[0] or first.matching.source.unit / 2.0, first.world.up_vector
+    leg, up = first.matching.source.leg, first.world.up_vector
     rows: list[Row] = []
     for pair in combinations(range(len(bodies)), 2):
         if pair in skin_gaps:

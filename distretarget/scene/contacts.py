@@ -284,19 +284,14 @@ class SceneContacts:
         """The mean error of the gaps in contacts [leg lengths]; 0 if nothing touches."""
         placements, measured = self.placements(now), []
         for (i, j), near in self.between.items():
-            leg = (_leg(self.performers[i].clip) + _leg(self.performers[j].clip)) / 2.0
+            leg = 0.5 * (self.performers[i].clip.leg + self.performers[j].clip.leg)
             measured.append((*near.gaps(now[i].positions, now[j].positions), leg))
         for (i, k), touching in self.on_props.items():
-            place, leg = placements[k], _leg(self.performers[i].clip)
+            place, leg = placements[k], self.performers[i].clip.leg
             points = place(self.props[k].motion.positions)
             measured.append((*touching.gaps(now[i].positions, points, place.scale), leg))
         errors = [np.abs(gaps - due)[due < TOUCH_DISTANCE * leg] / leg for gaps, due, leg in measured]
         return float(np.concatenate(errors).mean()) if any(map(len, errors)) else 0.0
-
-
-def _leg(clip: Clip) -> float:
-    """The length of a target's leg, or half its body unit where it has none [target file units]."""
-    return clip.leg_lengths[1] or clip.unit / 2.0
 
 
 def common_shots(performers: Sequence[Performer]) -> Shots:

@@ -28,7 +28,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.anchors import no_anchors, shared_hands, tie
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
-from distretarget.objectives.skin import TOUCH, brought_out, how_free, how_touching, limb_places, softness
+from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, nearness, softness
 from distretarget.objectives.spots import APART, Spots, of_pairs
 from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
@@ -248,7 +248,7 @@ def _with_own_skins(
         segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART),
         sources.balls.pairs,
     )
-    near, between = smoothstep((APART - gaps) / (APART - TOUCH)), np.not_equal(*(pairs // COUNT).T)
+    near, between = nearness(gaps), np.not_equal(*(pairs // COUNT).T)
     drawn = contacts.springs_to_props(unbent) if len(known) == len(unbent) else contacts.springs(unbent, unbent)
     for row, (i, skin) in enumerate(known.items()):
         one, touching = performers[i], np.zeros((len(gaps), len(skin.target.limbs)))
