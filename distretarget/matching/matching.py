@@ -20,13 +20,14 @@ from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, normalised, read_only
+from distretarget.numerics.vectors import Array, Flags, Numbers, extent, normalised, read_only
 from distretarget.rig import KEPT, found_once, of_rig
 from distretarget.skeleton import JointMap
 from distretarget.skin.mesh import SkinnedMesh
 
 Found = TypeVar("Found")
 
+ONE_RIG = 1e-3  # joints of one rig are no farther off each other [largest coordinate of a joint]
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
 LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # for comparing joint locations
@@ -160,6 +161,19 @@ class Matching:
         return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
 
     @of_rig
+    def is_one_rig(self) -> bool:
+        """Whether source and target are the same rig, of any size: each joint drives the one that corresponds to it,
+        and both rest poses have them at the same places, seen from the pelvis.
+        """
+        source, target = self.source.skeleton, self.target.skeleton
+        if len(source) != len(target) or not np.array_equal(self.drivers, np.arange(len(target))):
+            return False
+        below = [*target.subtree(self.pelvis)]
+        places, own = (x[below] - x[self.pelvis] for x in (source.rest_positions, target.rest_positions))
+        sizes = extent(places), extent(own)
+        return bool(min(sizes) > 0.0 and extent(places / sizes[0] - own / sizes[1]) < ONE_RIG)
+
+    @of_rig
     def in_reference(self) -> bool:
         """Whether the bodies are aligned in their reference poses, not in their rest poses: where both stand, since
         they may face different ways, and where their rest poses differ.
@@ -246,11 +260,14 @@ class Matching:
         return replace(self, source_normals=normals)
 
     def on_mesh_soles(self, mesh: SkinnedMesh | None) -> Matching:
-        """Return the same matching, with the target's soles as its mesh shows them, if it does."""
+        """Return the same matching, with the target's soles as its mesh shows them, if it does; and with the source's, if
+        both are one rig.
+        """
         if self.legs is None or mesh is None:
             return self
         left, right = (own for _, own in self._soles)
-        return replace(self, target_normals=flat_normals(self.target, self.legs[1], (left, right), mesh))
+        found = flat_normals(self.target, self.legs[1], (left, right), mesh)
+        return replace(self, source_normals=found if self.is_one_rig else None, target_normals=found)
 
     @of_rig
     def pelvis(self) -> int:

@@ -63,16 +63,16 @@ def nearer_than_capsules(
     return _between(by_shot(averaged_in, shots[frames], off, known), frames, len(motion))
 
 
-def spare_of_copy(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, first: int) -> Array:
+def spare_of_mesh(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, first: int) -> Array:
     """Return how far capsules of hands and forearms may overlap others, (frames, spots) [body units]: as far as they do
-    in a motion while its mesh is outside, less by twice the depth where it is inside. So limbs that sink in nowhere
-    stay where they are. Arms that pass through arms may be outside beyond them. Arguments as `nearer_than_capsules`, of
-    a body with a mesh.
+    in a motion while its mesh is outside, less by twice the depth where it is inside; by nothing without a mesh. So
+    limbs that sink in nowhere stay where they are. Arguments as `nearer_than_capsules`.
     """
+    if body.surface is None:
+        return np.zeros((len(motion), len(spots.limbs)))
     near = np.zeros((len(motion), len(spots.limbs)))
     frames, gaps, of_mesh = _looked_at(body, spots, pairs, motion, first, near)
-    thick = spots.are_hard & ~np.isin(spots.places, PLACE[:-1][IS_ARM])
-    spare = np.where(thick, np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0), 0.0)
+    spare = np.where(spots.are_hard, np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0), 0.0)
     return _between(spare, frames, len(motion))
 
 

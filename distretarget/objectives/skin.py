@@ -29,7 +29,7 @@ from distretarget.objectives.anchors import anchors, no_anchors
 from distretarget.objectives.approach import approached
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.mesh_gaps import nearer_than_capsules, spare_of_copy
+from distretarget.objectives.mesh_gaps import nearer_than_capsules, spare_of_mesh
 from distretarget.objectives.sliding import stays
 from distretarget.objectives.spots import APART, IS_HARD, Spots, of_pairs
 from distretarget.objectives.supports import Supports
@@ -146,7 +146,10 @@ def _displaced(
     def softer(by: Array) -> Array:
         return np.where(are_hard, frames.soft + by[:, spots.of_pair], frames.soft)
 
-    spare = spare_of_copy(body, spots, pairs, posed, first)
+    spare = spare_of_mesh(body, spots, pairs, posed, first)
+    on_arms = np.isin(spots.places, PLACE[:-1][IS_ARM])  # what passed through an arm may be outside beyond it, but not where the source is
+    of_source = spare_of_mesh(skins.source, spots, pairs, clip.source, first)
+    spare[:, on_arms] = np.minimum(spare, of_source)[:, on_arms]
     spare[:, found:] = 0.0  # gaps that a user asks for are those of the capsules
     d = find_start(body.balls, body.displaced, frames._replace(soft=softer(spare)), *shots)
     for steps in ROUNDS:

@@ -4,6 +4,11 @@ Points are in runs of neighbours, each in a ball, so that the nearest point is l
 near enough. The height over a surface changes by no more than the way from one place to another, and where another
 piece of the surface is the nearest, here by half its radius at most: places that cannot be the lowest, by the place
 before, are left out.
+
+Parts are open where others begin, and skin folds, so that what lies behind the nearest piece of a surface may be
+outside. What is deeper than this piece is wide is inside only where the winding number of the part is more than a half
+(Barill, Dickson, Schmidt, Levin and Jacobson, "Fast winding numbers for soups and clouds", 2018): points stand for
+dipoles, and far runs for the sum of theirs.
 """
 
 from __future__ import annotations
@@ -14,6 +19,10 @@ import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import B1, B2, F1, F2, F3, F4, I1, indices
+
+
+INSIDE = 0.5  # the least winding number of what is inside
+FAR = 2.0  # what is farther away than so many radii of a run is seen as one dipole
 
 
 class Bound(NamedTuple):
@@ -56,7 +65,9 @@ class GapWorkspace(NamedTuple):
     balls: F2  # (runs, 4), and their radii
     have_balls: I1  # (segments,), whether the balls of its runs are known ...
     are_placed: I1  # (runs,), ... whether its points are ...
-    have_sides: I1  # (points,), ... and whether its triangle is
+    have_sides: I1  # (points,), ... whether its triangle is ...
+    have_dipoles: I1  # (runs,), ... and whether the sum of its dipoles is
+    dipoles: F2  # (runs, 3), the normals of its points, times the areas of their pieces
     near: I1  # (runs,), those of a part that are near a limb ...
     around: F2  # (4, runs), ... their balls ...
     beyond: F1  # (runs,), ... and more than 0 for those that are not near a run of the limb
@@ -71,10 +82,10 @@ class GapWorkspace(NamedTuple):
         placed, sides, ball, balls, around = (
             np.zeros(shape) for shape in ((count, 3), (count, 3, 3), 4, (runs, 4), (4, runs))
         )
-        have_balls, have_sides, lowest, are_placed, near, nearer = (
-            np.zeros(size, np.intp) for size in (segments, count, pairs, runs, runs, runs)
+        have_balls, have_sides, lowest, are_placed, near, nearer, have_dipoles = (
+            np.zeros(size, np.intp) for size in (segments, count, pairs, runs, runs, runs, runs)
         )
-        known = balls, have_balls, are_placed, have_sides
+        known = balls, have_balls, are_placed, have_sides, have_dipoles, np.zeros((runs, 3))
         return cls(placed, sides, *known, near, around, np.zeros(runs), nearer, lowest, ball)
 
 
@@ -87,7 +98,7 @@ def write_gaps(
     and `parts`, (pairs, segments), have several.
     """
     for frame in range(len(moved)):
-        for known in (room.have_balls, room.are_placed, room.have_sides):
+        for known in (room.have_balls, room.are_placed, room.have_sides, room.have_dipoles):
             for n in range(len(known)):
                 known[n] = 0
         for pair in range(len(limbs)):
@@ -96,7 +107,8 @@ def write_gaps(
                     if parts[pair, segment] or segment == limbs[pair]:
                         _enclose(points.runs, moved[frame], segment, room)
                 count = _find_near(points.runs, limbs[pair], parts[pair], farthest, room)
-                gaps[frame, pair] = _least_height(points, moved[frame], limbs[pair], pair, count, farthest, room)
+                part = parts[pair]
+                gaps[frame, pair] = _least_height(points, moved[frame], limbs[pair], part, pair, count, farthest, room)
 
 
 @inlined(fastmath=True)
@@ -172,7 +184,7 @@ def _find_near(runs, limb, part, farthest, room):  # type: ignore[no-untyped-def
 
 
 @inlined(fastmath=True)
-def _least_height(points, moved, limb, pair, count, farthest, room):  # type: ignore[no-untyped-def]
+def _least_height(points, moved, limb, part, pair, count, farthest, room):  # type: ignore[no-untyped-def]
     """The least height of the points of a limb over runs that were found, or `farthest`."""
     least, runs, first = farthest, points.runs, points.runs.of_segment[limb]
     size, start = runs.of_segment[limb + 1] - first, room.lowest[pair]
@@ -194,6 +206,8 @@ def _least_height(points, moved, limb, pair, count, farthest, room):  # type: ig
             before = -1
             if found >= 0:
                 height = _height(points, moved, point, found, square, room)
+                if height < -points.radii[found] and _winding(points, moved, p, part, room) < INSIDE:
+                    height = np.sqrt(square)
                 before, nearest, lowest = point, found, height - 0.5 * points.radii[found]
                 if height < least:
                     least, room.lowest[pair] = height, run - first
@@ -237,6 +251,58 @@ def _find_nearest(points, moved, p, guess, count, farthest, room):  # type: igno
 
 
 @inlined(fastmath=True)
+def _face(points, moved, point, room):  # type: ignore[no-untyped-def]
+    """Write the edges of the triangle of a point, and its normal, once in a frame."""
+    a, b, c = room.sides[point, 0], room.sides[point, 1], room.sides[point, 2]
+    if room.have_sides[point] == 0:
+        room.have_sides[point] = 1
+        _write(points.one, moved, point, a)
+        _write(points.other, moved, point, b)
+        x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        size = max(np.sqrt(x * x + y * y + z * z), 1e-300)
+        c[0], c[1], c[2] = x / size, y / size, z / size
+
+
+@inlined(fastmath=True)
+def _winding(points, moved, p, part, room):  # type: ignore[no-untyped-def]
+    """How many times the surface of a part winds round a place: about 1 inside, and about 0 outside."""
+    runs, angle = points.runs, 0.0
+    for segment in range(len(part)):
+        if part[segment]:
+            for run in range(runs.of_segment[segment], runs.of_segment[segment + 1]):
+                _sum_dipoles(points, moved, run, room)
+                if _square(p, room.balls[run]) > (FAR * room.balls[run, 3]) ** 2:
+                    angle += _angle(p, room.balls[run], room.dipoles[run])
+                else:
+                    for point in range(runs.first[run], runs.first[run + 1]):
+                        area = np.pi * points.radii[point] ** 2
+                        angle += area * _angle(p, room.placed[point], room.sides[point, 2])
+    return angle / (4.0 * np.pi)
+
+
+@inlined(fastmath=True)
+def _sum_dipoles(points, moved, run, room):  # type: ignore[no-untyped-def]
+    """Write the dipole of a run, and those of its points, once in a frame."""
+    if room.have_dipoles[run] == 0:
+        room.have_dipoles[run] = 1
+        _place(points, moved, run, room)
+        sum_ = room.dipoles[run]
+        sum_[0], sum_[1], sum_[2] = 0.0, 0.0, 0.0
+        for point in range(points.runs.first[run], points.runs.first[run + 1]):
+            _face(points, moved, point, room)
+            for i in range(3):
+                sum_[i] += np.pi * points.radii[point] ** 2 * room.sides[point, 2, i]
+
+
+@inlined(fastmath=True)
+def _angle(p, q, dipole):  # type: ignore[no-untyped-def]
+    """The solid angle of a dipole at q, seen from p."""
+    x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    square = max(x * x + y * y + z * z, 1e-300)
+    return (x * dipole[0] + y * dipole[1] + z * dipole[2]) / (square * np.sqrt(square))
+
+
+@inlined(fastmath=True)
 def _height(points, moved, point, nearest, square, room):  # type: ignore[no-untyped-def]
     """How far off the surface a point is, negative beneath, by the nearest point of that: off its triangle's plane
     within its piece of the surface, and off that piece's edge beyond. Of a triangle that is larger than the piece, the
@@ -244,13 +310,7 @@ def _height(points, moved, point, nearest, square, room):  # type: ignore[no-unt
     """
     a, b, c = room.sides[nearest, 0], room.sides[nearest, 1], room.sides[nearest, 2]
     p, q, radius = room.placed[point], room.placed[nearest], points.radii[nearest]
-    if room.have_sides[nearest] == 0:
-        room.have_sides[nearest] = 1
-        _write(points.one, moved, nearest, a)
-        _write(points.other, moved, nearest, b)
-        x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-        size = max(np.sqrt(x * x + y * y + z * z), 1e-300)
-        c[0], c[1], c[2] = x / size, y / size, z / size
+    _face(points, moved, nearest, room)
     height = (p[0] - q[0]) * c[0] + (p[1] - q[1]) * c[1] + (p[2] - q[2]) * c[2]
     if points.are_large[nearest]:
         aside = _off_triangle(a, b, p, q, points.shares[nearest])
