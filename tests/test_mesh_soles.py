@@ -127,6 +127,22 @@ def test_hips_are_calm_over_feet_without_a_heel(radii):
     assert metrics["result"]["floor"] < 0.5
 
 
+@pytest.mark.parametrize("factor", [1.0, 100.0])
+def test_the_copy_on_the_same_rig_is_the_clip_wherever_its_feet_are(factor):
+    """Feet that tilt, and stand a little over the floor, stay so where nothing has to be adapted."""
+    hero = load_target(HERO)
+    clip = retarget(sample("walk"), hero).motion
+    feet, turns = [leg.ankle for leg in Body.of(clip.skeleton).legs], np.array(clip.rotations)
+    turns[:, feet] = (
+        (Rotation.from_quat(turns[:, feet].reshape(-1, 4)) * Rotation.from_euler("X", 6, degrees=True))
+        .as_quat()
+        .reshape(len(clip), -1, 4)
+    )
+    source = replace(clip, rotations=turns).moved(0.03 * np.array(UP))
+    copy = retarget(source.scaled(factor), hero).rotation_copy
+    np.testing.assert_allclose(copy.positions, source.positions, atol=1e-6)
+
+
 def test_a_platform_lifts_the_whole_body_by_its_height():
     plain, high = (retarget(sample("squat"), shod(platform=platform)).motion for platform in (0.0, 0.1))
     np.testing.assert_allclose(high.rotations, plain.rotations, atol=1e-6)

@@ -146,26 +146,52 @@ def box(middle, size):
     return np.asarray(middle) + signs * size, triangles
 
 
-@pytest.mark.parametrize("towards", [(1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, -1)])
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_box_is_as_far_as_it_is_off_its_faces_edges_and_corners(towards, turned):
-    """A head of six faces, and a hand of six faces off it; `turned`, a corner of the hand points at the head."""
+def hand_and_head(middle, small, corners, triangles):
+    """How far a hand, a small box about a place off the head's joint, is from a head with these triangles."""
     result = run("clap")
     body, skin = result.matching.target, result.skins.target
     rest, roles = body.skeleton.rest_positions, body.anatomy.roles
-    head, hand, sides = roles["head"], roles["leftHand"], 0.3 * np.ones(3)
-    corners, triangles = box(rest[head], sides)
-    touched = rest[head] + 0.5 * sides * np.array(towards)
-    away = normalised(np.array(towards, float))
-    small, others = box(np.zeros(3), 0.06 * np.ones(3))
-    if turned:
-        small = Rotation.align_vectors([-away], [normalised(small[0])])[0].apply(small)
-    middle = touched + (0.05 - (small @ away).min()) * away
-    mesh = mesh_of([(head, (corners, triangles)), (hand, (middle + small, others))])
+    head, hand = roles["head"], roles["leftHand"]
+    middle, (own, others) = rest[head] + middle, small
+    mesh = mesh_of([(head, (rest[head] + corners, triangles)), (hand, (middle + own, others))])
     ends = skin.capsules.ends.copy()
     for joint, at in ((head, rest[head]), (hand, middle)):
         ends[skin.capsules.joints == joint] = at - rest[joint]
     surface = SurfaceSamples.of(mesh, body.skeleton, skin.of_joint, replace(skin.capsules, ends=ends))
     still = Motion(body.skeleton, rest[:1], np.tile([0.0, 0.0, 0.0, 1.0], (1, len(rest), 1)), "0.1")
-    gap = surface.gaps(still, [(LEFT, (SEGMENTS.index("head"),))], np.ones((1, 1), bool), 1.0)[0, 0]
+    return surface.gaps(still, [(LEFT, (SEGMENTS.index("head"),))], np.ones((1, 1), bool), 1.0)[0, 0]
+
+
+def bowl(count=32):
+    """The corners and triangles of a bowl that widens upwards, 0.1 high, from a floor 0.1 wide to a rim 0.3 wide."""
+    angles = 2.0 * np.pi * np.arange(count) / count
+    ring = np.stack([np.cos(angles), np.zeros(count), np.sin(angles)], axis=1)
+    corners = np.concatenate([[[0.0, -0.05, 0.0]], *((0.1 + t) * ring + [0.0, t, 0.0] for t in (-0.05, 0.0, 0.05))])
+    this, following = np.arange(count), (np.arange(count) + 1) % count
+    floor = np.stack([np.zeros_like(this), 1 + this, 1 + following], axis=1)
+    walls = [
+        1 + k * count + np.stack(corner, axis=1)
+        for k in (0, 1)
+        for corner in ((this, this + count, following), (following, this + count, following + count))
+    ]
+    return corners, np.concatenate([floor, *walls])
+
+
+@pytest.mark.parametrize(("place", "expected"), [((0.08, 0.11, 0.0), 0.08), ((0.04, -0.01, 0.0), -0.06)])
+def test_what_is_over_an_open_part_is_outside(place, expected):
+    """A head that is a bowl, and a small hand over it, which lies behind the rim, or in it."""
+    gap = hand_and_head(np.array(place), box(np.zeros(3), 0.02 * np.ones(3)), *bowl())
+    assert gap == pytest.approx(expected, abs=0.03)
+
+
+@pytest.mark.parametrize("towards", [(1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, -1)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_box_is_as_far_as_it_is_off_its_faces_edges_and_corners(towards, turned):
+    """A head of six faces, and a hand of six faces off it; `turned`, a corner of the hand points at the head."""
+    sides, away = 0.3 * np.ones(3), normalised(np.array(towards, float))
+    small, others = box(np.zeros(3), 0.06 * np.ones(3))
+    if turned:
+        small = Rotation.align_vectors([-away], [normalised(small[0])])[0].apply(small)
+    middle = 0.5 * sides * np.array(towards) + (0.05 - (small @ away).min()) * away
+    gap = hand_and_head(middle, (small, others), *box(np.zeros(3), sides))
     assert gap == pytest.approx(0.05, abs=0.004)
