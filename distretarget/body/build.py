@@ -63,16 +63,20 @@ class Build:
         return f"<Build of {len(self.parts)} parts{', with a mesh' if self.own else ''}>"
 
     def mesh_on(self, skeleton: Skeleton) -> SkinnedMesh | None:
-        """Return the mesh of the body that has this build, if its joints are where a skeleton has them, or all that
-        move it are as far off: those above a pelvis that moves in a clip.
+        """Return the mesh of the body that has this build, if its joints are where a skeleton of any size has them, or
+        all that move it are as far off: those above a pelvis that moves in a clip.
         """
         own, mesh = self.own or (None, None)
         if own is None or mesh is None or own.names != skeleton.names:
             return None
         joints = np.unique(mesh.joints[mesh.weights > 0.0])
-        by = (skeleton.rest_positions - own.rest_positions)[joints]
-        if not len(by) or extent(by - by[0]) > SAME_JOINT * extent(np.ptp(own.rest_positions, axis=0)):
+        places, own_places = skeleton.rest_positions[joints], own.rest_positions[joints]
+        size, own_size = (extent(np.ptp(x, axis=0)) if len(joints) else 0.0 for x in (places, own_places))
+        factor = size / own_size if own_size and abs(size - own_size) > SAME_JOINT * own_size else 1.0
+        by = places - factor * own_places
+        if not len(by) or extent(by - by[0]) > SAME_JOINT * factor * own_size:
             return None
+        mesh = mesh.scaled(factor) if factor != 1.0 else mesh
         return mesh.moved(by[0]) if by.any() else mesh
 
     @classmethod

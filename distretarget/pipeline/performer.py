@@ -14,7 +14,7 @@ from distretarget.baseline.world import World, find_world
 from distretarget.body.bare import bare_mesh
 from distretarget.body.beside import Tree, without_twins
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Builds, built, capsules_of
+from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
 from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
@@ -137,9 +137,12 @@ def match_performer(transfer: Transfer) -> Match:
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
-    skins = _find_skins(matching, goal, transfer)
-    mesh = _bare(goal) if skins and not builds.target else None
-    source_mesh = builds.source.mesh_on(matching.source.skeleton) if builds.source else None
+    has_skin = options.objective != "paper" and options.skin != "none"
+    mesh = _bare(goal) if has_skin and not builds.target else None
+    source_build = builds.source or (_build_of_rig(matching, goal, mesh, transfer) if has_skin else None)
+    skins = _find_skins(matching, goal, source_build, transfer) if has_skin else None
+    mesh = mesh if skins else None
+    source_mesh = source_build.mesh_on(matching.source.skeleton) if source_build else None
     skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
     matching = matching.on_mesh_soles(mesh)
     hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()
@@ -149,18 +152,24 @@ def match_performer(transfer: Transfer) -> Match:
     return found
 
 
-def _find_skins(matching: Matching, goal: Target, transfer: Transfer) -> Skins | None:
+def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, transfer: Transfer) -> Build | None:
+    """The build of a source that is the rig of its target, which is as thick, with its mesh; else None."""
+    own = goal.is_measured and transfer.builds.target is None and transfer.options.skin != "average"
+    if not own or not matching.is_one_rig or matching.target.anatomy is None:
+        return None
+    return Build.of(matching.target, target_capsules(goal), mesh)
+
+
+def _find_skins(matching: Matching, goal: Target, source_build: Build | None, transfer: Transfer) -> Skins | None:
     """The skins of a source and its target, which has the source's build where it is the source's skeleton with other
     lengths; None where either has no capsules, or the target's thickness is neither known nor an average one.
     """
-    builds, options = transfer.builds, transfer.options
-    build, average = builds.target, options.skin == "average"
-    if isinstance(transfer.target, SkeletonEdit):
-        build = build or builds.source
-    if options.objective == "paper" or options.skin == "none" or not (average or build or goal.is_measured):
+    builds, average = transfer.builds, transfer.options.skin == "average"
+    build = builds.target or (builds.source if isinstance(transfer.target, SkeletonEdit) else None)
+    if not (average or build or goal.is_measured):
         return None
     target = built(matching.target, None if average else build) if build or average else target_capsules(goal)
-    return Skins.of(matching, built(matching.source, builds.source), target)
+    return Skins.of(matching, built(matching.source, source_build), target)
 
 
 @lru_cache(maxsize=4)
