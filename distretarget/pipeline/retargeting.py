@@ -56,8 +56,8 @@ def retarget(
             target file's map. All other joints are matched by names or by shape.
         rest: a motion of the source's joints in whose first frame the body stands, in T-pose, A-pose or with arms down,
             for a source whose rest pose does not show it (`docs/rigs.md`).
-        builds: how thick the bodies are, if another file says it than their own, or than a motion from a character's
-            file, which is taken for an average body of its age otherwise (`load_build`).
+        builds: how thick the bodies are, if another file says it than their own (`load_build`). A source that is the
+            target's rig is as thick as the target otherwise, and another one an average body of its age.
         settings: of the contact objective; the paper's objective has none.
         contacts: which contacts to keep, drop, make or change, what to plant, and which distances and directions to
             keep (`load_contacts`, `find_contacts`); what it does not mention stays as found.
