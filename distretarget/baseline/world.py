@@ -131,8 +131,8 @@ def rise_onto_soles(matching: Matching, scale: float, undersides: Undersides | N
     that no joint shows.
 
     Without a mesh only the file of a character says where the floor is (`Skeleton.floor_at_zero`). Where the source's
-    feet are not near height 0 while they rest, or the target's are not at rest, and where both are one rig, it is 0. `scale` is that of the root's
-    path; `undersides` are the skins of both bodies, if they are known.
+    feet are not near height 0 while they rest, or the target's are not at rest, and where both are one rig, it is 0.
+    `scale` is that of the root's path; `undersides` are the skins of both bodies, if they are known.
     """
     target, (source_leg, leg) = matching.target, matching.leg_lengths
     if matching.is_one_rig:

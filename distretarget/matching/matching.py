@@ -260,8 +260,8 @@ class Matching:
         return replace(self, source_normals=normals)
 
     def on_mesh_soles(self, mesh: SkinnedMesh | None) -> Matching:
-        """Return the same matching, with the target's soles as its mesh shows them, if it does; and with the source's, if
-        both are one rig.
+        """Return the same matching, with the target's soles as its mesh shows them, if it does; and the source's,
+        if both are one rig.
         """
         if self.legs is None or mesh is None:
             return self

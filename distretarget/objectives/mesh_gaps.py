@@ -17,7 +17,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.spots import Spots, of_pairs
 from distretarget.skin.balls import segment_gaps
-from distretarget.skin.capsules import IS_ARM, PLACE
+from distretarget.skin.capsules import PLACE
 
 RATE = 30.0  # the mesh is looked at about as often [1/s]
 NEAR = 0.03  # by gaps of capsules that are less than this, meshes may touch [body units]

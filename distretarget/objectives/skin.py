@@ -148,7 +148,8 @@ def _displaced(
         return np.where(are_hard, frames.soft + by[:, spots.of_pair], frames.soft)
 
     spare = spare_of_mesh(body, spots, pairs, posed, first)
-    on_arms = np.isin(spots.places, PLACE[:-1][IS_ARM])  # what passed through an arm may be outside beyond it, but not where the source is
+    # An arm that has passed through an arm is outside beyond it: there, the source has to be outside as well.
+    on_arms = np.isin(spots.places, PLACE[:-1][IS_ARM])
     of_source = spare_of_mesh(skins.source, spots, pairs, clip.source, first)
     spare[:, on_arms] = np.minimum(spare, of_source)[:, on_arms]
     spare[:, found:] = 0.0  # gaps that a user asks for are those of the capsules

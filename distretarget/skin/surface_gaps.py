@@ -20,7 +20,6 @@ import numpy as np
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import B1, B2, F1, F2, F3, F4, I1, indices
 
-
 INSIDE = 0.5  # the least winding number of what is inside
 FAR = 2.0  # what is farther away than so many radii of a run is seen as one dipole
 
