@@ -61,6 +61,18 @@ def test_capsules_thicker_than_the_mesh_move_no_limb_whose_skin_is_outside(name)
     assert off.max() < 0.003 * run.matching.target.height
 
 
+@pytest.mark.parametrize("name", ["hands_on_hips", "clap"])
+@pytest.mark.parametrize("factor", [1.0, 100.0])
+def test_a_clip_of_the_same_character_keeps_its_arms(name, factor):
+    """Skin that touches or is pressed in a little stays so, since both bodies are one."""
+    hero = load_target(HERO)
+    clip = retarget(sample(name), hero).motion
+    again = retarget(clip.scaled(factor), hero)
+    hands = [clip.skeleton.index(f"{side}Hand") for side in SIDES]
+    off = again.motion.positions_of(hands) - clip.positions_of(hands)
+    assert np.linalg.norm(off, axis=2).max() < 0.002 * again.matching.target.height
+
+
 def test_a_target_without_mesh_or_radii_has_no_thickness():
     target = load_target(SAMPLES / "child.json")
     kept, alone = (retarget(sample("clap"), target, options).motion for options in (Options(), BONES_ALONE))

@@ -29,6 +29,7 @@ LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
 # to the wrist [radii]: of stout bodies the meshes sink in by 2 % of the height at most, with 0.5 by more.
 ELBOW = 0.4
 MOST = 0.012  # so does that of a thick arm by no more than an average one [body units]
+ALIKE = 1e-3  # radii of one body differ by no more [of the radius]
 IS_FOREARM = np.array(["forearm" in name for name in SEGMENTS])
 IS_TRUNK = np.array([name in ("chest", "belly", "pelvis") for name in SEGMENTS])
 
@@ -138,6 +139,13 @@ class Skins:
 
     source: BodySkin
     target: BodySkin
+
+    @property
+    def are_alike(self) -> bool:
+        """Whether both are the mesh of one body, of any size."""
+        one, other = (np.sort(skin.capsules.radii / skin.unit, axis=0) for skin in (self.source, self.target))
+        known = self.source.surface is not None and self.target.surface is not None
+        return known and one.shape == other.shape and bool(np.allclose(one, other, rtol=ALIKE, atol=0.0))
 
     def on_meshes(self, source: SkinnedMesh | None, target: SkinnedMesh | None, matching: Matching) -> Skins:
         """Return the skins of a source and its target with these meshes."""

@@ -44,7 +44,7 @@ TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [bod
 # steps of a round, at most. More rounds of fewer steps keep skin out better than fewer that settle.
 ROUNDS = (4, 4, 8)
 BY_USER = 2.0  # contacts that a user asks for are firmer than others by this factor
-PRESSED = 0.01  # hands and forearms sink in as far as in the mesh of the source, and by no more [body units]
+PRESSED = 0.01  # in the source's own body hands and forearms sink in as they do there, but by no more [body units]
 REACH = 0.3  # what is farther apart than this in the result, half an arm, is not brought to touch [body units]
 
 # How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
@@ -179,7 +179,7 @@ def _of_source(
     touching = how_touching(spots, gaps)
     firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
     firmness *= _alone(body, spots, alone) * stays(source, clip.source, ends, spots, touching, clip.shots)
-    least = -PRESSED if source.surface is not None else 0.0
+    least = -PRESSED if skins.are_alike else 0.0
     pressed = np.where(spots.are_hard, np.clip(-gaps, 0.0, -least), 0.0)
     frames = Frames(
         posed=body.posed(posed),
