@@ -7,6 +7,9 @@ from characters import as_vrm0, as_vrm1, as_vrma, character
 from program import succeeded
 from test_characters import BONES, WALK
 
+from distretarget.io.expressions import face_of
+from distretarget.io.gltf import parse_gltf
+
 NEAR = 1e-4  # frames are a little off the keys, as files state times in single precision
 TIMES = WALK.times
 OPEN, SMILE = np.linspace(0, 1, len(TIMES)), np.linspace(0, 0.6, len(TIMES)) ** 2
@@ -146,3 +149,10 @@ def test_extras_that_are_no_names_are_as_good_as_none(names, tmp_path):
     target.document["meshes"][0]["extras"] = {"targetNames": names}
     out, _ = converted(tmp_path, source, target)
     assert weights_in(out) is None
+
+
+@pytest.mark.parametrize("change", [{"primitives": []}, {"weights": [1.0]}, {"weights": "none"}])
+def test_a_face_that_is_not_valid_is_as_good_as_none(change):
+    made = with_face(character(BONES), ["jawOpen", "smile"])
+    made.document["meshes"][0] |= change
+    assert not face_of(parse_gltf(made.glb(), "made.glb")).places

@@ -61,12 +61,15 @@ def face_of(gltf: Gltf) -> Face:
     """Return the expressions that the character of a file can have; what is not valid counts as none."""
     places: dict[str, list[Place]] = defaultdict(list)
     shown, at_mesh = {}, defaultdict(list)
-    for node, mesh, fields in _meshes(gltf):
+    for node, fields in enumerate(map(Node.entries, gltf.entries("nodes"))):
+        if "mesh" not in fields:
+            continue
         with suppress(DistretargetError):
-            count = len(mesh.listed("primitives")[0].entries().listed("targets"))
+            number, mesh = gltf.index("meshes", fields["mesh"]), gltf.entry("meshes", fields["mesh"])
+            count = max((len(each.entries().listed("targets")) for each in mesh.listed("primitives")), default=0)
             weights = fields if "weights" in fields else mesh
             shown[node] = np.array(weights["weights"].numbers(count) if "weights" in weights else [0.0] * count)
-            at_mesh[gltf.index("meshes", fields["mesh"])].append(node)
+            at_mesh[number].append(node)
             for target, name in enumerate(_target_names(mesh)[:count]):
                 places[name.casefold()].append(Place(node, target, 1.0))
     own = {*places}
@@ -75,13 +78,6 @@ def face_of(gltf: Gltf) -> Face:
             if name.casefold() not in own and place.target < len(shown.get(place.node, ())):
                 places[name.casefold()].append(place)
     return Face({name: tuple(found) for name, found in places.items()}, shown)
-
-
-def _meshes(gltf: Gltf) -> Iterator[tuple[int, Fields, Fields]]:
-    """Yield each node with a mesh: its number, the mesh, and the node."""
-    for number, entry in enumerate(gltf.entries("nodes")):
-        if "mesh" in (fields := entry.entries()):
-            yield number, gltf.entry("meshes", fields["mesh"]), fields
 
 
 def _target_names(mesh: Fields) -> list[str]:
