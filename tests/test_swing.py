@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from bodies import LEG, UP, body_of, lengthened, matched, mirrored, person, posed
+from characters import Bones, character
 from scipy.spatial.transform import Rotation
 
-from distretarget import Skeleton
+from distretarget import Skeleton, load_target, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.soles import sole_height
 from distretarget.objectives.body_skin import limbs_of
@@ -56,6 +57,20 @@ def test_long_toes_of_a_swinging_foot_pass_over_the_floor():
     lifted = (clip.copy.positions - copied.copy.positions)[:, clip.skeleton.index("RightAnkle")] @ UP
     assert lifted.min() >= 0.0
     assert lifted[SWING == 0].max() < 0.1 * lifted.max()
+
+
+def test_the_skin_of_long_feet_passes_as_high_as_that_of_usual_ones(tmp_path):
+    def heights(target):
+        """(2, frames), how high the lowest skin of the right foot is in result and copy [leg lengths]."""
+        path = character(Bones.of(target, "m")).write(tmp_path / "target.glb")
+        result = retarget(swinging(1.0), load_target(path))
+        skeleton, each = result.motion.skeleton, (result.motion, result.rotation_copy)
+        on = np.isin(result.mesh.carriers, skeleton.subtree(skeleton.index("RightAnkle")))
+        return np.array([result.mesh.heights(motion, UP)[:, on].min(axis=1) for motion in each]) / LEG
+
+    off = heights(long_feet()) - heights(person())
+    assert off[1].min() < -0.06
+    assert off[0].min() > -0.02
 
 
 def test_only_the_leg_of_a_foot_that_is_lifted_moves_and_its_foot_keeps_its_rotation():
