@@ -155,4 +155,4 @@ def test_extras_that_are_no_names_are_as_good_as_none(names, tmp_path):
 def test_a_face_that_is_not_valid_is_as_good_as_none(change):
     made = with_face(character(BONES), ["jawOpen", "smile"])
     made.document["meshes"][0] |= change
-    assert not face_of(parse_gltf(made.glb(), "made.glb")).places
+    assert not face_of(parse_gltf(made.glb(), "made.glb")).targets

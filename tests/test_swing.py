@@ -12,7 +12,7 @@ from distretarget.body.soles import sole_height
 from distretarget.objectives.body_skin import limbs_of
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.foot_lock import find_foot_lock
-from distretarget.objectives.swing import CLEARANCE, SLIGHT, with_swinging_feet_up
+from distretarget.objectives.swing import CLEARANCE, SCUFF, with_swinging_feet_up
 
 FRAMES = 100
 TIME = np.clip((np.arange(FRAMES) - 20) / 60, 0, 1)
@@ -53,7 +53,7 @@ def test_long_toes_of_a_swinging_foot_pass_over_the_floor():
     copied, clip = clips(swinging(1.0), long_feet())
     of_source = soles(clips(swinging(1.0), person())[0])
     assert (soles(copied) - of_source).min() < -0.06
-    assert (soles(clip) - of_source)[30:70].min() > -SLIGHT - 1e-3
+    assert (soles(clip) - of_source)[30:70].min() > -SCUFF - 1e-3
     lifted = (clip.copy.positions - copied.copy.positions)[:, clip.skeleton.index("RightAnkle")] @ UP
     assert lifted.min() >= 0.0
     assert lifted[SWING == 0].max() < 0.1 * lifted.max()
@@ -97,7 +97,7 @@ def test_a_foot_that_swings_high_is_lifted_just_over_the_floor():
     assert soles(clips(source, person())[0])[middle, 1] > 0.15
     copied, clip = clips(source, long_feet(4.0))
     assert soles(copied)[middle, 1] < 0.0
-    assert CLEARANCE - SLIGHT < soles(clip)[middle, 1] < 2 * CLEARANCE
+    assert CLEARANCE - SCUFF < soles(clip)[middle, 1] < 2 * CLEARANCE
 
 
 def test_mirrored_legs_are_lifted_alike():

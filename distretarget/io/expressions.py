@@ -28,11 +28,11 @@ VRM_0 |= {"blink_l": "blinkLeft", "blink_r": "blinkRight"}  # VRM 1.0's names of
 PERCENT = 0.01  # VRM 0 has weights up to 100
 
 
-class Place(NamedTuple):
+class MorphTarget(NamedTuple):
     """A morph target of a mesh, and its weight where an expression is 1."""
 
     node: int  # at which the mesh hangs
-    target: int
+    number: int
     weight: float
 
 
@@ -40,7 +40,7 @@ class Place(NamedTuple):
 class Face:
     """The expressions that a character can have."""
 
-    places: Mapping[str, tuple[Place, ...]]  # by name in lower case
+    targets: Mapping[str, tuple[MorphTarget, ...]]  # by name in lower case
     shown: Mapping[int, Array]  # the weights that each node shows by itself, (targets,)
 
     def weights(self, expressions: Mapping[str, Array]) -> Mapping[int, Array]:
@@ -50,7 +50,7 @@ class Face:
         result: dict[int, Array] = {}
         begun = set()
         for name, values in expressions.items():
-            for node, target, weight in self.places.get(name.casefold(), ()):
+            for node, target, weight in self.targets.get(name.casefold(), ()):
                 keys = result.setdefault(node, np.tile(self.shown[node], (len(values), 1)))
                 keys[:, target] = weight * values + (keys[:, target] if (node, target) in begun else 0.0)
                 begun.add((node, target))
@@ -59,7 +59,7 @@ class Face:
 
 def face_of(gltf: Gltf) -> Face:
     """Return the expressions that the character of a file can have; what is not valid counts as none."""
-    places: dict[str, list[Place]] = defaultdict(list)
+    targets: dict[str, list[MorphTarget]] = defaultdict(list)
     shown, at_mesh = {}, defaultdict(list)
     for node, fields in enumerate(map(Node.entries, gltf.entries("nodes"))):
         if "mesh" not in fields:
@@ -70,14 +70,14 @@ def face_of(gltf: Gltf) -> Face:
             weights = fields if "weights" in fields else mesh
             shown[node] = np.array(weights["weights"].numbers(count) if "weights" in weights else [0.0] * count)
             at_mesh[number].append(node)
-            for target, name in enumerate(_target_names(mesh)[:count]):
-                places[name.casefold()].append(Place(node, target, 1.0))
-    own = {*places}
+            for place, name in enumerate(_target_names(mesh)[:count]):
+                targets[name.casefold()].append(MorphTarget(node, place, 1.0))
+    own = {*targets}
     with suppress(DistretargetError):
-        for name, place in (*_vrm_1(gltf), *_vrm_0(gltf, at_mesh)):
-            if name.casefold() not in own and place.target < len(shown.get(place.node, ())):
-                places[name.casefold()].append(place)
-    return Face({name: tuple(found) for name, found in places.items()}, shown)
+        for name, target in (*_vrm_1(gltf), *_vrm_0(gltf, at_mesh)):
+            if name.casefold() not in own and target.number < len(shown.get(target.node, ())):
+                targets[name.casefold()].append(target)
+    return Face({name: tuple(found) for name, found in targets.items()}, shown)
 
 
 def _target_names(mesh: Fields) -> list[str]:
@@ -87,15 +87,15 @@ def _target_names(mesh: Fields) -> list[str]:
     return []
 
 
-def _vrm_1(gltf: Gltf) -> Iterator[tuple[str, Place]]:
+def _vrm_1(gltf: Gltf) -> Iterator[tuple[str, MorphTarget]]:
     expressions = gltf.document.inner("extensions").inner("VRMC_vrm").inner("expressions")
     for name, expression in _named(expressions):
         for bind in map(Node.entries, expression.listed("morphTargetBinds")):
             node = gltf.index("nodes", bind.need("node"))
-            yield name, Place(node, bind.need("index").whole(), bind.read("weight", Node.number, 1.0))
+            yield name, MorphTarget(node, bind.need("index").whole(), bind.read("weight", Node.number, 1.0))
 
 
-def _vrm_0(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, Place]]:
+def _vrm_0(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, MorphTarget]]:
     groups = gltf.document.inner("extensions").inner("VRM").inner("blendShapeMaster").listed("blendShapeGroups")
     for group in map(Node.entries, groups):
         preset, name = (group.read(key, Node.text, "") for key in ("presetName", "name"))
@@ -103,7 +103,7 @@ def _vrm_0(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, 
         for bind in map(Node.entries, group.listed("binds")):
             weight = PERCENT * bind.read("weight", Node.number, 100.0)
             for node in at_mesh.get(gltf.index("meshes", bind.need("mesh")), ()):
-                yield name, Place(node, bind.need("index").whole(), weight)
+                yield name, MorphTarget(node, bind.need("index").whole(), weight)
 
 
 def _named(expressions: Fields) -> Iterator[tuple[str, Fields]]:

@@ -29,9 +29,9 @@ from distretarget.objectives.supports import Supports
 from distretarget.skin.limbs import Limb, bent
 
 CLEARANCE = 0.03  # feet that swing as high as this over the floor are high enough [leg lengths]
-SLIGHT = 0.005  # feet that are less deep in the floor stay [leg lengths]
+SCUFF = 0.005  # feet that are less deep in the floor stay [leg lengths]
 SWING_BLEND = 0.1  # a foot goes up over twice this time, and down over as long [s]
-STRAIGHT = 0.1  # knees nearer than this to the line from hip to ankle bend as the foot points [shins]
+STRAIGHT_KNEE = 0.1  # knees nearer than this to the line from hip to ankle bend as the foot points [shins]
 
 
 def with_swinging_feet_up(clip: Clip, feet: Supports, limbs: Sequence[Limb], undersides: Undersides | None) -> Clip:
@@ -63,7 +63,7 @@ def _lifts(clip: Clip, undersides: Undersides | None) -> Array:
         known = np.flatnonzero(rest.max(axis=1) == 1.0)
         floor = np.interp(frames, known, soles[known, leg]) if len(known) else soles.min()
         lifts[:, leg] = np.minimum(soles[:, leg], floor + CLEARANCE * length) - own[:, leg]
-    return np.maximum(lifts - SLIGHT * length, 0.0)
+    return np.maximum(lifts - SCUFF * length, 0.0)
 
 
 def _soles(clip: Clip, rests: Sequence[Array], undersides: Undersides | None) -> tuple[Array, Array]:
@@ -92,7 +92,7 @@ def _raised(clip: Clip, limb: Limb, toe: int, lift: Array) -> Array:
     down = way / far
     off = perpendicular(knee - hip, normalised(ankle - hip))
     forward = normalised(perpendicular(toes - ankle, down))
-    forward = normalised(perpendicular(off + STRAIGHT * shin * forward, down))
+    forward = normalised(perpendicular(off + STRAIGHT_KNEE * shin * forward, down))
     before = (off * forward).sum(axis=1, keepdims=True)
     aside = perpendicular(off, forward)
     along = (thigh**2 - shin**2 + far**2) / (2.0 * far)

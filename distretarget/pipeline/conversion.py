@@ -185,7 +185,7 @@ class Conversion:
         if "character" not in kinds or face is None or self.source.kind != "glTF":
             return Converted(result, clip)
         expressions = self._expressions(result.motion)
-        lacking = tuple(name for name in expressions if name.casefold() not in face.places)
+        lacking = tuple(name for name in expressions if name.casefold() not in face.targets)
         return Converted(result, replace(clip, weights=face.weights(expressions)), lacking)
 
     def _expressions(self, motion: Motion) -> dict[str, Array]:
