@@ -105,7 +105,7 @@ def _converted(job: Job) -> Result:
         "frames": len(result.motion),
         "metrics": in_columns(result.metrics),
         "verdict": result.verdict,
-        "warnings": [*lost, *result.warnings],
+        "warnings": [*done.left_out(lost), *result.warnings],
         "notes": [*parts_without_source(result.matching), *others_without_source(result.matching), *refused],
         "alignment": alignment_text(result.matching),
     }

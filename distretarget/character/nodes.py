@@ -98,6 +98,7 @@ class Animation:
     translations: Mapping[int, Array] = field(default_factory=dict)  # of moving nodes, (frames, 3) each [file units]
     rotations: Mapping[int, Array] = field(default_factory=dict)  # of turning nodes, (frames, 4) each, x y z w
     scales: Mapping[int, Array] = field(default_factory=dict)  # (frames, 3) each
+    weights: Mapping[int, Array] = field(default_factory=dict)  # of morph targets, (frames, targets) each
     extras: Mapping[str, object] = field(default_factory=dict)  # what else is kept with it
     posed: frozenset[int] = frozenset()  # the nodes that it decides on; without keys they stay as the file shows them
 

@@ -163,7 +163,7 @@ def retarget_command(
     write_outputs(contents, overwrite)
     content = ()  # frees its numbers before metrics are measured
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
-    _say_what_is_odd(result, (*lost, *left_out), verbose)
+    _say_what_is_odd(result, (*done.left_out(lost), *left_out), verbose)
     if kind == "BVH":
         body_of = named.motion.skeleton
         say(*refusals(body_of), *(python_refusals(body_of) if verbose else ()), err=True)

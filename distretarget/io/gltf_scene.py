@@ -35,6 +35,7 @@ Triangles = NDArray[np.intp]
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
 WHOLE_NUMBERS = (5121, 5123)  # components of joints
 DRACO = "KHR_draco_mesh_compression"
+FACE_LEFT_OUT = "the animation moves morph targets or expressions, such as those of a face; they are left out"
 
 
 def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> CharacterScene:
@@ -53,8 +54,8 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
         for extension, name in COMPRESSIONS.items()
         if extension in used
     ]
-    if chosen is not None and _moves_face(gltf, chosen):
-        notes.append("the animation moves morph targets or expressions, such as those of a face; they are left out")
+    if chosen is not None and moves_face(gltf, chosen):
+        notes.append(FACE_LEFT_OUT)
     return CharacterScene(
         gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=tuple(notes)
     )
@@ -187,12 +188,12 @@ def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animati
         if path in KINDS and "node" in target:
             node = gltf.index("nodes", target["node"])
             sampler = samplers[parts.need("sampler").index(len(samplers) - 1, "samplers")]
-            curves[path][node] = _curve(gltf, sampler.entries(), path)
+            curves[path][node] = read_curve(gltf, sampler.entries(), KINDS[path])
     return sampled(gltf.path, name, curves, fps, most=gltf.size)
 
 
-def _moves_face(gltf: Gltf, number: int) -> bool:
-    """Whether an animation has keys of morph targets or of nodes that stand for a VRM animation's expressions."""
+def moves_face(gltf: Gltf, number: int) -> bool:
+    """Return whether an animation has keys of morph targets, or of a VRM animation's nodes of expressions."""
     expressions = gltf.document.inner("extensions").inner("VRMC_vrm_animation").inner("expressions")
     each = (one.entries() for group in ("preset", "custom") for one in expressions.inner(group).values())
     nodes = {gltf.index("nodes", one["node"]) for one in each if "node" in one}
@@ -202,16 +203,20 @@ def _moves_face(gltf: Gltf, number: int) -> bool:
     return "weights" in paths or any(gltf.index("nodes", one["node"]) in nodes for one in targets if "node" in one)
 
 
-def _curve(gltf: Gltf, fields: Fields, path: str) -> Curve:
+def read_curve(gltf: Gltf, fields: Fields, kind: str, width: int = 1) -> Curve:
+    """Return the curve of a sampler, whose keys are of a kind such as "VEC4"; of "SCALAR", so many are a key. A
+    SkeletonFileError if it is not valid.
+    """
     times = gltf.numbers(fields.need("input"), "SCALAR", FLOATS)
-    keys = gltf.numbers(fields.need("output"), KINDS[path], SIGNED)
+    keys = gltf.numbers(fields.need("output"), kind, SIGNED)
     interpolation = fields.read("interpolation", lambda node: node.one_of(("LINEAR", "STEP", "CUBICSPLINE")), "LINEAR")
     each = 3 if interpolation == "CUBICSPLINE" else 1
-    if not len(times) or len(keys) != each * len(times):
-        fields["output"].fail(f"{len(keys)} values for {len(times)} keys; expected {each * max(len(times), 1)}")
+    count = each * (width if kind == "SCALAR" else 1)
+    if not len(times) or len(keys) != count * len(times):
+        fields["output"].fail(f"{len(keys)} values for {len(times)} keys; expected {count * max(len(times), 1)}")
     if (times[1:] < times[:-1]).any():
         fields["input"].fail("a key is earlier than the one before it")
-    if path == "rotation" and not (np.linalg.norm(keys[each // 2 :: each], axis=1) >= SMALLEST).all():
+    if kind == KINDS["rotation"] and not (np.linalg.norm(keys[each // 2 :: each], axis=1) >= SMALLEST).all():
         fields["output"].fail("has a rotation of length 0")
     return Curve(times, keys.reshape(len(times), each, -1), interpolation)
 

@@ -167,7 +167,8 @@ def _animation_entries(
 
 def _tracks(animation: Animation) -> Tracks:
     tracks: Tracks = {("translation", node): keys for node, keys in animation.translations.items()}
-    return tracks | {("rotation", node): keys for node, keys in animation.rotations.items()}
+    tracks |= {("rotation", node): keys for node, keys in animation.rotations.items()}
+    return tracks | {("weights", node): keys.ravel() for node, keys in animation.weights.items()}
 
 
 def _targets(gltf: Gltf, animation: Node) -> Iterator[tuple[str, int]]:

@@ -166,12 +166,15 @@ def write_npz(
 
 @dataclass(frozen=True)
 class NamedClip:
-    """A motion to write, its name, what to keep beside it, and arrays that label its frames."""
+    """A motion to write, its name, what to keep beside it, arrays that label its frames, and the weights of a
+    character's morph targets, by node, (frames, targets) each.
+    """
 
     motion: Motion
     name: str
     extras: Mapping[str, object]
     labels: Arrays = field(default_factory=dict)
+    weights: Mapping[int, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, repr=False)
@@ -254,7 +257,7 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
         raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
     motion = clip.motion if found.looks_back == expected.looks_back else clip.motion.turned_round()
-    return replace(character.animation(motion, clip.name), extras=clip.extras)
+    return replace(character.animation(motion, clip.name), extras=clip.extras, weights=clip.weights)
 
 
 def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode) -> Parts:

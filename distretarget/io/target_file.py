@@ -17,6 +17,7 @@ from distretarget.character.nodes import CharacterScene
 from distretarget.checks import check_path
 from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonFileError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
+from distretarget.io.expressions import Face, face_of
 from distretarget.io.fbx import fbx_mesh, parse_fbx
 from distretarget.io.gltf import Gltf
 from distretarget.io.gltf_scene import animation_names, gltf_materials, gltf_parts, gltf_scene
@@ -99,6 +100,7 @@ class CharacterTarget(Target):
 
     character: Character  # which nodes they are
     mesh: CharacterMesh
+    face: Face | None = None  # its expressions; None for FBX
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -146,7 +148,8 @@ def parse_target(file: InputFile) -> LoadedTarget:
             return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
     character = character_of(read_character_scene(file, animated=False))
     skeleton = with_bones(character.skeleton, file.path)
-    return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character))
+    face = face_of(file.gltf) if file.kind == "glTF" else None
+    return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character), face=face)
 
 
 def parse_full_target(file: InputFile) -> Target:

@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import NoneType
 
+import numpy as np
+
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
-from distretarget.errors import in_file
+from distretarget.errors import in_file, quoted
 from distretarget.ik.poses import Progress, ignore_progress
+from distretarget.io.expressions import find_expressions
 from distretarget.io.formats import OutputKind
+from distretarget.io.gltf_scene import FACE_LEFT_OUT
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, NamedClip, OutputSettings, as_written
-from distretarget.io.target_file import TargetFile, with_source
+from distretarget.io.target_file import CharacterTarget, TargetFile, with_source
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Transfer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import Prepared, prepare, with_advice
 from distretarget.target import LoadedTarget
+
+MOST_NAMES = 12  # of expressions in a line
 
 
 @dataclass(frozen=True)
@@ -108,10 +116,20 @@ class Converted:
     Attributes:
         result: with the motion as its file holds it.
         clip: what is written of it.
+        lacking: the expressions that the target lacks; None where none of them are written.
     """
 
     result: RetargetResult
     clip: NamedClip
+    lacking: tuple[str, ...] | None = None
+
+    def left_out(self, lost: Sequence[str]) -> Iterator[str]:
+        """Yield the lines that `Recipe.read` returned on what is left out, of expressions those that are in fact."""
+        for line in lost:
+            if line != FACE_LEFT_OUT or self.lacking is None:
+                yield line
+            elif self.lacking:
+                yield f"expressions that the target lacks are left out: {quoted(self.lacking, MOST_NAMES)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,4 +180,22 @@ class Conversion:
         writing = self.recipe.writing
         clip = writing.clip(result.motion, name, result.world.up_vector)
         result = replace(result, motion=as_written(result.motion, kinds[0], writing.precision, self.target))
-        return Converted(result, replace(clip, labels=result.labels) if "arrays" in kinds else clip)
+        clip = replace(clip, labels=result.labels) if "arrays" in kinds else clip
+        face = self.target.target.face if isinstance(self.target.target, CharacterTarget) else None
+        if "character" not in kinds or face is None or self.source.kind != "glTF":
+            return Converted(result, clip)
+        expressions = self._expressions(result.motion)
+        lacking = tuple(name for name in expressions if name.casefold() not in face.targets)
+        return Converted(result, replace(clip, weights=face.weights(expressions)), lacking)
+
+    def _expressions(self, motion: Motion) -> dict[str, Array]:
+        """The expressions of the source, (frames,) each, by name, edited as its `motion`."""
+        curves = find_expressions(self.source.gltf, self.recipe.clip)
+
+        def values_at(times: Array) -> Array:
+            return np.stack([curve.at(times, rotates=False)[:, 0] for curve in curves.values()], axis=1)
+
+        if not curves:
+            return {}
+        values = self.recipe.edits.of_values(values_at, len(motion), motion.frame_time)
+        return dict(zip(curves, values.T, strict=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -192,6 +192,17 @@ class Edits:
         motion = turned(motion, self.turn) if self.turn else motion
         return looped(motion) if self.loop else motion
 
+    def of_values(self, values_at: Callable[[Array], Array], frames: int, frame_time: float) -> Array:
+        """Return values, (frames, n), beside an edited motion of so many frames; `values_at` returns those at times of
+        the clip before, (frames,) [s]. Sides and turns do not matter to them.
+        """
+        first = 0 if self.start is None else _first_frame(_seconds("start", self.start, frame_time), frame_time)
+        values = values_at(frame_time * (first + self.speed * np.arange(frames, dtype=float)))
+        if not self.loop:
+            return values
+        steps = np.stack([values[-1] - values[-2], values[1] - values[0]])
+        return np.asarray(values + _bends(values[0] - values[-1], steps, _seam(frames, frame_time), frames))
+
 
 NO_EDITS = Edits()
 
@@ -208,11 +219,15 @@ def trimmed(motion: Motion, start: Time | None = None, end: Time | None = None) 
     last = (len(motion) - 1) * motion.frame_time
     first = 0.0 if start is None else _seconds("start", start, motion.frame_time)
     stop = last if end is None else _seconds("end", end, motion.frame_time)
-    frames = np.array([first, stop]) / motion.frame_time + np.array([-SAME_TIME, SAME_TIME])
-    some = motion[max(int(np.ceil(frames[0])), 0) : int(np.floor(frames[1])) + 1]
+    some = motion[_first_frame(first, motion.frame_time) : int(np.floor(stop / motion.frame_time + SAME_TIME)) + 1]
     if not len(some):
         raise MotionError(f"has no frame from {first:g} to {stop:g} s; it lasts {max(last, 0.0):g} s")
     return some
+
+
+def _first_frame(time: float, frame_time: float) -> int:
+    """The first frame from a time on [s]."""
+    return max(int(np.ceil(time / frame_time - SAME_TIME)), 0)
 
 
 def _seconds(name: str, time: Time, frame_time: float) -> float:
@@ -257,8 +272,8 @@ def looped(motion: Motion) -> Motion:
         raise MotionError(f"has {len(motion)} frames; a loop takes at least 4")
     body = Body.of_motion(motion)
     on = _carry(motion, body)
-    seam = min(round(SEAM / motion.frame_time), len(motion) // 3)
     count = len(motion)
+    seam = _seam(count, motion.frame_time)
     rotations = [Rotation.from_quat(motion.rotations[:, joint]) for joint in range(len(motion.skeleton))]
     translations = np.swapaxes(motion.translations, 0, 1).copy()
     for joint, turns in enumerate(rotations):
@@ -279,10 +294,15 @@ def looped(motion: Motion) -> Motion:
     return Motion.of_translations(motion.skeleton, np.swapaxes(translations, 0, 1), quaternions, motion.frame_time_text)
 
 
-def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
-    """(frames, 3), by how much to bend values so that from the last frame to the next round there is one usual step.
+def _seam(frames: int, frame_time: float) -> int:
+    """The number of frames that a loop is bent for on each side of its seam."""
+    return min(round(SEAM / frame_time), frames // 3)
 
-    `off`, (3,), leads from the last frame to the first of the next round, and `speeds`, (2, 3), are the steps before
+
+def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
+    """(frames, n), by how much to bend values so that from the last frame to the next round there is one usual step.
+
+    `off`, (n,), leads from the last frame to the first of the next round, and `speeds`, (2, n), are the steps before
     and after. Each side takes half of what is too much, and half of the change of speed, and both fade smoothly.
     """
     usual = speeds.mean(axis=0)
@@ -291,7 +311,7 @@ def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
     place = (1.0 - t) ** 3 * (1.0 + 3.0 * t + 6.0 * t**2)  # 1 at the seam, and 0 with its derivatives at its end
     speed = seam * t * (1.0 - t) ** 3 * (1.0 + 3.0 * t)  # of slope 1 a frame at the seam
     fades = np.outer(place, gap), np.outer(speed, jump)
-    bends = np.zeros((frames, 3))
+    bends = np.zeros((frames, len(off)))
     bends[:seam] = -fades[0] - fades[1]
     bends[frames - seam :] = (fades[0] - fades[1])[::-1]
     return bends

@@ -23,7 +23,7 @@ from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.vectors import Array, Flags, extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
-from distretarget.objectives.body_skin import Skins
+from distretarget.objectives.body_skin import Skins, limbs_of
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_flesh, find_floor_springs, rise_of_flesh
 from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
@@ -32,6 +32,7 @@ from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.skin import Reach, with_skin
 from distretarget.objectives.supports import Supports, no_supports
+from distretarget.objectives.swing import with_swinging_feet_up
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
@@ -213,6 +214,8 @@ class Performer:
             clip = clip.raised(np.outer(rise_of_flesh(clip, supports, flesh), clip.up))
             supports = feet_within_reach(clip, supports)
             supports = replace(supports, floor=find_floor_springs(clip, supports.weights, undersides, flesh))
+        if options.supports != "free":
+            clip = with_swinging_feet_up(clip, feet, limbs_of(self.match.matching.target), undersides)
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)

@@ -1,0 +1,103 @@
+"""Feet that swing: their soles pass over the floor, as the source's do.
+
+Longer feet, or legs of another build, bring a foot that swings under the floor where the source's passes just over it.
+Its knee bends then, so that the ankle is higher by
+
+    lift = floor + min(source's sole over its floor, scaled, CLEARANCE) - lowest point of the copied foot
+
+where that is positive, widened in time: the foot goes up before, and down after. A foot's floor is where its sole is
+while it rests, and in between on the line from one rest to the next; that of a foot that never rests, as on a
+treadmill, is as low as any sole. The foot keeps its rotation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from distretarget.body.axes import perpendicular
+from distretarget.body.resting import feet_resting
+from distretarget.body.soles import sole_height
+from distretarget.matching.undersides import Undersides
+from distretarget.numerics.time_series import smoothstep
+from distretarget.numerics.vectors import Array, lengths, normalised
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.foot_lock import lowest_of_foot, sole_levels
+from distretarget.objectives.supports import Supports
+from distretarget.skin.limbs import Limb, bent
+
+CLEARANCE = 0.03  # feet that swing as high as this over the floor are high enough [leg lengths]
+SCUFF = 0.005  # feet that are less deep in the floor stay [leg lengths]
+SWING_BLEND = 0.1  # a foot goes up over twice this time, and down over as long [s]
+STRAIGHT_KNEE = 0.1  # knees nearer than this to the line from hip to ankle bend as the foot points [shins]
+
+
+def with_swinging_feet_up(clip: Clip, feet: Supports, limbs: Sequence[Limb], undersides: Undersides | None) -> Clip:
+    """Return the clip with the legs of its rotation copy bent where feet would swing through the floor. `feet` are the
+    supports of feet, `limbs` those of the target; the root is on its final path.
+    """
+    if not clip.legs:
+        return clip
+    legs, moved = {limb.end: number for number, limb in enumerate(limbs)}, np.zeros((len(clip), len(limbs), 2, 3))
+    free = 1.0 - feet.weights[:, : feet.feet].reshape(len(clip), -1, 2).max(axis=2)
+    lifts = clip.widened(free * _lifts(clip, undersides), SWING_BLEND)
+    for pair, lift in zip(clip.legs, lifts.T, strict=True):
+        if lift.any() and pair.target.ankle in legs:
+            number = legs[pair.target.ankle]
+            moved[:, number] = _raised(clip, limbs[number], pair.target.toe, lift[:, None])
+    return replace(clip, copy=bent(clip.copy, limbs, moved)) if moved.any() else clip
+
+
+def _lifts(clip: Clip, undersides: Undersides | None) -> Array:
+    """(frames, legs), how much higher each foot of the rotation copy has to be, with the root on its path [target file
+    units].
+    """
+    up, (source_length, length), frames = clip.up, clip.leg_lengths, np.arange(len(clip))
+    rests = [feet_resting(clip.source, pair.source, up, source_length, clip.shots) for pair in clip.legs]
+    soles, own = _soles(clip, rests, undersides)
+    soles, lifts = clip.scale.heights(soles), np.zeros_like(soles)
+    own += ((clip.root - clip.copy.root_positions) @ up)[:, None]
+    for leg, rest in enumerate(rests):
+        known = np.flatnonzero(rest.max(axis=1) == 1.0)
+        floor = np.interp(frames, known, soles[known, leg]) if len(known) else soles.min()
+        lifts[:, leg] = np.minimum(soles[:, leg], floor + CLEARANCE * length) - own[:, leg]
+    return np.maximum(lifts - SCUFF * length, 0.0)
+
+
+def _soles(clip: Clip, rests: Sequence[Array], undersides: Undersides | None) -> tuple[Array, Array]:
+    """The heights of the soles of source and rotation copy, (frames, legs) each [file units of each]; `rests` is how
+    much ankle and toe of each leg rest, (frames, 2).
+    """
+    if undersides is None or not undersides.feet_have_mesh:
+        heights = [
+            (sole_height(clip.source, pair.source_sole, clip.up), sole_height(clip.copy, pair.target_sole, clip.up))
+            for pair in clip.legs
+        ]
+        source, own = np.array(heights).reshape(len(clip.legs), 2, len(clip)).transpose(1, 2, 0)
+        return source, own
+    lowest = [lowest_of_foot(clip.copy, pair.target.ankle, pair.target_sole, clip.up, undersides) for pair in clip.legs]
+    return sole_levels(clip, rests), np.stack(lowest, axis=1) + undersides.soles[1]
+
+
+def _raised(clip: Clip, limb: Limb, toe: int, lift: Array) -> Array:
+    """How far knee and ankle go, (frames, 2, 3), so that the ankle is higher by `lift`, (frames, 1) [file units]. A
+    knee that the copy bends backwards comes forwards as the lift grows.
+    """
+    hip, knee, ankle, toes = (clip.copy.positions[:, joint] for joint in (*limb.joints, toe))
+    thigh, shin = lengths(knee - hip)[:, None], lengths(ankle - knee)[:, None]
+    way = ankle + lift * clip.up - hip
+    far = lengths(way)[:, None]
+    down = way / far
+    off = perpendicular(knee - hip, normalised(ankle - hip))
+    forward = normalised(perpendicular(toes - ankle, down))
+    forward = normalised(perpendicular(off + STRAIGHT_KNEE * shin * forward, down))
+    before = (off * forward).sum(axis=1, keepdims=True)
+    aside = perpendicular(off, forward)
+    along = (thigh**2 - shin**2 + far**2) / (2.0 * far)
+    square = thigh**2 - along**2 - (aside**2).sum(axis=1, keepdims=True)
+    bend = np.sqrt(np.maximum(square, np.finfo(float).tiny))
+    bend *= 1.0 - 2.0 * smoothstep(-before / bend)
+    moved = np.stack([hip + along * down + aside + bend * forward - knee, lift * clip.up], axis=1)
+    return np.where(lift[:, None] > 0.0, moved, 0.0)
