@@ -52,14 +52,10 @@ def test_show_says_what_is_recognised(file, says):
     assert run("skeleton", "show", file).stdout.splitlines()[0].endswith(f"; {says}")
 
 
-def test_show_says_how_thick_a_body_is(tmp_path):
-    said = run("skeleton", "show", HERO, "-o", tmp_path / "skin.obj").stdout
+def test_show_says_how_thick_a_body_is():
+    said = run("skeleton", "show", HERO).stdout
     assert "thickness of its mesh [m]" in said
     assert "upper arm" in said
-    points = [line.split()[1:] for line in (tmp_path / "skin.obj").read_text().splitlines() if line.startswith("v ")]
-    low, top = np.array(points, float).min(axis=0), np.array(points, float).max(axis=0)
-    assert top[1] - low[1] == pytest.approx(1.77, abs=0.1)
-    assert low[1] == pytest.approx(0.0, abs=0.05)
     assert "thickness of an average adult" in run("skeleton", "show", SAMPLES / "walk.bvh").stdout
 
 

@@ -8,7 +8,7 @@ from bodies import HERO, PERSON
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, load_target
-from distretarget.measure.passing import PASSES_BY, SPEED_SPAN, passing, speeds
+from distretarget.measure.touches import PASSES_BY, SPEED_SPAN, passing, speeds
 from distretarget.objectives.skin import how_touching
 from distretarget.objectives.sliding import BRUSHES, PARTS_OF, SLIDES, stays
 from distretarget.objectives.spots import Spots

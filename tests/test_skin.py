@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.skin import find_skin
+from distretarget.measure.skin import SkinPoints, find_skin, one_by_one, points_of_mesh
 from distretarget.measure.skin_depths import PARTS, find_depths
-from distretarget.measure.skin_shapes import SkinPoints, one_by_one, points_of_mesh
 from distretarget.measure.skin_touches import FARTHEST, TOUCHING, find_source_skin
 from distretarget.measure.solids import solids_of_mesh
 from distretarget.numerics.vectors import normalised

@@ -1,7 +1,6 @@
 """`-` for standard input and output, names of outputs, --quiet, and source and target that are swapped."""
 
 import errno
-import io
 import os
 import re
 import subprocess
@@ -157,22 +156,6 @@ def test_a_file_may_be_called_minus(folder, converted):
 @pytest.mark.usefixtures("folder")
 def test_an_output_with_the_name_of_another_format_is_refused(arguments, better):
     assert better in refused(*arguments)
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-@pytest.mark.parametrize("answer", ["y", "n"])
-def test_on_a_terminal_such_a_name_is_asked_about(folder, monkeypatch, answer):
-    monkeypatch.setattr(
-        "distretarget.cli.outputs.sys", type("OnATerminal", (), {"stdin": Terminal(), "argv": sys.argv})
-    )
-    done = run("skeleton", "export", "in.bvh", "-o", "y.txt", given=f"{answer}\n")
-    assert "y.txt: the name does not end in .json; write JSON to it all the same? [y/N]" in done.stderr
-    assert done.returncode == (0 if answer == "y" else 130)
-    assert (folder / "y.txt").exists() == (answer == "y")
 
 
 def test_quiet_prints_nothing_but_errors(folder):

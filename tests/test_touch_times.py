@@ -5,7 +5,7 @@ import pytest
 from bodies import HERO, SAMPLES
 
 from distretarget import Builds, load_build, load_target, read_bvh, retarget
-from distretarget.measure.touch_times import AROUND, around, off_times
+from distretarget.measure.touches import AROUND, around, off_times
 
 TIMES = np.arange(100) / 100.0  # [s]
 

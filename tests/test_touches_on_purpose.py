@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, load_target, read_bvh
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.measure.hanging import hanging_parts
+from distretarget.measure.touches import hanging_parts
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import raised_arms

@@ -12,8 +12,7 @@ import numpy as np
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.skin import Skin
-from distretarget.measure.skin_depths import LIMBS, PARTS, find_depths
-from distretarget.measure.skin_places import PLACE_OF
+from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
 from distretarget.measure.skin_touches import FARTHEST, TOUCHING
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
