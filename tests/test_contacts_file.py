@@ -54,18 +54,20 @@ WRONG = [
     ),
     (
         {"between": ["left hand"], "keep": False},
-        'contacts[0].between: expected two names, such as ["left hand", "hips"], found a list of 1',
+        "contacts[0]: between is ('left hand',); expected the names of two parts or joints",
     ),
     ({"between": ["left hand", "hips"]}, 'contacts[0]: says nothing; expected "keep" or "gap"'),
-    ({"between": ["left hand", "hips"], "keep": "no"}, "contacts[0].keep: expected true or false, found 'no'"),
-    ({"between": ["left hand", "hips"], "gap": -1}, "contacts[0].gap: expected a number from 0, found -1"),
+    ({"between": ["left hand", "hips"], "keep": "no"}, "contacts[0]: keep is 'no'; expected a bool"),
+    ({"between": ["left hand", "hips"], "gap": -1}, "contacts[0]: gap is -1.0; expected a number from 0 to 1e+09"),
+    ({"between": {}, "keep": False}, "contacts[0]: between is (); expected the names of two parts or joints"),
+    ({"look": "head", "like": [0, 0, [1]]}, "contacts[0]: like is [1.0]; expected a number"),
     (
         {"between": ["left hand", "hips"], "gap": 0, "frames": [20, 10]},
-        "contacts[0].frames: goes from 20 to 10; expected the first, from 0, and then the last",
+        "contacts[0]: frames go back from 20 to 10; swap them",
     ),
     (
         {"between": ["left hand", "hips"], "gap": 0, "frames": [2.5, 10]},
-        "contacts[0].frames[0]: expected a whole number, or write seconds, found 2.5",
+        "contacts[0]: frames go from 2.5 to 10; expected whole numbers, or seconds",
     ),
     (
         {"between": ["left hnad", "hips"], "keep": False},
