@@ -207,10 +207,14 @@ APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -
 
 
 def standing(
-    turns: dict[str, np.ndarray], frames: int = 30, path: ArrayLike = 0.0, height: float = LEG + 0.1
+    turns: dict[str, np.ndarray] | None = None,
+    frames: int = 30,
+    path: ArrayLike = 0.0,
+    height: float = LEG + 0.1,
+    body: Skeleton = PERSON,
 ) -> Motion:
-    """A person with the hips at a height, who is carried along a path, (frames, 3), and has joints turned."""
-    return posed(PERSON, turns, np.zeros((frames, 3)) + path + height * UP)
+    """A body with the hips at a height, which is carried along a path, (frames, 3), and has joints turned."""
+    return posed(body, turns or {}, np.zeros((frames, 3)) + path + height * UP)
 
 
 def lengthened(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:

@@ -1,11 +1,10 @@
 """Contact files: what they say comes back, and what is wrong with one is told in a line with its place."""
 
 import json
-from importlib.resources import files
 
-import jsonschema
 import pytest
 from bodies import SAMPLES
+from schemas import validator
 
 from distretarget import (
     Contact,
@@ -106,14 +105,10 @@ def document(*entries):
     return {"format": "distretarget-contacts", "version": 1, "contacts": [*entries]}
 
 
-def schema():
-    return json.loads(files("distretarget.io").joinpath("contacts.schema.json").read_text("utf-8"))
-
-
 def test_what_is_written_is_read_back_and_suits_the_schema():
     text = contacts_to_json(ContactList(ENTRIES))
     assert parse_contacts(text, "x.json").entries == ENTRIES
-    jsonschema.Draft202012Validator(schema()).validate(json.loads(text))
+    validator("io/contacts").validate(json.loads(text))
     assert not parse_contacts(contacts_to_json(ContactList()), "x.json").entries
 
 

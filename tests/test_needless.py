@@ -1,7 +1,9 @@
 """What a result does that its rotation copy does not: turns, shaking and pops of a known size."""
 
 from dataclasses import replace
+from functools import partial
 
+import bodies
 import numpy as np
 import pytest
 from bodies import LEG, PERSON, UP, body_of, clapping, matched, posed, with_bone
@@ -18,8 +20,7 @@ TIME = 0.02  # between the frames of `posed` [s]
 ONE_SHOT = np.zeros(FRAMES, np.intp)
 
 
-def standing(turns=None, path=0.0):
-    return posed(PERSON, turns or {}, np.zeros((FRAMES, 3)) + LEG * UP + path)
+standing = partial(bodies.standing, frames=FRAMES, height=LEG)
 
 
 def turned_by(joint, degrees):

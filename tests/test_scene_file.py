@@ -2,13 +2,12 @@
 
 import json
 from dataclasses import replace
-from importlib.resources import files
 
-import jsonschema
 import numpy as np
 import pytest
 from bodies import SAMPLES, person, swaying
 from program import run
+from schemas import validator
 
 from distretarget import MotionError, SkeletonFileError, diff, read_bvh, read_motion, retarget_scene, write_bvh
 from distretarget.scene.props import Grip
@@ -20,27 +19,15 @@ HEAD = {"format": "distretarget-scene", "version": 1}
 STAFF = {"name": "staff", "file": "staff.bvh"}
 
 
-def schema():
-    return json.loads(files("distretarget.io").joinpath("scene.schema.json").read_text("utf-8"))
-
-
-def valid(document):
-    return jsonschema.Draft202012Validator(schema()).is_valid(document)
-
-
 def written(folder, document):
     path = folder / "scene.json"
     path.write_text(json.dumps(document))
     return path
 
 
-def test_the_schema_is_one():
-    jsonschema.Draft202012Validator.check_schema(schema())
-
-
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
 def test_the_samples_are_valid(path):
-    assert valid(json.loads(path.read_text()))
+    assert validator("io/scene").is_valid(json.loads(path.read_text()))
     assert all(file.exists() for file in load_scene(path).inputs)
 
 
@@ -69,7 +56,7 @@ def test_everything_that_a_scene_may_say(tmp_path):
         "cut": True,
         "resample": True,
     }
-    assert valid(document)
+    assert validator("io/scene").is_valid(document)
     setup = load_scene(written(tmp_path, document))
     assert setup.names == ["lead", "follower", "staff", "sword"]
     staff, sword = setup.props
@@ -146,7 +133,7 @@ def test_what_is_refused(name, tmp_path):
         load_scene(written(tmp_path, document))
     assert caught.value.place == place
     assert words in caught.value.reason or name == "no such performer"
-    assert valid(document) == (name in BEYOND_THE_SCHEMA)
+    assert validator("io/scene").is_valid(document) == (name in BEYOND_THE_SCHEMA)
 
 
 def test_the_command_converts_a_scene_and_a_folder_of_scenes(tmp_path):
