@@ -143,7 +143,7 @@ class Frame:
         return np.array([self.length, self.breadth, self.breadth])
 
     def carrier(self, along: float) -> int:
-        """Return the joint that carries what is so far along it."""
+        """Return the joint that carries the skin at a share of the length."""
         return next(joint for joint, start in reversed(self.carriers) if along >= start or start == -np.inf)
 
 

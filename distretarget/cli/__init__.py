@@ -120,7 +120,7 @@ def main() -> None:
 
 
 def _fault(error: OSError) -> str:
-    """What an error of the operating system says; one that names no file is of standard output, if not of all files."""
+    """The message of an OSError; one that names no file is about standard output, unless too many files are open."""
     place = "" if error.errno in (errno.EMFILE, errno.ENFILE) else "standard output"
     return ": ".join(filter(None, (error.filename or place, reason_of(error))))
 

@@ -46,7 +46,7 @@ def entry_to_json(entry: Entry) -> str:
 
 
 def _plain(entry: Entry) -> dict[str, Any]:
-    """What an entry says, without what is usual."""
+    """An entry as JSON values, without defaults."""
     usual = {each.name: each.default for each in fields(entry)}
     always = {"like"} if entry.acts else {"like", "keep"}
     values = {key: getattr(entry, key) for key in _keys(type(entry))}

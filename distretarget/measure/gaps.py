@@ -149,7 +149,7 @@ class SkinContacts:
 
     @property
     def sentence(self) -> str:
-        """What is told of it."""
+        """The line that the command prints."""
         return (
             f"contacts in {counted(self.frames, 'frame')}: gaps between the skins off by {self.error:.1f} % of "
             f"height on average, worst in frame {self.worst.frame} ({' - '.join(self.worst.parts)})"
@@ -172,7 +172,7 @@ class Overlap:
 
     @property
     def sentence(self) -> str:
-        """What is told of it."""
+        """The line that the command prints."""
         parts = " - ".join(self.parts)
         return f"up to {self.depth:.1f} % of the height in each other, deepest in frame {self.frame} ({parts})"
 

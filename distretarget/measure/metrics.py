@@ -193,7 +193,7 @@ class Metric:
         return int(frame), track.parts[part[0]] if part and track.parts else ""
 
     def _judged_track(self, tracks: Tracks) -> Track:
-        """What was measured, without measurements that do not count."""
+        """The track without measurements that do not count."""
         track = tracks[self.track or self.key]
         return replace(track, counts=middles(track.weights)) if self.touches else track
 

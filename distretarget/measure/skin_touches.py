@@ -155,8 +155,9 @@ class SourceSkin:
         return seen
 
     def _reach(self, near: Flags, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
-        """How far from each segment parts are looked for in some frames, (frames, parts, segments), and which of these
-        alone; `near`, (frames, limbs, places), are what they may touch, and the others, (touches,), what they should.
+        """How far from each segment to look for each part in some frames, (frames, parts, segments), and for which of
+        these to look apart from others of its place. `near`, (frames, limbs, places), says what may be touched; the
+        other arguments, (touches,), say what is touched in the source.
         """
         skin, count = self.target, len(LIMBS)
         reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (len(near), 1, 1))

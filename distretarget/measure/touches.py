@@ -1,4 +1,4 @@
-"""What touches over time: arms that hang and hands that pass by touch nothing, and others begin and end."""
+"""Touches over time: when they begin and end; arms that hang and hands that pass by touch nothing."""
 
 from __future__ import annotations
 
