@@ -179,7 +179,7 @@ class Motion:
         path, moving = self.root_positions[frames], None if self.moving is None else self.moving[frames]
         part = replace(self, root_positions=path, rotations=self.rotations[frames], moving=moving)
         if "positions" in vars(self):
-            vars(part)["positions"] = self.positions[frames]
+            vars(part)["positions"] = np.ascontiguousarray(self.positions[frames])
         return part
 
     def __repr__(self) -> str:

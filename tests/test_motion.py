@@ -64,6 +64,13 @@ def test_some_frames_of_a_motion_are_where_they_are_in_the_whole(frames):
     assert MOTION[frames].frame_time == MOTION.frame_time
 
 
+def test_some_frames_are_retargeted_alike_whether_positions_were_asked_for_before():
+    asked, not_asked = (swaying(person(), frames=9) for _ in range(2))
+    assert asked.positions.shape == (9, len(asked.skeleton), 3)
+    results = [retarget(motion[::2], person()).motion.positions for motion in (asked, not_asked)]
+    np.testing.assert_array_equal(*results)
+
+
 @pytest.mark.parametrize("joints", [[], [0], [3, 2], [2, 2], [[1]], [1.0], "a", [None]], ids=str)
 def test_moving_bones_are_those_of_joints_below_the_root_in_order(joints):
     with pytest.raises(MotionError, match="expected numbers of joints from 1, in ascending order"):
