@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from animals import dog
-from bodies import SAMPLES, WAYS, body_of, person, posed, swaying, turned, with_bone
+from bodies import WAYS, body_of, person, posed, sample_target, swaying, turned, with_bone
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target
 from distretarget.body.anatomy import find_regions
 from distretarget.body.axes import Directions, axis_vector, nearest_axis, squared, upright
 from distretarget.body.body import Body
@@ -146,7 +145,7 @@ def test_regions_of_a_person() -> None:
 
 
 def test_root_on_the_floor_twist_joints_and_handles_are_no_part_of_the_body() -> None:
-    body = body_of(load_target(SAMPLES / "rigs" / "unreal_a.json").skeleton)
+    body = body_of(sample_target("rigs/unreal_a").skeleton)
     assert _region(body, "index_03_l_End") == "left hand"
     assert _region(body, "thigh_l") == _region(body, "pelvis") == "hips"
     for name in ("root", "ik_hand_l", "ik_foot_root", "upperarm_twist_01_l", "calf_twist_01_r"):

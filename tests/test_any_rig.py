@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
-from bodies import SAMPLES, body_of, lengthened, matched, nameless, posed, swaying, taken
+from bodies import body_of, lengthened, matched, nameless, posed, sample, short_walk, swaying, taken
 from sample_rigs import CONVENTIONS, POSES, RIGS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, read_bvh, retarget
+from distretarget import Motion, retarget
 from distretarget.body.body import Body
 from distretarget.body.recognition import by_names
 from distretarget.errors import MatchingError
@@ -52,16 +52,10 @@ beings = pytest.mark.parametrize("being", BEINGS)
 
 
 @cache
-def walk():
-    motion = read_bvh(SAMPLES / "walk.bvh")
-    return replace(motion[:90:2], frame_time_text=str(2 * motion.frame_time))
-
-
-@cache
 def bandai():
     """The walk as in Bandai Namco's files: a root on the floor that stays, and hips with positions below it."""
-    named = tuple(BANDAI.get(name, name) for name in walk().skeleton.names)
-    below = replace(walk(), skeleton=replace(walk().skeleton, names=named))
+    named = tuple(BANDAI.get(name, name) for name in short_walk().skeleton.names)
+    below = replace(short_walk(), skeleton=replace(short_walk().skeleton, names=named))
     return on_a_root(below, "joint_Root")
 
 
@@ -79,21 +73,21 @@ def assert_near(found, expected, relative=1e-5):
 
 def test_hips_below_a_root_on_the_floor_carry_the_motion():
     for name in CONVENTIONS:
-        plain, below = (retarget(source, rig(name, "T")) for source in (walk(), bandai()))
+        plain, below = (retarget(source, rig(name, "T")) for source in (short_walk(), bandai()))
         assert below.root_scale == pytest.approx(plain.root_scale)
         assert_near(below.motion.positions, plain.motion.positions)
 
 
 @pytest.mark.parametrize("root", ["Reference", "Armature", "reference_node", "q"])
 def test_a_joint_above_the_hips_that_never_moves_does_not_hold_them(root):
-    source = on_a_root(walk(), root)
-    plain = retarget(walk(), rig("lafan1", "A")).motion
+    source = on_a_root(short_walk(), root)
+    plain = retarget(short_walk(), rig("lafan1", "A")).motion
     assert_near(retarget(source, rig("lafan1", "A")).motion.positions, plain.positions)
 
 
 def test_a_joint_above_the_hips_does_not_hold_them_where_nothing_has_a_name():
-    source = on_a_root(walk(), "root")
-    plain = retarget(walk(), rig("lafan1", "A"))
+    source = on_a_root(short_walk(), "root")
+    plain = retarget(short_walk(), rig("lafan1", "A"))
     result = retarget(replace(source, skeleton=nameless(source.skeleton)), rig("lafan1", "A"))
     roles = by_names(rig("lafan1", "A")).roles
     joints = [roles[role] for role in roles if role not in ("leftShoulder", "rightShoulder")]
@@ -102,9 +96,9 @@ def test_a_joint_above_the_hips_does_not_hold_them_where_nothing_has_a_name():
 
 @conventions
 def test_from_a_root_on_the_floor_to_hips_and_back(convention):
-    there = retarget(walk(), rig("unreal", "T")).motion
+    there = retarget(short_walk(), rig("unreal", "T")).motion
     result = retarget(there, rig(convention, "T"))
-    plain = retarget(walk(), rig(convention, "T")).motion
+    plain = retarget(short_walk(), rig(convention, "T")).motion
     joints = [joint for role, joint in by_names(plain.skeleton).roles.items() if role.endswith(("Leg", "Arm", "hips"))]
     assert_near(result.motion.positions[:, joints], plain.positions[:, joints], 0.03)
 
@@ -112,14 +106,14 @@ def test_from_a_root_on_the_floor_to_hips_and_back(convention):
 def test_onto_hips_with_positions_below_a_root_on_the_floor():
     target = bandai().skeleton
     assert target.channels[1][:3] == POSITION_CHANNELS
-    result = retarget(walk(), target)
+    result = retarget(short_walk(), target)
     assert result.drivers[0] < 0
-    assert_near(result.motion.positions[:, 1:], walk().positions)
+    assert_near(result.motion.positions[:, 1:], short_walk().positions)
 
 
 @pytest.mark.parametrize("clip", ["walk", "turn", "squat"])
 def test_a_root_on_the_floor_that_feet_pass_changes_nothing(clip):
-    motion = read_bvh(SAMPLES / f"{clip}.bvh")
+    motion = sample(clip)
     target = lengthened(motion.skeleton, {"Knee": 0.7, "Ankle": 0.7, "Elbow": 1.3})
     rooted = on_a_root(posed(target, {}, np.zeros((1, 3))), "root").skeleton
     expected = retarget(motion, target).motion.positions
@@ -197,18 +191,18 @@ def test_an_explicit_map_carries_an_arm_onto_a_sword(convention):
 def test_an_explicit_map_carries_a_person_onto_a_dog():
     target = dog()
     legs = {"LeftFemur": "LeftHip", "LeftTibia": "LeftKnee", "RightFemur": "RightHip", "RightTibia": "RightKnee"}
-    result = retarget(walk(), target, joint_map=legs | {"croup": "Hips"})
+    result = retarget(short_walk(), target, joint_map=legs | {"croup": "Hips"})
     assert np.all(np.isfinite(result.motion.positions))
-    assert result.drivers[target.index("LeftTibia")] == walk().skeleton.index("LeftKnee")
+    assert result.drivers[target.index("LeftTibia")] == short_walk().skeleton.index("LeftKnee")
 
 
 def test_a_map_may_leave_joints_out():
     body = rig("lafan1", "T")
-    matching = find_matching(body_of(walk().skeleton), body_of(body), {"LeftForeArm": None, "Head": "Neck"})
+    matching = find_matching(body_of(short_walk().skeleton), body_of(body), {"LeftForeArm": None, "Head": "Neck"})
     arm, head = body.index("LeftForeArm"), body.index("Head")
     assert (matching.drivers[arm], matching.method[arm], matching.confidence[arm]) == (-1, "", 0)
-    assert (matching.drivers[head], matching.method[head]) == (walk().skeleton.index("Neck"), "map")
-    motion = retarget(walk(), body, joint_map={"LeftForeArm": None}).motion
+    assert (matching.drivers[head], matching.method[head]) == (short_walk().skeleton.index("Neck"), "map")
+    motion = retarget(short_walk(), body, joint_map={"LeftForeArm": None}).motion
     np.testing.assert_allclose(np.abs(motion.rotations[:, arm, 3]), 1, atol=1e-9)
 
 
@@ -241,8 +235,8 @@ LACKS = {
 @conventions
 @pytest.mark.parametrize("lacks", LACKS)
 def test_an_incomplete_body_moves_a_whole_one(convention, lacks):
-    whole, body = retarget(walk(), rig(convention, "A")), rig(convention, "A")
-    result = retarget(part(walk(), without=LACKS[lacks]), body)
+    whole, body = retarget(short_walk(), rig(convention, "A")), rig(convention, "A")
+    result = retarget(part(short_walk(), without=LACKS[lacks]), body)
     assert result.world.up == whole.world.up
     driven = np.flatnonzero(result.drivers >= 0)
     shared = driven[(result.drivers[body.parents[driven]] >= 0) & (driven > 0) & (body.lengths[driven] > 0)]
@@ -254,7 +248,7 @@ def test_an_incomplete_body_moves_a_whole_one(convention, lacks):
 
 @pytest.mark.parametrize("top", ["Chest3", "LeftHip", "RightCollar"])
 def test_a_whole_person_moves_an_incomplete_body(top):
-    clap = read_bvh(SAMPLES / "clap.bvh")  # hands in front, so that arms do not point down like legs
+    clap = sample("clap")  # hands in front, so that arms do not point down like legs
     body = part(clap, top)
     result = retarget(clap, body)
     assert result.world.up == "Y"
@@ -263,7 +257,7 @@ def test_a_whole_person_moves_an_incomplete_body(top):
 
 
 def test_legs_alone_show_left_and_right():
-    body = part(walk(), without=("Chest",)).skeleton
+    body = part(short_walk(), without=("Chest",)).skeleton
     other = {"Left": "Right", "Righ": "Left"}
     names = (other[name[:4]] + name.removeprefix("Left").removeprefix("Right") for name in body.names[1:])
     wrong = replace(body, names=(body.names[0], *names))

@@ -7,7 +7,7 @@ import make_samples
 import numpy as np
 import pytest
 import sample_character
-from bodies import HERO, SAMPLES, swaying
+from bodies import HERO, sample, sample_run, sample_target, swaying
 from characters import (
     ARMATURE,
     LOOKING_BACK,
@@ -23,9 +23,9 @@ from characters import (
 )
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target, read_bvh, retarget, write_motion
+from distretarget import write_motion
 
-MOTION = read_bvh(SAMPLES / "walk.bvh")[:8]
+MOTION = sample("walk")[:8]
 BONES, WALK = Bones.of(MOTION.skeleton), Performance.of(MOTION)
 ROLLED = BONES.along_bones(np.linspace(-2, 2, len(BONES.names)))
 ASIDE = np.block(
@@ -112,9 +112,8 @@ def test_vrm_of_both_versions_and_vrm_animation():
 
 @pytest.mark.parametrize("rig", ["mixamo_t", "unreal_a", "xsens_a", "lafan1_a"])
 def test_skeletons_of_any_axes_and_units_stand_upright_in_metres(rig):
-    from distretarget import load_target
 
-    skeleton = load_target(SAMPLES / "rigs" / f"{rig}.json").skeleton
+    skeleton = sample_target(f"rigs/{rig}").skeleton
     bones = Bones.of(skeleton)
     heights = np.ptp(bones.positions, axis=0)
     assert 1.3 < heights[1] < 2.0
@@ -187,14 +186,14 @@ def test_it_rests_in_its_bind_pose_on_the_floor(hero):
 
 
 def test_joints_are_where_the_script_has_them():
-    skeleton, made = load_target(HERO).skeleton, sample_character.joints()
+    skeleton, made = sample_target("hero").skeleton, sample_character.joints()
     places = dict(zip(skeleton.names, skeleton.rest_positions, strict=True))
     assert {*places} == {*made.names}
     np.testing.assert_allclose([places[name] for name in made.names], 0.01 * (made.places - made.places[0]), atol=1e-5)
 
 
 def test_a_clap_needs_no_look_and_the_soles_stay_on_the_floor(tmp_path):
-    result = retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(HERO))
+    result = sample_run("clap")
     assert not result.warnings
     write_motion(tmp_path / "clap.glb", result.motion, HERO)
     document, buffer = gltf_player.load(tmp_path / "clap.glb")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES, person, swaying, tree_of
+from bodies import HERO, SAMPLES, person, sample, swaying, tree_of
 from built_rigs import along_bones, with_axes
 from program import refused, run, succeeded
 
@@ -140,7 +140,7 @@ def test_what_cannot_be_matched_is_shown_and_written_all_the_same(folder):
 
 def test_a_rest_pose_is_given_once_and_kept_in_the_map(folder):
     """A rig that stands in no rest pose; with `rest.bvh` it moves as the same clip by joints that do."""
-    walk = read_bvh(SAMPLES / "walk.bvh")[:40]
+    walk = sample("walk")[:40]
     axes = along_bones(Body.of_motion(walk))
     still = replace(walk[:1], rotations=np.tile(walk.skeleton.unturned, (1, 1, 1)))
     clip, rest = with_axes(walk, axes), with_axes(still, axes)

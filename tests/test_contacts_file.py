@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from bodies import SAMPLES
+from bodies import sample
 from schemas import validator
 
 from distretarget import (
@@ -15,7 +15,6 @@ from distretarget import (
     Plant,
     SettingsError,
     load_contacts,
-    read_motion,
     retarget,
 )
 from distretarget.io.contacts_file import contacts_to_json, parse_contacts
@@ -112,13 +111,8 @@ def test_what_is_written_is_read_back_and_suits_the_schema():
     assert not parse_contacts(contacts_to_json(ContactList()), "x.json").entries
 
 
-@pytest.fixture(scope="module")
-def clap():
-    return read_motion(SAMPLES / "clap.bvh")
-
-
 @pytest.mark.parametrize(("content", "message"), WRONG, ids=[message[:40] for _, message in WRONG])
-def test_what_a_wrong_file_prints(tmp_path, clap, content, message):
+def test_what_a_wrong_file_prints(tmp_path, content, message):
     """The table of wrong files: each is told in one line, with the place in the file."""
     path = tmp_path / "walk.contacts.json"
     if isinstance(content, dict) and "format" not in content:
@@ -128,17 +122,17 @@ def test_what_a_wrong_file_prints(tmp_path, clap, content, message):
             del content["contacts"]
     path.write_text(content if isinstance(content, str) else json.dumps(content))
     with pytest.raises(DistretargetError) as raised:
-        retarget(clap, clap.skeleton, contacts=load_contacts(path))
+        retarget(sample("clap"), sample("clap").skeleton, contacts=load_contacts(path))
     assert "\n" not in str(raised.value)
     assert str(raised.value).startswith(f"{path}: {message}")
 
 
-def test_two_entries_that_contradict_each_other_name_both(clap):
+def test_two_entries_that_contradict_each_other_name_both():
     one = Contact(between=("left hand", "head"), gap=0.0, frames=(0, 20))
     other = Contact(between=("head", "left hand"), keep=False, frames=(20, 40))
     says = r"contacts\[1\]: contradicts contacts\[0\]: both are about 'head', 'left hand' in frame 20"
     with pytest.raises(DistretargetError, match=says):
-        retarget(clap, clap.skeleton, contacts=ContactList((one, other)))
+        retarget(sample("clap"), sample("clap").skeleton, contacts=ContactList((one, other)))
 
 
 @pytest.mark.parametrize(

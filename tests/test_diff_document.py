@@ -8,10 +8,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import APART, PERSON, SAMPLES, clapping, lengthened, posed, standing, swaying, with_bone
+from bodies import APART, PERSON, clapping, lengthened, posed, sample, standing, swaying, with_bone
 from schemas import schema, validator
 
-from distretarget import read_bvh, retarget
+from distretarget import retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.report.clip_page import run_diff
@@ -67,7 +67,7 @@ CLIPS = {
     "another body": lambda: (flying(1), swaying(lengthened(PERSON, {"Knee": 0.7}))),
     "frame rates": lambda: (replace(flying(1), frame_time_text="0.01"), flying(2)),
     "the shortest frame time": lambda: (replace(flying(1), frame_time_text="1e-5"),) * 2,
-    "samples": lambda: (read_bvh(SAMPLES / "walk.bvh"), read_bvh(SAMPLES / "wave.bvh")),
+    "samples": lambda: (sample("walk"), sample("wave")),
 }
 
 
@@ -142,12 +142,12 @@ def test_the_schema_wants_everything(key):
     assert not validator("report/diff").is_valid({name: value for name, value in made("clap").items() if name != key})
 
 
-@pytest.mark.parametrize("sample", ["clap", "hands_on_hips"])
-def test_a_motion_against_itself_has_no_errors(sample):
-    motion = read_bvh(SAMPLES / f"{sample}.bvh")
+@pytest.mark.parametrize("clip", ["clap", "hands_on_hips"])
+def test_a_motion_against_itself_has_no_errors(clip):
+    motion = sample(clip)
     found = document(diff(motion, motion), ABOUT)
     source, result = found["metrics"]["source"], found["metrics"]["result"]
-    none = NONE | ({"touch_place"} if sample == "clap" else set())  # places are on trunk, legs and head
+    none = NONE | ({"touch_place"} if clip == "clap" else set())  # places are on trunk, legs and head
     assert {result[key] for key in none} == {None}
     errors = {key: result[key] for key in ERRORS if key not in none}
     assert errors == pytest.approx(dict.fromkeys(errors, 0), abs=0.1)

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, person, tree_of
+from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, person, sample_target, tree_of
 from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 
 from distretarget import DistretargetError, read_bvh
@@ -114,13 +114,13 @@ def test_a_body_that_lacks_a_leg_has_no_legs():
 
 
 def test_a_foot_points_to_the_toes():
-    body = load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
+    body = sample_target("rigs/mixamo_t").skeleton
     foot, toe = foot_bone(body, Body.of(body).anatomy, "left")
     assert (body.names[foot], body.names[toe]) == ("mixamorig:LeftFoot", "mixamorig:LeftToeBase")
 
 
 def test_a_foot_without_a_bone_points_nowhere_and_its_toe_is_the_ankle():
-    body = load_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
+    body = sample_target("rigs/xsens_t").skeleton
     offsets = np.array(body.offsets)
     offsets[[joint for joint, name in enumerate(body.names) if "Toe" in name]] = 0.0
     bare = body.with_offsets(offsets)

@@ -2,14 +2,13 @@
 
 import re
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import HERO, sample, sample_target
 from planted_in_results import FAULTS, seen, seen_of_solver, stage_of
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import retarget
 from distretarget.measure.metrics import BY_KEY
 from distretarget.objectives import contact_pairs, foot_lock
 
@@ -75,13 +74,8 @@ def test_without_the_fault_its_figure_is_within_its_limit(name):
     assert not BY_KEY[BY[name]].over_limit(stage_of(HERO, FAULTS[name][0]).result.metrics)
 
 
-@cache
-def target():
-    return load_target(HERO)
-
-
 def result_of(clip):
-    return retarget(read_bvh(SAMPLES / f"{clip}.bvh"), target())
+    return retarget(sample(clip), sample_target("hero"))
 
 
 @pytest.mark.parametrize("clip", ["walk", "squat"])
@@ -118,7 +112,7 @@ def test_a_clap_that_stays_as_it_is_keeps_its_verdict(monkeypatch):
 
 def test_what_counts_as_a_contact_does_not_depend_on_what_the_solver_takes_for_one(monkeypatch):
     """On a body without skin, where contacts are those of joints."""
-    clap, body = read_bvh(SAMPLES / "clap.bvh"), load_target(SAMPLES / "long_arms.json")
+    clap, body = sample("clap"), sample_target("long_arms")
     before, known = retarget(clap, body), retarget(clap, body)
     without_hanging_arms(monkeypatch)
     assert known.verdict == before.verdict  # solved before and measured after

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, moved, with_bone
+from bodies import SAMPLES, lengthened, moved, sample, sample_target, with_bone
 from bvh_texts import format_bvh
 from sample_scenes import SCENES, standing_prop
 from scipy.spatial import ConvexHull
@@ -19,9 +19,7 @@ from distretarget import (
     Prop,
     SettingsError,
     SkeletonError,
-    load_target,
     prop_of,
-    read_bvh,
     retarget_scene,
 )
 from distretarget.io.bvh import parse_bvh
@@ -43,7 +41,7 @@ def drummer():
 
 @cache
 def child():
-    return load_target(SAMPLES / "child.json").for_source(drummer().skeleton).skeleton
+    return sample_target("child").for_source(drummer().skeleton).skeleton
 
 
 def with_stick(motion):
@@ -114,7 +112,7 @@ def test_a_staff_lies_in_the_line_of_the_two_hands_that_hold_it():
 
 def test_a_hand_that_rests_on_a_prop_rests_where_the_prop_is():
     """A wall that is a prop has a place in the target's world; without it the hand rests where the body has it."""
-    source = read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")[::2]
+    source = sample("supports/hand_on_wall")[::2]
     hand = np.median(source.positions[:, source.skeleton.index("RightWrist")], axis=0)
     wall = Prop(name="wall", motion=standing_prop("wall", hand + 5.0 * (np.eye(3) - 1 / 3)), scale=0.8)
     done = retarget_scene([source], [child()], [wall])

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, moved
+from bodies import SAMPLES, lengthened, moved, sample, sample_target
 from characters import LOOKING_BACK, Bones, as_vrm0, box_mesh, character
 from program import run
 from scipy.spatial.transform import Rotation
@@ -40,7 +40,7 @@ HAND = "RightWrist"
 @cache
 def leaning():
     """A person who leans with the right hand on a wall, half a second and more at half the frames."""
-    return read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")[::2]
+    return sample("supports/hand_on_wall")[::2]
 
 
 @cache
@@ -57,7 +57,7 @@ def pair(gap=2.0):
 @cache
 def bodies():
     skeleton = leaning().rigid_skeleton
-    return load_target(SAMPLES / "child.json").for_source(skeleton).skeleton, lengthened(skeleton, H)
+    return sample_target("child").for_source(skeleton).skeleton, lengthened(skeleton, H)
 
 
 @cache
@@ -209,8 +209,8 @@ def test_performers_who_never_meet_move_as_alone_in_that_world():
 
 def with_a_double(name):
     """The supports of a sample performer alone, and in a scene with another who moves alike 2 cm beside."""
-    source = read_bvh(SAMPLES / "supports" / f"{name}.bvh")[::2]
-    child = load_target(SAMPLES / "child.json")
+    source = sample(f"supports/{name}")[::2]
+    child = sample_target("child")
     scene = retarget_scene([source, moved(source, Rotation.identity(), shift=(2.0, 0.0, 0.0))], [child] * 2)
     return retarget(source, child).supports, scene.results[0].supports
 
@@ -289,9 +289,9 @@ def test_scenes_that_cannot_be_are_refused():
 
 
 def test_the_world_is_no_larger_than_the_shortest_legs_can_follow():
-    walk = read_bvh(SAMPLES / "walk.bvh")
-    child = load_target(SAMPLES / "child.json").for_source(walk.rigid_skeleton).skeleton
-    giant = load_target(SAMPLES / "giant.json").for_source(walk.rigid_skeleton).skeleton
+    walk = sample("walk")
+    child = sample_target("child").for_source(walk.rigid_skeleton).skeleton
+    giant = sample_target("giant").for_source(walk.rigid_skeleton).skeleton
     sources = [walk, moved(walk, Rotation.identity(), shift=(500.0, 0.0, 0.0))]
     done = retarget_scene(sources, [child, giant])
     assert done.results[0].root_scale == pytest.approx(0.6)
@@ -392,12 +392,12 @@ def test_where_nothing_draws_nothing_changes():
     np.testing.assert_array_equal(further.rest, none.rest)
 
 
-BONES = Bones.of(read_bvh(SAMPLES / "walk.bvh").skeleton)
+BONES = Bones.of(sample("walk").skeleton)
 
 
 @cache
 def walks():
-    walk = read_bvh(SAMPLES / "walk.bvh")[:20]
+    walk = sample("walk")[:20]
     return walk, moved(walk, Rotation.identity(), shift=(0.0, 0.0, 400.0))
 
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, matched, swaying
+from bodies import PERSON, matched, sample_target, swaying
 from spring_case import at, naive_energy, random_springs, stiffer_along
 
-from distretarget import load_target
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.springs import FrameSprings, joined, spring_energy
@@ -108,14 +107,14 @@ def test_stiffness_grows_in_proportion_to_the_share_of_the_body_that_a_part_carr
 
 def test_a_root_on_the_floor_does_not_tip():
     """The parts above the pelvis carry all of the body on a long lever: the least turn would tip the body over."""
-    rig = load_target(SAMPLES / "rigs" / "unreal_t.json").skeleton
+    rig = sample_target("rigs/unreal_t").skeleton
     clip = clip_on(rig)
     root, pelvis = part_stiffness(clip)[clip.parts[[rig.index("root"), rig.index("pelvis")]]]
     assert root > 1e5 * pelvis
 
 
 def test_only_fingers_that_nothing_drives_are_loose(monkeypatch):
-    rig = load_target(SAMPLES / "rigs" / "unreal_t.json").skeleton
+    rig = sample_target("rigs/unreal_t").skeleton
     clip = clip_on(rig)
     fingers = {f"{finger}_01_{side}" for finger in ("thumb", "index", "middle", "ring", "pinky") for side in "lr"}
     assert {

@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import sample, sample_target
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import retarget
 from distretarget.body.body import Body
 from distretarget.ik.poses import CHUNK_FRAMES, LEAD_IN, chunks_of
 from distretarget.numerics import parallel as threads
@@ -104,8 +104,8 @@ def test_chunks_are_about_equal():
 
 @pytest.mark.parametrize("clip", ["clap", "hands_on_hips", "squat", "walk", "wave"])
 def test_a_cut_leaves_no_seam(clip, monkeypatch):
-    source = read_bvh(SAMPLES / f"{clip}.bvh")
-    target = load_target(SAMPLES / "long_arms.json").for_source(source.skeleton).skeleton
+    source = sample(clip)
+    target = sample_target("long_arms").for_source(source.skeleton).skeleton
     whole = retarget(source, target).motion.positions
     monkeypatch.setattr("distretarget.ik.poses.CHUNK_FRAMES", SHORT)
     assert len(chunks_of(len(source), 0)) > 1
@@ -115,8 +115,8 @@ def test_a_cut_leaves_no_seam(clip, monkeypatch):
 
 def test_fingers_on_the_floor_begin_a_chunk_where_the_chunk_before_leaves_them(monkeypatch):
     """Which way fingers that nothing drives give way to the floor depends on the frames before: chunks solve some."""
-    source = read_bvh(SAMPLES / "supports" / "crawl.bvh")
-    target = load_target(SAMPLES / "rigs" / "mixamo_t.json")
+    source = sample("supports/crawl")
+    target = sample_target("rigs/mixamo_t")
     whole = retarget(source, target)
     monkeypatch.setattr("distretarget.ik.poses.CHUNK_FRAMES", 40)
     cut = retarget(source, target).motion.positions
@@ -125,8 +125,8 @@ def test_fingers_on_the_floor_begin_a_chunk_where_the_chunk_before_leaves_them(m
 
 def test_whoever_solves_the_chunks_the_result_is_the_same(monkeypatch):
     monkeypatch.setattr("distretarget.ik.poses.CHUNK_FRAMES", SHORT)
-    source = read_bvh(SAMPLES / "clap.bvh")
-    target = load_target(SAMPLES / "long_arms.json").for_source(source.skeleton).skeleton
+    source = sample("clap")
+    target = sample_target("long_arms").for_source(source.skeleton).skeleton
     done = []
     one = retarget(source, target, progress=done.append)
     with ThreadPoolExecutor(2) as pool:

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, PERSON, SAMPLES, person
+from bodies import HERO, PERSON, person, sample, sample_target
 from scipy.spatial.transform import Rotation
 
-from distretarget import Body, Builds, Motion, load_build, load_target, read_bvh, retarget
+from distretarget import Body, Builds, Motion, load_build, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.measure.metrics import BY_KEY, Track, middles
 from distretarget.measure.touches import (
@@ -105,8 +105,8 @@ def test_frames_around_a_touch_are_those_that_are_near_in_time():
 
 
 def test_touches_on_the_same_body_begin_and_end_as_in_the_source():
-    hero, file = load_target(HERO), load_build(HERO)
-    motion = retarget(read_bvh(SAMPLES / "clap.bvh")[40:160], hero).motion
+    hero, file = sample_target("hero"), load_build(HERO)
+    motion = retarget(sample("clap")[40:160], hero).motion
     metrics = retarget(motion, hero, builds=Builds(source=file)).metrics["rotation_copy"]
     assert metrics["touch_missed"] == 0.0
     assert metrics["touch_time"] < 10.0  # of frames of 16.7 ms; where hands nearly touch, rounding decides
@@ -169,7 +169,7 @@ def test_a_clip_of_one_frame_has_no_speed():
 @pytest.fixture(scope="module")
 def skin():
     still = Motion(PERSON, PERSON.rest_positions[:1], PERSON.unturned[None], f"{FRAME_TIME:.9f}")
-    return match_performer(Transfer(still, load_target(HERO))).skins.source
+    return match_performer(Transfer(still, sample_target("hero"))).skins.source
 
 
 SPOTS = Spots.of(np.array([SEGMENTS.index("left hand")]), np.array([PLACE[SEGMENTS.index("belly")]]))
@@ -247,7 +247,7 @@ def test_hanging_hands_are_in_front_on_purpose_for_longer_than_they_swing(second
 
 
 def test_joints_of_parts_whose_skins_can_touch_make_no_contact():
-    match = match_performer(Transfer(read_bvh(SAMPLES / "hands_on_hips.bvh"), load_target(HERO)))
+    match = match_performer(Transfer(sample("hands_on_hips"), sample_target("hero")))
     clip, skin = match.performer(RootScale.even(1.0)).clip, match.skins.target
     segments = {frozenset(SEGMENTS[n] for n in pair) for pair in skin.balls.pairs.tolist()}
     pairs = ContactSearch.of(clip, ContactSettings()).pairs

@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, posed
+from bodies import person, posed, sample
 
-from distretarget import read_bvh, retarget
+from distretarget import retarget
 from distretarget.measure.metrics import BY_KEY, METRICS, SUFFIXES, Track
 from distretarget.measure.verdict import limit_warnings, verdict
 from distretarget.objectives.supports import no_supports
@@ -187,7 +187,7 @@ DOWN = np.array([0.0, 0.0, 1.4])
 
 @cache
 def result():
-    return retarget(read_bvh(SAMPLES / "clap.bvh"), person())
+    return retarget(sample("clap"), person())
 
 
 def causes(**turns):
