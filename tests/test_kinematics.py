@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.euler import euler_angles, from_euler_angles, restrict, write_channel_rotations
 from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along
-from distretarget.numerics.kinematics import forward_kinematics, line_rotations, make_local, turn_parts, world_rotations
+from distretarget.numerics.kinematics import joint_positions, line_rotations, make_local, turn_parts, world_rotations
 from distretarget.numerics.quaternions import rotation_products, turned_by
 from distretarget.numerics.vectors import angles_between
 
@@ -62,7 +62,7 @@ def test_positions_are_the_turned_translations_added_up(parents):
     for joint, parent in enumerate(parents):
         if parent >= 0:
             expected[:, joint] = expected[:, parent] + Rotation.from_quat(world[:, parent]).apply(offsets[:, joint])
-    np.testing.assert_allclose(forward_kinematics(parents, offsets, world), expected, atol=1e-12)
+    np.testing.assert_allclose(joint_positions(parents, offsets[:, 0], offsets, world), expected, atol=1e-12)
 
 
 @trees
@@ -100,7 +100,7 @@ def test_without_frames_there_are_no_rotations_and_no_positions(parents):
     none = np.zeros((0, len(parents), 4))
     assert world_rotations(parents, none).shape == none.shape
     make_local(parents, none)
-    assert forward_kinematics(parents, none[..., :3], none).shape == (0, len(parents), 3)
+    assert joint_positions(parents, none[:, 0, :3], none[..., :3], none).shape == (0, len(parents), 3)
 
 
 def test_arguments_stay_as_they_are():
