@@ -4,15 +4,17 @@ import errno
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 
 import numpy as np
+import pybvh
 import pytest
 from bodies import SAMPLES, other_lengths, person, swaying
 from bvh_texts import format_bvh
 from characters import character, chunks, packed
-from program import command, refused, run, succeeded
+from program import command, last_records, refused, run, succeeded
 from test_characters import BONES, WALK
 
 from distretarget import DistretargetError, SettingsError, load_target, read_motion, retarget, write_motion
@@ -204,6 +206,23 @@ def test_namespaces_are_left_out_where_that_is_asked_for(folder):
     assert "ROOT mixamorig:Hips\n" in named
     assert (folder / "plain.bvh").read_text() == named.replace("mixamorig:", "")
     assert run("skeleton", "export", "rig.json", "--strip-namespace").stdout == BODY
+
+
+def test_readers_that_cannot_read_a_result_are_named(folder):
+    """The target's file has the joints so, and its results keep them."""
+    odd = CLIP.replace("JOINT LeftHip\n", "JOINT H\udcfcfte\n").split("MOTION")[0]
+    odd = re.sub(r"(JOINT Head\s*{\s*OFFSET.*\s*)CHANNELS.*", r"\1CHANNELS 0", odd)
+    (folder / "odd.bvh").write_bytes(odd.encode("utf-8", "surrogateescape"))
+    assert "pybvh" not in run("in.bvh", "odd.bvh", "-o", "quiet.bvh").stderr
+    told = run("in.bvh", "odd.bvh", "-o", "out.bvh", "-v")
+    assert "bvhio and pybvh cannot read names that are not UTF-8, as 'H\\udcfcfte'; rename" in told.stderr
+    assert "positions of the root alone, and 'Head' has 0 channels" in told.stderr
+    assert "pybvh" not in run("scene", "in.bvh", "-t", "odd.bvh", "-o", "out").stderr
+    run("batch", "in.bvh", "odd.bvh", "-o", "many", "--jobs", "1")
+    notes = last_records(folder / "many")["in.bvh"]["notes"]
+    assert [note.partition(" ")[0] for note in notes[-2:]] == ["bvhio", "pybvh"]
+    with pytest.raises(UnicodeDecodeError):
+        pybvh.read_bvh_file(folder / "out.bvh")
 
 
 @pytest.mark.usefixtures("folder")

@@ -14,7 +14,7 @@ from distretarget.batch.summary import alignment_text
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import DistretargetError
-from distretarget.io.bvh_writer import refusals
+from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.formats import OUTPUTS
 from distretarget.io.input_file import InputFile
@@ -97,7 +97,8 @@ def _converted(job: Job) -> Result:
     name = PurePath(next(iter(kinds))).stem
     done = Conversion.of(motion, job.source, target, recipe).converted(name, (*kinds.values(),), job.contacts)
     result = done.result
-    refused = refusals(result.motion.skeleton) if "BVH" in kinds.values() else ()
+    body = result.motion.skeleton
+    refused = (*refusals(body), *python_refusals(body)) if "BVH" in kinds.values() else ()
     record: BatchRecord = {
         **job.record,
         "status": "done",

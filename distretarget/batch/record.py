@@ -44,7 +44,7 @@ class BatchRecord(ClipRecord):
         options: what else decides the result, as `Recipe.settings` says it.
         version: of the program.
         verdict: on the result, in a sentence.
-        notes: joints of the target without a counterpart, in a line, and whether three.js refuses the result.
+        notes: joints of the target without a counterpart, in a line, and which readers refuse the result.
         alignment: of the two bodies, as `alignment_text` has it.
     """
 

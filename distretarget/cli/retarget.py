@@ -37,7 +37,7 @@ from distretarget.cli.skeleton import headline, unused
 from distretarget.contact_entries import NO_CONTACTS
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames
-from distretarget.io.bvh_writer import bvh_parts, refusals
+from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content, is_folder
 from distretarget.io.formats import OUTPUTS
@@ -165,7 +165,8 @@ def retarget_command(
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
     _say_what_is_odd(result, (*lost, *left_out), verbose)
     if kind == "BVH":
-        say(*refusals(named.motion.skeleton), err=True)
+        body_of = named.motion.skeleton
+        say(*refusals(body_of), *(python_refusals(body_of) if verbose else ()), err=True)
     say(summary_line(result, seconds))
 
 

@@ -1,9 +1,10 @@
-"""Writing BVH files."""
+"""Writing BVH files; and which other programs cannot read one."""
 
 from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from distretarget.checks import check_kind
-from distretarget.errors import MotionError, SkeletonError
+from distretarget.errors import MotionError, SkeletonError, counted
 from distretarget.io.bvh import MAX_DEPTH, is_name
 from distretarget.io.files import write_whole
 from distretarget.io.number_text import rows_text
@@ -24,6 +25,7 @@ from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 ANGLE_DECIMALS = 6  # decimals of an angle in degrees
+SURROGATES = re.compile(r"[\ud800-\udfff]")  # they hold bytes that are not UTF-8
 
 
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
@@ -142,6 +144,29 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
 
 def refusals(skeleton: Skeleton) -> Iterator[str]:
     """Yield a line for names in a skeleton that three.js cannot play, with what helps; docs/interop.md tests it."""
-    if spaced := [skeleton.names[joint] for joint in skeleton.joints if ":" in skeleton.names[joint]]:
+    if spaced := [name for name in _joint_names(skeleton) if ":" in name]:
         plain = spaced[0].rpartition(":")[2]
         yield f"three.js cannot play joints with names like {spaced[0]!r}; --strip-namespace writes {plain!r}"
+
+
+def python_refusals(skeleton: Skeleton) -> Iterator[str]:
+    """Yield a line for each thing in a skeleton that readers for Python refuse; docs/interop.md tests them."""
+    if unknown := [name for name in _joint_names(skeleton) if SURROGATES.search(name)]:
+        yield f"bvhio and pybvh cannot read names that are not UTF-8, as {unknown[0]!r}; rename the target's joints"
+    joints = (joint for joint in skeleton.joints if not skeleton.end_sites[joint])
+    if odd := [joint for joint in joints if not _is_usual(skeleton, joint)]:
+        found = counted(len(skeleton.channels[odd[0]]), "channel")
+        yield (
+            "pybvh cannot read the result: it expects three rotations of each joint and positions of the root alone, "
+            f"and {skeleton.names[odd[0]]!r} has {found}"
+        )
+
+
+def _joint_names(skeleton: Skeleton) -> list[str]:
+    return [skeleton.names[joint] for joint in skeleton.joints if not skeleton.end_sites[joint]]
+
+
+def _is_usual(skeleton: Skeleton, joint: int) -> bool:
+    """Whether a joint has three rotation channels, and position channels only as the root, which has all three."""
+    positions = [channel for channel in skeleton.channels[joint] if channel in POSITION_CHANNELS]
+    return len(skeleton.rotation_axes(joint)) == 3 and len(positions) == (0 if joint else 3)
