@@ -9,12 +9,10 @@ from collections.abc import Iterator, Sequence
 import mink
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget import Body, Motion, RetargetResult
 from distretarget.numerics.kinematics import make_local
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
 
 SOLVER = "daqp"
 POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1

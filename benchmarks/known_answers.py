@@ -36,9 +36,8 @@ from distretarget.batch.summary import largest_spread, role_rotations
 from distretarget.matching.matching import match
 from distretarget.measure.metrics import BY_KEY
 from distretarget.measure.movement import shared_bones
-from distretarget.numerics.vectors import angles_between, level
+from distretarget.numerics.vectors import Array, angles_between, level
 
-Array = NDArray[np.float64]
 Row = tuple[str, str, str]
 
 ONTO = ("mixamo", "xsens")  # the targets of rigs that lie

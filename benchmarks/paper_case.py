@@ -8,7 +8,6 @@ from functools import cache, cached_property
 import numpy as np
 from clips import SAMPLES
 from edits import ARMS, LEGS, edited
-from numpy.typing import NDArray
 from skeleton_edits import only
 
 from distretarget import Motion, Options, RetargetResult, Skeleton, read_bvh, retarget
@@ -16,9 +15,7 @@ from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rota
 from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.matching.matching import match
-from distretarget.numerics.vectors import angles_between
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array, angles_between
 
 METRES = 0.01  # per unit of the sample clips, which are in centimetres
 POSTURE = 61  # the frame of the walk used as the paper's walking posture: both feet down, legs far apart

@@ -11,15 +11,13 @@ from fractions import Fraction
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from paper_case import EDITS, POSTURE, Case, case, on_table_one
 from scipy.optimize import minimize
 
 from distretarget.distances import DistanceProblem
 from distretarget.ik.spg import Effort
+from distretarget.numerics.vectors import Array
 from distretarget.objectives.paper import Postures, aligned, solve_postures
-
-Array = NDArray[np.float64]
 
 OFF = 0.05  # how far the start "copy, disturbed" is off in each coordinate, root mean square [body sizes]
 CLOUD = 0.2  # the same of the start "random points" about the centroid [body sizes]

@@ -12,9 +12,7 @@ from paper_solver import STARTS, checks, elsewhere, from_before, solved_from
 from tables import several, table
 
 from distretarget import Skeleton
-from distretarget.numerics.vectors import angles_between
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array, angles_between
 
 STUDIED = ("arms +60 %", "legs -30 %", "spine +60 %", "arms, legs, spine +60 %", "arms +60 %, legs -30 %")
 """The edits whose postures are solved in every frame of a clip."""

@@ -42,10 +42,8 @@ from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import clip_metrics
 from distretarget.measure.needless import find_needless
 from distretarget.measure.skin import find_skin
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import Array, lengths
 from distretarget.target import Target
-
-Array = NDArray[np.float64]
 
 TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 BODIES = {name: Kind(Build(**kind.pop("build", {})), **kind) for name, kind in TABLES["bodies"].items()}

@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from skins import Skin, capped
 
 from distretarget import Motion, RetargetResult
+from distretarget.numerics.vectors import Array
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 PAIRS = (

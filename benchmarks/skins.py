@@ -14,11 +14,11 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, Skeleton
+from distretarget.numerics.vectors import Array
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 from gltf_player import load, values
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 PARTS = ("hips", "chest", "head", "leg", "arm", "left forearm", "right forearm", "left hand", "right hand")

@@ -29,12 +29,12 @@ import numpy as np
 import pybvh
 from clips import HERO, LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
-from numpy.typing import NDArray
 from runs import alone, alternating
 from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
 
 from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
+from distretarget.numerics.vectors import Array
 
 CLIP = "cmu_mb/12_01.bvh"
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
@@ -57,7 +57,6 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 Runs = dict[str, Callable[[], object]]
 Line = tuple[str, str, str]
-Array = NDArray[np.float64]
 
 
 # ---- frames per second

@@ -48,6 +48,9 @@ class Entry:
             _check_numbers(name, span, 2, 0.0)
             if span[0] > span[1]:
                 raise SettingsError(f"{name} go back from {span[0]:g} to {span[1]:g}; swap them")
+            if name == "frames" and any(each != int(each) for each in span):
+                raise SettingsError(f"frames go from {span[0]:g} to {span[1]:g}; expected whole numbers, or seconds")
+        check_kind("found", self.found, str)
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -89,6 +92,7 @@ class Contact(Entry):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_names("between", self.between, 2)
+        check_kind("keep", self.keep, bool)
         if self.gap is not None and self.gap != "source":
             check_number("gap", self.gap, 0.0, LONGEST)
         check_number("firmness", self.firmness, 0.0, 1.0)
@@ -125,6 +129,7 @@ class Plant(Entry):
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_names("plant", (self.plant,), 1)
+        check_kind("keep", self.keep, bool)
         if self.on is not None and not isinstance(self.on, str):
             _check_numbers("on", self.on, 3, -LONGEST)
         if not self.keep and self.on is not None:

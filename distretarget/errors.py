@@ -176,7 +176,7 @@ def quoted(names: Iterable[str], most: int = 6) -> str:
 
 
 def name_difference(names: Iterable[str], expected: Iterable[str]) -> str:
-    """Return which names of those expected it lacks, and which others it has."""
+    """Return which of the expected names are lacking, and which other names there are."""
     names, expected = set(names), set(expected)
     sides = (("lacks", expected - names), ("has", names - expected))
     return "; ".join(f"it {verb} {quoted(sorted(side))}" for verb, side in sides if side)

@@ -27,8 +27,8 @@ SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
 SLOWEST, FASTEST = 1e-3, 1e5  # the same as frame rates [frames/s]
 UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
 ROUNDING = 1e-9  # a length that is farther off is made 1: float32 is off by 1e-7, float64 by 1e-15
-MOST_SAMPLES = 20  # frames into which resampling may turn each frame of a motion ...
-FREE_SAMPLES = 1_000_000  # ... that is not as short as this, resampled [frames x joints]
+MOST_SAMPLES = 20  # resampling makes no more than this of each frame ...
+FREE_SAMPLES = 1_000_000  # ... unless the result is smaller than this [frames x joints]
 SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
 SHOWN = 7  # frames in a picture of a motion
 NUMERALS = frozenset("0123456789.+-eE")
@@ -179,7 +179,7 @@ class Motion:
         path, moving = self.root_positions[frames], None if self.moving is None else self.moving[frames]
         part = replace(self, root_positions=path, rotations=self.rotations[frames], moving=moving)
         if "positions" in vars(self):
-            vars(part)["positions"] = self.positions[frames]
+            vars(part)["positions"] = np.ascontiguousarray(self.positions[frames])
         return part
 
     def __repr__(self) -> str:

@@ -52,7 +52,6 @@ from distretarget.measure.metrics import Metric as Metric
 from distretarget.motion import Motion as Motion
 from distretarget.motion import MotionArrays as MotionArrays
 from distretarget.motion import MovingBones as MovingBones
-from distretarget.numerics.kinematics import forward_kinematics as forward_kinematics
 from distretarget.objectives.activation import ContactSettings as ContactSettings
 from distretarget.objectives.supports import Supports as Supports
 from distretarget.pipeline.conversion import Recipe as Recipe

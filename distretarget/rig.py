@@ -1,7 +1,7 @@
-"""What is found of rigs once, and not once for each clip of them.
+"""Caches for what depends on the rig alone, so that it is computed once for all clips of a rig.
 
-A rig is a body, or a pair of bodies, without its motions. Bodies and matchings name theirs as `rig`: one object for all
-clips of equal skeletons, or None where rest poses do not show how the bodies stand, so that each clip has to show it.
+A rig is a body, or a pair of bodies, without its motions. Bodies and matchings have a `rig`: one object for all clips
+of equal skeletons, or None where rest poses do not show how the bodies stand, so that each clip has to show it.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from collections.abc import Callable
 from functools import cached_property, lru_cache, wraps
 from typing import Any, TypeVar, cast
 
-KEPT = 8  # so many rigs, and results of each function of rigs, are kept: those used last
+KEPT = 8  # the number of rigs, and of results of each function of rigs, that are kept: those used last
 
 Value = TypeVar("Value")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class of_rig(cached_property[Value]):  # noqa: N801 - a decorator
-    """A cached property that takes nothing of a motion where its owner has a `rig`: it is found once for that."""
+    """A cached property that does not depend on the motion; computed once for all owners with the same `rig`."""
 
     def __get__(self, owner: Any, kind: type | None = None) -> Value:  # type: ignore[override]
         """Return the value of the owner's rig."""
@@ -29,9 +29,9 @@ class of_rig(cached_property[Value]):  # noqa: N801 - a decorator
 
 
 def found_once(function: Function) -> Function:
-    """Decorate a function that takes nothing of the motions of its arguments where these have rigs.
+    """Decorator of a function that does not depend on the motions of its arguments; results for rigs are kept.
 
-    Its last results for rigs are kept. It has positional, hashable arguments, and its results are not written to.
+    Its arguments are positional and hashable, and its results are not written to.
     """
     kept = lru_cache(maxsize=KEPT)(function)
 

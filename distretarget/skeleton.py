@@ -25,9 +25,9 @@ AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
 HALF_TURN = np.array([-1.0, 1.0, -1.0])  # what turns vectors half round about Y
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}  # length units [m]
 UNITS = tuple(METRES)  # length units a file may state
-# Bounds within which all computations stay finite and exact to a few digits [file units].
 MOST_LETTERS = 1_000_000  # that keys may have in addition to 20 times those of the names
-MANY, FLAT = 8, 0.8  # so many joints are a flat tree if more than this share of them hangs from the root [0 to 1]
+MANY, FLAT = 8, 0.8  # a tree of so many joints is flat if more than this share of them hangs from the root [0 to 1]
+# Bounds within which all computations stay finite and exact to a few digits [file units].
 LARGEST = 1e12  # largest coordinate of an offset or position; also the largest scale
 SMALLEST = 1e-12  # least length of the longest bone; also the least scale
 

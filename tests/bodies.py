@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,13 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget import Motion, Skeleton
+from distretarget import Motion, RetargetResult, Skeleton, load_target, read_bvh, retarget
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching, match
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, JointMap
+from distretarget.target import LoadedTarget
 
 ROOT = Path(__file__).resolve().parents[1]
 CORPUS = ROOT.parent / "shared" / "corpus"
@@ -41,6 +43,31 @@ def of_samples_and_corpus(*names: str) -> pytest.MarkDecorator:
     samples = [pytest.param(path, id=path.stem) for path in sorted(SAMPLES.glob("*.bvh"))]
     others = [pytest.param(CORPUS / f"{name}.bvh", id=name, marks=needs_corpus) for name in names]
     return pytest.mark.parametrize("path", samples + others)
+
+
+@cache
+def sample(name: str) -> Motion:
+    """A clip of the samples, such as "walk" or "supports/crawl"."""
+    return read_bvh(SAMPLES / f"{name}.bvh")
+
+
+@cache
+def sample_target(name: str) -> LoadedTarget:
+    """A target of the samples: the character "hero", or a skeleton, such as "child" or "rigs/mixamo_t"."""
+    return load_target(HERO if name == "hero" else SAMPLES / f"{name}.json")
+
+
+@cache
+def sample_run(name: str) -> RetargetResult:
+    """A clip of the samples on the character."""
+    return retarget(sample(name), sample_target("hero"))
+
+
+@cache
+def short_walk() -> Motion:
+    """The start of the sample's walk, along +Z with Y up [cm], every other frame."""
+    motion = sample("walk")
+    return replace(motion[:90:2], frame_time_text=str(2 * motion.frame_time))
 
 
 def body_of(described: Motion | Skeleton) -> Body:
@@ -173,9 +200,9 @@ def spun(turn: Rotation, x: np.ndarray) -> np.ndarray:
     return x @ turn.as_matrix().T
 
 
-def onto(up: str, before: str = "Y") -> Rotation:
-    """The smallest rotation that turns one up axis to another."""
-    return Rotation.from_quat(least_rotation(axis_vector(before)[None], axis_vector(up)[None])[0])
+def onto(up: str) -> Rotation:
+    """The smallest rotation that turns Y to another up axis."""
+    return Rotation.from_quat(least_rotation(axis_vector("Y")[None], axis_vector(up)[None])[0])
 
 
 def in_world(motion: Motion, turn: Rotation, scale: float = 1.0) -> Motion:
@@ -207,10 +234,14 @@ APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -
 
 
 def standing(
-    turns: dict[str, np.ndarray], frames: int = 30, path: ArrayLike = 0.0, height: float = LEG + 0.1
+    turns: dict[str, np.ndarray] | None = None,
+    frames: int = 30,
+    path: ArrayLike = 0.0,
+    height: float = LEG + 0.1,
+    body: Skeleton = PERSON,
 ) -> Motion:
-    """A person with the hips at a height, who is carried along a path, (frames, 3), and has joints turned."""
-    return posed(PERSON, turns, np.zeros((frames, 3)) + path + height * UP)
+    """A body with the hips at a height, which is carried along a path, (frames, 3), and has joints turned."""
+    return posed(body, turns or {}, np.zeros((frames, 3)) + path + height * UP)
 
 
 def lengthened(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:

@@ -45,8 +45,9 @@ JOINTS = ("Hips", "Chest", "Head", "Head_End", "Leg", "Leg_End")
 HIERARCHY, MOTION = TEXT[: TEXT.index("MOTION")], TEXT[TEXT.index("MOTION") :]
 
 
-def edit(*changes, text=TEXT):
+def edit(*changes):
     """The text with each (old, new) replaced once; it fails where `old` is not there."""
+    text = TEXT
     for old, new in changes:
         assert old in text
         text = text.replace(old, new, 1)

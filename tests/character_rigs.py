@@ -65,13 +65,11 @@ def both(text: str, sides: tuple[str, str]) -> str:
     return text
 
 
-def fingers(pattern: str, names: tuple[str, ...], numbers: tuple[object, ...], palm: str = "") -> str:
-    """Fingers beside each other: chains of a pattern with `{f}`, the name, and `{n}`, the number."""
-    chains = []
-    for name in names:
-        chain = [pattern.replace("<f>", name).replace("<n>", str(number)) for number in numbers]
-        chains.append(">".join([*([palm.replace("<f>", name)] if palm and name.lower() != "thumb" else []), *chain]))
-    return "|".join(chains)
+def fingers(pattern: str, names: tuple[str, ...], numbers: tuple[object, ...]) -> str:
+    """Fingers beside each other: chains of a pattern with `<f>`, the name, and `<n>`, the number."""
+    return "|".join(
+        ">".join(pattern.replace("<f>", name).replace("<n>", str(number)) for number in numbers) for name in names
+    )
 
 
 def finger_roles(

@@ -1,12 +1,10 @@
 """Documents of skeleton files, and what is asked of them."""
 
-import json
-from importlib.resources import files
 from pathlib import Path
 
-import jsonschema
 import pytest
 from input_files import file_of
+from schemas import validator
 
 from distretarget.io.target_file import load_target
 
@@ -40,5 +38,4 @@ def assert_same(one, other):
 
 
 def valid(document):
-    schema = json.loads(files("distretarget.io").joinpath("skeleton.schema.json").read_text("utf-8"))
-    return jsonschema.Draft202012Validator(schema).is_valid(document)
+    return validator("io/skeleton").is_valid(document)

@@ -1,13 +1,11 @@
 """Hands lie on the same place of a body of another build."""
 
-from functools import cache
-
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import SAMPLES, sample, sample_run
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, load_target, read_bvh, retarget
+from distretarget import Options, load_target, retarget
 from distretarget.objectives.anchors import anchors
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.part_axes import PARTS, Axes, rays
@@ -16,17 +14,12 @@ from distretarget.objectives.spots import Spots
 from distretarget.skin.capsules import PLACE, SEGMENTS
 
 
-@cache
-def run(clip):
-    return retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(HERO))
-
-
-def axes(frames=5, seed=0, scale=1.0):
+def axes():
     """Axes of parts, with lengths from 1 to 2."""
-    rng = np.random.default_rng(seed)
-    shape = (frames, len(PARTS))
-    turns = Rotation.from_quat(rng.normal(size=(frames * len(PARTS), 4))).as_matrix().reshape(*shape, 3, 3)
-    return Axes(rng.normal(size=(*shape, 3)), turns, scale * rng.uniform(1.0, 2.0, shape))
+    rng = np.random.default_rng(0)
+    shape = (5, len(PARTS))
+    turns = Rotation.from_quat(rng.normal(size=(5 * len(PARTS), 4))).as_matrix().reshape(*shape, 3, 3)
+    return Axes(rng.normal(size=(*shape, 3)), turns, rng.uniform(1.0, 2.0, shape))
 
 
 def points(hands=2, seed=1):
@@ -74,7 +67,7 @@ def test_heights_are_in_lengths_of_the_axis():
 
 
 def skinned(target="child.json", clip="clap"):
-    result = retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(SAMPLES / target), Options(skin="average"))
+    result = retarget(sample(clip), load_target(SAMPLES / target), Options(skin="average"))
     return result.skins.target, result.motion
 
 
@@ -112,12 +105,12 @@ def test_places_of_the_other_arm_move_with_it():
 
 @pytest.mark.parametrize("clip", ["hands_on_hips"])
 def test_hands_lie_on_hips_at_the_place_of_the_source_and_nearer_to_it_than_in_the_copy(clip):
-    metrics = run(clip).metrics
+    metrics = sample_run(clip).metrics
     assert metrics["result"]["touch_place"] < 0.75 * metrics["rotation_copy"]["touch_place"]
 
 
 def test_landmarks_of_both_skins_are_upright_where_the_body_stands():
-    result = run("hands_on_hips")
+    result = sample_run("hands_on_hips")
     for skin, motion in ((result.skins.source, result.source), (result.skins.target, result.motion)):
         directions = skin.landmarks.axes(motion).directions
         np.testing.assert_allclose(

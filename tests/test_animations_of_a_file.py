@@ -6,17 +6,17 @@ import json
 import gltf_player
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import sample
 from characters import ARMATURE, Bones, Performance, character, chunks
 from gltf_file import glb
 
-from distretarget import FileError, Motion, load_target, read_bvh, write_motion
+from distretarget import FileError, Motion, load_target, write_motion
 from distretarget.character.nodes import Animation
 from distretarget.io import gltf_writer
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_writer import animated
 
-BONES = Bones.of(read_bvh(SAMPLES / "walk.bvh").skeleton)
+BONES = Bones.of(sample("walk").skeleton)
 SWAY = Performance.swaying(BONES, 5)
 
 

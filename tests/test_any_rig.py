@@ -1,16 +1,17 @@
-"""Rigs of any kind: roots on the floor, joints above the hips, and bodies that are not human."""
+"""Any rig: four conventions, roots on the floor, animals, props, incomplete bodies and maps."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
-from bodies import SAMPLES, body_of, lengthened, matched, nameless, posed, swaying, taken
-from sample_rigs import CONVENTIONS, rig
+from bodies import body_of, lengthened, matched, nameless, posed, sample, short_walk, swaying, taken
+from sample_rigs import CONVENTIONS, POSES, RIGS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, read_bvh, retarget
+from distretarget import Motion, retarget
 from distretarget.body.body import Body
 from distretarget.body.recognition import by_names
 from distretarget.errors import MatchingError
@@ -51,16 +52,10 @@ beings = pytest.mark.parametrize("being", BEINGS)
 
 
 @cache
-def walk():
-    motion = read_bvh(SAMPLES / "walk.bvh")
-    return replace(motion[:90:2], frame_time_text=str(2 * motion.frame_time))
-
-
-@cache
 def bandai():
     """The walk as in Bandai Namco's files: a root on the floor that stays, and hips with positions below it."""
-    named = tuple(BANDAI.get(name, name) for name in walk().skeleton.names)
-    below = replace(walk(), skeleton=replace(walk().skeleton, names=named))
+    named = tuple(BANDAI.get(name, name) for name in short_walk().skeleton.names)
+    below = replace(short_walk(), skeleton=replace(short_walk().skeleton, names=named))
     return on_a_root(below, "joint_Root")
 
 
@@ -78,21 +73,21 @@ def assert_near(found, expected, relative=1e-5):
 
 def test_hips_below_a_root_on_the_floor_carry_the_motion():
     for name in CONVENTIONS:
-        plain, below = (retarget(source, rig(name, "T")) for source in (walk(), bandai()))
+        plain, below = (retarget(source, rig(name, "T")) for source in (short_walk(), bandai()))
         assert below.root_scale == pytest.approx(plain.root_scale)
         assert_near(below.motion.positions, plain.motion.positions)
 
 
 @pytest.mark.parametrize("root", ["Reference", "Armature", "reference_node", "q"])
 def test_a_joint_above_the_hips_that_never_moves_does_not_hold_them(root):
-    source = on_a_root(walk(), root)
-    plain = retarget(walk(), rig("lafan1", "A")).motion
+    source = on_a_root(short_walk(), root)
+    plain = retarget(short_walk(), rig("lafan1", "A")).motion
     assert_near(retarget(source, rig("lafan1", "A")).motion.positions, plain.positions)
 
 
 def test_a_joint_above_the_hips_does_not_hold_them_where_nothing_has_a_name():
-    source = on_a_root(walk(), "root")
-    plain = retarget(walk(), rig("lafan1", "A"))
+    source = on_a_root(short_walk(), "root")
+    plain = retarget(short_walk(), rig("lafan1", "A"))
     result = retarget(replace(source, skeleton=nameless(source.skeleton)), rig("lafan1", "A"))
     roles = by_names(rig("lafan1", "A")).roles
     joints = [roles[role] for role in roles if role not in ("leftShoulder", "rightShoulder")]
@@ -101,9 +96,9 @@ def test_a_joint_above_the_hips_does_not_hold_them_where_nothing_has_a_name():
 
 @conventions
 def test_from_a_root_on_the_floor_to_hips_and_back(convention):
-    there = retarget(walk(), rig("unreal", "T")).motion
+    there = retarget(short_walk(), rig("unreal", "T")).motion
     result = retarget(there, rig(convention, "T"))
-    plain = retarget(walk(), rig(convention, "T")).motion
+    plain = retarget(short_walk(), rig(convention, "T")).motion
     joints = [joint for role, joint in by_names(plain.skeleton).roles.items() if role.endswith(("Leg", "Arm", "hips"))]
     assert_near(result.motion.positions[:, joints], plain.positions[:, joints], 0.03)
 
@@ -111,14 +106,14 @@ def test_from_a_root_on_the_floor_to_hips_and_back(convention):
 def test_onto_hips_with_positions_below_a_root_on_the_floor():
     target = bandai().skeleton
     assert target.channels[1][:3] == POSITION_CHANNELS
-    result = retarget(walk(), target)
+    result = retarget(short_walk(), target)
     assert result.drivers[0] < 0
-    assert_near(result.motion.positions[:, 1:], walk().positions)
+    assert_near(result.motion.positions[:, 1:], short_walk().positions)
 
 
 @pytest.mark.parametrize("clip", ["walk", "turn", "squat"])
 def test_a_root_on_the_floor_that_feet_pass_changes_nothing(clip):
-    motion = read_bvh(SAMPLES / f"{clip}.bvh")
+    motion = sample(clip)
     target = lengthened(motion.skeleton, {"Knee": 0.7, "Ankle": 0.7, "Elbow": 1.3})
     rooted = on_a_root(posed(target, {}, np.zeros((1, 3))), "root").skeleton
     expected = retarget(motion, target).motion.positions
@@ -196,18 +191,18 @@ def test_an_explicit_map_carries_an_arm_onto_a_sword(convention):
 def test_an_explicit_map_carries_a_person_onto_a_dog():
     target = dog()
     legs = {"LeftFemur": "LeftHip", "LeftTibia": "LeftKnee", "RightFemur": "RightHip", "RightTibia": "RightKnee"}
-    result = retarget(walk(), target, joint_map=legs | {"croup": "Hips"})
+    result = retarget(short_walk(), target, joint_map=legs | {"croup": "Hips"})
     assert np.all(np.isfinite(result.motion.positions))
-    assert result.drivers[target.index("LeftTibia")] == walk().skeleton.index("LeftKnee")
+    assert result.drivers[target.index("LeftTibia")] == short_walk().skeleton.index("LeftKnee")
 
 
 def test_a_map_may_leave_joints_out():
     body = rig("lafan1", "T")
-    matching = find_matching(body_of(walk().skeleton), body_of(body), {"LeftForeArm": None, "Head": "Neck"})
+    matching = find_matching(body_of(short_walk().skeleton), body_of(body), {"LeftForeArm": None, "Head": "Neck"})
     arm, head = body.index("LeftForeArm"), body.index("Head")
     assert (matching.drivers[arm], matching.method[arm], matching.confidence[arm]) == (-1, "", 0)
-    assert (matching.drivers[head], matching.method[head]) == (walk().skeleton.index("Neck"), "map")
-    motion = retarget(walk(), body, joint_map={"LeftForeArm": None}).motion
+    assert (matching.drivers[head], matching.method[head]) == (short_walk().skeleton.index("Neck"), "map")
+    motion = retarget(short_walk(), body, joint_map={"LeftForeArm": None}).motion
     np.testing.assert_allclose(np.abs(motion.rotations[:, arm, 3]), 1, atol=1e-9)
 
 
@@ -240,8 +235,8 @@ LACKS = {
 @conventions
 @pytest.mark.parametrize("lacks", LACKS)
 def test_an_incomplete_body_moves_a_whole_one(convention, lacks):
-    whole, body = retarget(walk(), rig(convention, "A")), rig(convention, "A")
-    result = retarget(part(walk(), without=LACKS[lacks]), body)
+    whole, body = retarget(short_walk(), rig(convention, "A")), rig(convention, "A")
+    result = retarget(part(short_walk(), without=LACKS[lacks]), body)
     assert result.world.up == whole.world.up
     driven = np.flatnonzero(result.drivers >= 0)
     shared = driven[(result.drivers[body.parents[driven]] >= 0) & (driven > 0) & (body.lengths[driven] > 0)]
@@ -253,7 +248,7 @@ def test_an_incomplete_body_moves_a_whole_one(convention, lacks):
 
 @pytest.mark.parametrize("top", ["Chest3", "LeftHip", "RightCollar"])
 def test_a_whole_person_moves_an_incomplete_body(top):
-    clap = read_bvh(SAMPLES / "clap.bvh")  # hands in front, so that arms do not point down like legs
+    clap = sample("clap")  # hands in front, so that arms do not point down like legs
     body = part(clap, top)
     result = retarget(clap, body)
     assert result.world.up == "Y"
@@ -262,7 +257,7 @@ def test_a_whole_person_moves_an_incomplete_body(top):
 
 
 def test_legs_alone_show_left_and_right():
-    body = part(walk(), without=("Chest",)).skeleton
+    body = part(short_walk(), without=("Chest",)).skeleton
     other = {"Left": "Right", "Righ": "Left"}
     names = (other[name[:4]] + name.removeprefix("Left").removeprefix("Right") for name in body.names[1:])
     wrong = replace(body, names=(body.names[0], *names))
@@ -270,3 +265,121 @@ def test_legs_alone_show_left_and_right():
     for joint, driver in enumerate(find_matching(body_of(wrong), body_of(target)).drivers):
         if driver > 0:
             assert body.names[driver][0] == target.names[joint].removeprefix("mixamorig:")[0]
+
+
+JOINTS = {"mixamo": 65, "xsens": 23, "lafan1": 22, "unreal": 68}
+UPPER_ARM = {"mixamo": "mixamorig:LeftArm", "xsens": "LeftShoulder", "lafan1": "LeftArm", "unreal": "upperarm_l"}
+FOREARM = {"mixamo": "mixamorig:LeftForeArm", "xsens": "LeftElbow", "lafan1": "LeftForeArm", "unreal": "lowerarm_l"}
+HAND = {"mixamo": "mixamorig:LeftHand", "xsens": "LeftWrist", "lafan1": "LeftHand", "unreal": "hand_l"}
+SIDE = re.compile(r"Left|Right|_[lr](?=_|$)")
+OTHER = {"Left": "Right", "Right": "Left", "_l": "_r", "_r": "_l"}
+
+poses = pytest.mark.parametrize("pose", POSES)
+
+
+def standing(skeleton):
+    """Positions of the joints in the rest pose, by name: Y up, facing +Z, the left side at +X."""
+    points = skeleton.rest_positions + skeleton.offsets[0]
+    if skeleton.up == "Z":
+        points = points[:, [0, 2, 1]] * (1, 1, -1)
+    return dict(zip(skeleton.names, points, strict=True))
+
+
+def feet(skeleton):
+    """The ankles and toes of both legs, by name."""
+    return [[skeleton.names[joint] for joint in (leg.ankle, leg.toe)] for leg in Body.of(skeleton).legs]
+
+
+def test_every_rig_is_tested():
+    assert len([*RIGS.iterdir()]) == len(CONVENTIONS) * len(POSES)
+
+
+@conventions
+@poses
+def test_a_rig_has_units_and_an_up_axis(convention, pose):
+    skeleton = rig(convention, pose)
+    assert (skeleton.units, skeleton.up) == ("cm", "Z" if convention == "unreal" else "Y")
+
+
+@conventions
+@poses
+def test_all_joints_are_there_and_every_bone_has_a_length(convention, pose):
+    skeleton = rig(convention, pose)
+    assert np.sum(~skeleton.end_sites) == JOINTS[convention]
+    short = [skeleton.names[joint] for joint in np.flatnonzero(skeleton.lengths[1:] < 0.4) + 1]
+    assert all(name.startswith("ik_") for name in short)
+
+
+@conventions
+@poses
+def test_left_and_right_are_mirror_images(convention, pose):
+    places = standing(rig(convention, pose))
+    for name, place in places.items():
+        twin = SIDE.sub(lambda side: OTHER[side.group()], name)
+        if name != "ik_hand_gun":
+            np.testing.assert_allclose(places[twin], place * (-1, 1, 1), atol=1e-5)
+        if "Left" in name or name.endswith("_l"):
+            assert place[0] > 0
+
+
+@conventions
+@pytest.mark.parametrize(("pose", "angle"), [("T", 0), ("A", 45)])
+def test_arms_are_straight_and_point_sideways_or_down(convention, pose, angle):
+    places = standing(rig(convention, pose))
+    upper, fore, hand = (places[names[convention]] for names in (UPPER_ARM, FOREARM, HAND))
+    expected = np.array([np.cos(np.radians(angle)), -np.sin(np.radians(angle)), 0])
+    for bone in (fore - upper, hand - fore):
+        np.testing.assert_allclose(bone / np.linalg.norm(bone), expected, atol=1e-6)
+
+
+@conventions
+def test_the_poses_differ_below_the_upper_arms_only_and_not_in_lengths(convention):
+    sideways, down = rig(convention, "T"), rig(convention, "A")
+    body = ~np.char.startswith(sideways.names, "ik_")
+    np.testing.assert_allclose(sideways.lengths[body], down.lengths[body], atol=1e-5)
+    turned = np.abs(sideways.offsets - down.offsets).max(axis=1) > 1e-5
+    arms = [name for name, below in zip(sideways.names, turned & body, strict=True) if below]
+    assert arms
+    assert all(re.search("arm|hand|elbow|wrist|thumb|index|middle|ring|pinky", name, re.IGNORECASE) for name in arms)
+
+
+@conventions
+@poses
+def test_it_stands_on_the_floor_as_tall_as_an_adult(convention, pose):
+    skeleton = rig(convention, pose)
+    places = standing(skeleton)
+    heights = np.array([place[1] for place in places.values()])
+    assert 160 < heights.max() < 190
+    (ankle, toe), (other_ankle, other_toe) = feet(skeleton)
+    for one, other in ((ankle, other_ankle), (toe, other_toe)):
+        assert places[one][1] == pytest.approx(places[other][1])
+    assert 7 < places[ankle][1] < 9
+    assert 1 < places[toe][1] < 4
+    ahead = places[toe] - places[ankle]
+    assert ahead[2] > 4 * abs(ahead[0])
+    assert ahead[2] > 2 * -ahead[1] > 0
+
+
+def test_the_bodies_differ():
+    bodies = [Body.of(rig(convention, "T")) for convention in CONVENTIONS]
+    assert len({round(body.height, 1) for body in bodies}) == len(bodies)
+    assert len({round(body.leg_length, 1) for body in bodies}) == len(bodies)
+
+
+def test_handles_are_where_the_joints_are():
+    places = standing(rig("unreal", "A"))
+    for handle, joint in (("ik_hand_gun", "hand_r"), ("ik_hand_l", "hand_l"), ("ik_foot_r", "foot_r")):
+        np.testing.assert_allclose(places[handle], places[joint], atol=1e-5)
+
+
+def test_bones_lie_along_x_as_in_lafan1():
+    skeleton, standing_one = rig("lafan1", "X"), rig("lafan1", "T")
+    np.testing.assert_allclose(skeleton.lengths, standing_one.lengths, atol=1e-5)
+    for joint in range(1, len(skeleton)):
+        alone = len(skeleton.children[skeleton.parents[joint]]) == 1
+        assert not alone or tuple(skeleton.offsets[joint, 1:]) == (0, 0)
+    thighs = skeleton.offsets[[skeleton.index("LeftUpLeg"), skeleton.index("RightUpLeg")]]
+    np.testing.assert_allclose(thighs[0], thighs[1] * (1, 1, -1))
+    assert thighs[0, 2] > 5
+    with pytest.raises(ValueError, match="only lafan1 has pose X, not mixamo"):
+        rig("mixamo", "X")

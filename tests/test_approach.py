@@ -5,15 +5,15 @@ from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
-from bodies import HERO
+from bodies import sample_target
 
-from distretarget import Body, Motion, load_target
+from distretarget import Body, Motion
 from distretarget.body.build import average_for
 from distretarget.objectives.approach import HEAD, approached
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.skin.limbs import bent, reaching
 
-BODY = Body.of(load_target(HERO).skeleton)
+BODY = Body.of(sample_target("hero").skeleton)
 # From the middle of the head to the left hand: up, up and forwards, up and to the left, to the left and back.
 SIDES = np.array([[0.0, 1.0, 0.0], [0.1, 0.8, 0.6], [0.5, 0.8, 0.1], [0.8, 0.4, -0.3]])
 

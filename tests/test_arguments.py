@@ -147,10 +147,6 @@ OTHER_KINDS = {
     "write_npz": lambda: d.write_npz("x.npz", BODY),
     "rotations of write_npz": lambda: d.write_npz("x.npz", CLIP, rotations="euler"),
     "write_report": lambda: d.write_report("x.html", CLIP),
-    "forward_kinematics": lambda: d.forward_kinematics([-1], [1], [2]),
-    "frames of forward_kinematics": lambda: d.forward_kinematics(
-        BODY.parents, CLIP.translations, CLIP.world_rotations[:1]
-    ),
     "path of load_build": lambda: d.load_build(3),
     "no path of load_build": lambda: d.load_build(None),
     "text as factor of scaled": lambda: CLIP.scaled("2"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, swaying
+from bodies import SAMPLES, person, sample, swaying
 from program import run, succeeded
 from scipy.spatial.transform import Rotation
 
@@ -144,7 +144,7 @@ def test_the_program_reads_and_writes_parameters(folder):
 
 @pytest.mark.parametrize("unit", [1.0, 0.01])
 def test_positions_of_a_motion_give_them_back(tmp_path, unit):
-    clip = read_bvh(SAMPLES / "clap.bvh")
+    clip = sample("clap")
     joints = list(clip.skeleton.joints)
     np.save(tmp_path / "clip.npy", unit * clip.positions[:, joints])
     found = read_motion(tmp_path / "clip.npy", fps=60, skeleton=SAMPLES / "clap.bvh")
@@ -155,7 +155,7 @@ def test_positions_of_a_motion_give_them_back(tmp_path, unit):
 
 
 def test_limbs_twist_as_elbows_and_knees_show(tmp_path):
-    clip = read_bvh(SAMPLES / "squat.bvh")
+    clip = sample("squat")
     np.savez(tmp_path / "clip.npz", positions=clip.positions, frame_time=clip.frame_time)
     found = read_motion(tmp_path / "clip.npz", skeleton=SAMPLES / "squat.bvh")
     for name in ("LeftHip", "RightHip"):

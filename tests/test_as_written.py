@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import HERO, sample, sample_run, sample_target
 from click.testing import CliRunner
 
-from distretarget import load_target, read_bvh, read_motion, retarget, write_bvh, write_motion
+from distretarget import read_bvh, read_motion, retarget, write_bvh, write_motion
 from distretarget.cli import cli
 from distretarget.io.motion_writer import as_written
 from distretarget.io.vrma import humanoid_bones
@@ -18,7 +18,7 @@ FAR = 1e7  # from the origin, where single precision has a step of 1 [cm]
 
 @pytest.fixture(scope="module")
 def far_walk():
-    walk = read_bvh(SAMPLES / "walk.bvh")
+    walk = sample("walk")
     return replace(walk, root_positions=walk.root_positions + np.array([FAR, 0.0, 0.0]))
 
 
@@ -37,7 +37,7 @@ def test_far_from_the_origin_a_character_shakes_in_its_file_and_in_its_figures(f
     single = metrics_of(far_walk, tmp_path, "glb")
     assert single["jerk"] > 5 * exact["jerk"]
     written = read_motion(tmp_path / "out.glb")
-    result = retarget(far_walk, load_target(HERO))
+    result = retarget(far_walk, sample_target("hero"))
     of_file = replace(result, motion=replace(written, frame_time_text=result.motion.frame_time_text))
     for key in ("jerk", "foot_skate", "foot_height", "direction_error"):
         assert single[key] == pytest.approx(of_file.metrics["result"][key], rel=1e-3)
@@ -45,7 +45,7 @@ def test_far_from_the_origin_a_character_shakes_in_its_file_and_in_its_figures(f
 
 def test_a_bvh_holds_the_motion_to_what_figures_show(far_walk, tmp_path):
     near = replace(far_walk, root_positions=far_walk.root_positions - np.array([FAR, 0.0, 0.0]))
-    result = retarget(near, load_target(SAMPLES / "rigs" / "mixamo_t.json"))
+    result = retarget(near, sample_target("rigs/mixamo_t"))
     write_bvh(tmp_path / "near.bvh", result.motion)
     written = read_bvh(tmp_path / "near.bvh")
     order = np.argsort(result.motion.skeleton.depth_first)
@@ -62,7 +62,7 @@ def test_single_precision_is_what_a_file_of_arrays_has(far_walk):
 
 def test_a_vrm_animation_holds_the_bones_of_a_humanoid_and_the_path_of_the_hips(tmp_path):
     """The hero has a joint more in the spine than VRM; below it the world rotations are the file's."""
-    result = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh"), load_target(HERO))
+    result = sample_run("hands_on_hips")
     held = as_written(result.motion, "VRMA")
     bones = humanoid_bones(result.matching.target)
     joints = [*bones.values()]

@@ -1,26 +1,66 @@
-"""`distretarget audit`: clips of a folder compared with each other, the table, and the exit status."""
+"""`distretarget audit`: planted faults are found, clips are compared, and the table and exit status say so."""
 
 import csv
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import SAMPLES, sample
+from planted_faults import PLANTED, faults_of
 from program import refused, run, succeeded
 
 from distretarget import Motion, read_bvh, write_bvh
 from distretarget.batch.audit import LIMITS, AuditedClip, _compare, audit
 from distretarget.skeleton import Skeleton
 
-CLEAN = ("clap", "squat", "turn", "walk")
+CLEAN = ("clap", "squat", "turn", "walk", "wave")
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_clean_clips_have_no_faults(name):
+    assert faults_of(sample(name)) == {}
+
+
+@pytest.mark.parametrize("fault", PLANTED)
+@pytest.mark.parametrize("name", ["squat", "walk"])
+def test_a_planted_fault_is_found(name, fault):
+    kind, plant = PLANTED[fault]
+    assert kind in faults_of(plant(sample(name)))
+
+
+@pytest.mark.parametrize("frames", [slice(0), slice(1), slice(2), slice(3), slice(5), np.zeros(50, np.intp)])
+def test_short_and_still_clips_have_no_faults_but_that(frames):
+    part = sample("walk")[frames]
+    still = {"still"} if isinstance(frames, np.ndarray) else set()
+    assert faults_of(part).keys() == ({"unreadable"} if len(part) < 2 else still)
+
+
+def test_a_frame_of_a_fault_is_one_of_the_clip_as_it_is():
+    """Frames left out of the search, repeated ones and those before the motion begins, count."""
+    planted = PLANTED["an arm that leaps for a frame"][1](sample("walk"))
+    assert faults_of(planted)["jumps"].frame in (124, 125)
+    late = PLANTED["T-pose in the first five frames"][1](planted[np.repeat(np.arange(len(planted)), 2)])
+    found = faults_of(late)
+    assert found["first_pose"].value == 5
+    assert found["jumps"].frame in range(248, 252)
+
+
+@pytest.mark.parametrize("milliseconds", ["33.333", "8.3333", "16.667"])
+def test_a_frame_time_in_milliseconds_is_a_fault(milliseconds):
+    found = faults_of(replace(sample("walk"), frame_time_text=milliseconds))["frame_time"]
+    assert found.where == f"{float(milliseconds):.3g} s a frame"
+
+
+CLEAN_CLIPS = ("clap", "squat", "turn", "walk")
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("clips/deep").mkdir(parents=True)
-    for name in CLEAN:
+    for name in CLEAN_CLIPS:
         shutil.copy(SAMPLES / f"{name}.bvh", "clips/deep" if name == "walk" else "clips")
     return tmp_path
 
@@ -43,7 +83,7 @@ def scaled(motion, factor):
 
 @pytest.mark.usefixtures("folder")
 def test_a_page_shows_the_worst_frame_of_each_fault():
-    motion = read_bvh(SAMPLES / "wave.bvh")
+    motion = sample("wave")
     joint = motion.skeleton.index("LeftKnee")
     rotations = np.array(motion.rotations)
     rotations[100:103, joint] = [1.0, 0.0, 0.0, 0.0]
@@ -63,14 +103,14 @@ def test_clean_clips_of_one_rig_have_no_faults(folder):
 
 
 def test_a_clip_in_another_unit_is_found(folder):
-    write_bvh("clips/metres.bvh", scaled(read_bvh(SAMPLES / "wave.bvh"), 0.01))
+    write_bvh("clips/metres.bvh", scaled(sample("wave"), 0.01))
     assert faults(folder) == {"metres": {"unit"}}
 
 
 def test_of_two_clips_none_is_the_unusual_one(folder):
-    for name in CLEAN[1:]:
+    for name in CLEAN_CLIPS[1:]:
         next(folder.glob(f"clips/**/{name}.bvh")).unlink()
-    write_bvh("clips/metres.bvh", scaled(read_bvh(SAMPLES / "wave.bvh"), 0.01))
+    write_bvh("clips/metres.bvh", scaled(sample("wave"), 0.01))
     assert faults(folder) == {}
 
 
@@ -82,7 +122,7 @@ def test_another_frame_time_is_found(folder):
 
 @pytest.mark.parametrize("change", [lambda motion: motion, lambda motion: scaled(motion, 1.2)])
 def test_a_clip_that_is_there_twice_is_found_at_any_place_and_size(folder, change):
-    motion = change(read_bvh(SAMPLES / "clap.bvh"))
+    motion = change(sample("clap"))
     path = motion.root_positions + np.array([30.0, 0.0, -20.0])
     write_bvh("clips/copy.bvh", type(motion)(motion.skeleton, path, motion.rotations, motion.frame_time_text))
     assert faults(folder) == {"copy": {"duplicate"}}

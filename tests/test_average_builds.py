@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, taken
+from bodies import PERSON, SAMPLES, sample_target, taken
 from program import run, succeeded
 
 from distretarget import FileError, Options, load_build, load_target
@@ -47,7 +47,7 @@ def test_legs_and_head_show_the_age(leg, crown, age):
 
 
 def test_the_sample_child_is_a_child_and_what_bones_do_not_show_an_adult():
-    child = load_target(SAMPLES / "child.json").skeleton
+    child = sample_target("child").skeleton
     assert age_of(Body.of(child)) == "child"
     assert age_of(Body.of(taken(child, np.flatnonzero(~child.end_sites)))) == "adult"
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import sample
 from characters import ARMATURE, Bones, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target, read_bvh
+from distretarget import load_target
 from distretarget.character.from_scene import bind_poses
 from distretarget.character.nodes import Nodes, SkinBinding
 
@@ -87,7 +87,7 @@ def test_a_skin_without_inverse_binds_was_bound_as_the_nodes_show():
     np.testing.assert_array_equal(poses[2], BINDS[2])
 
 
-BONES = Bones.of(read_bvh(SAMPLES / "walk.bvh").skeleton)
+BONES = Bones.of(sample("walk").skeleton)
 
 
 def turning(*names):

@@ -1,15 +1,13 @@
-"""What a body derives from skeleton, parts and motion: size, up, posture, and whether it is a person."""
+"""What a body derives from skeleton, parts and motion, and its mesh without what its hands hold."""
 
 import itertools
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 from animals import dog, on_a_root
 from bodies import (
     CORPUS,
-    SAMPLES,
     WAYS,
     bent_chain,
     in_world,
@@ -20,6 +18,8 @@ from bodies import (
     other_lengths,
     person,
     posed,
+    sample,
+    sample_target,
     swaying,
     turned,
 )
@@ -29,8 +29,11 @@ from scipy.spatial.transform import Rotation
 import distretarget
 from distretarget import Motion, read_bvh, retarget
 from distretarget.body.axes import Directions, axis_vector
+from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
+from distretarget.pipeline.performer import target_capsules
 from distretarget.skeleton import AXES
+from distretarget.skin.mesh import Looks
 
 SIDES = [("Left", "Right"), ("_l", "_r")]
 PEOPLE = [person(), *(rig(convention, pose) for convention, pose in itertools.product(CONVENTIONS, "TA"))]
@@ -97,11 +100,6 @@ def folded(motion):
     """The motion on the same body with the posture of its first frame as its rest pose, and no rotations."""
     body = motion.skeleton.with_offsets(with_joints_at(motion.skeleton, motion.positions[:1]).translations[0])
     return posed(body, {}, motion.root_positions)
-
-
-@cache
-def sample(name):
-    return read_bvh(SAMPLES / f"{name}.bvh")
 
 
 @ways
@@ -370,3 +368,63 @@ def test_joints_above_the_hips_are_no_part_of_the_body():
     assert Body.of(on_a_root(posed(person(), {}, np.zeros((1, 3))), "root").skeleton).above_hips == (0,)
     unreal = rig("unreal", "A")
     assert [unreal.names[joint] for joint in Body.of(unreal).above_hips] == ["root"]
+
+
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]])
+
+
+def with_box(target, name, to, length, thick=0.03):
+    """The target with a box that one joint moves, from that joint's place along `to` [m]."""
+    mesh, joint = target.mesh(), target.skeleton.names.index(name)
+    along = np.array(to) / np.linalg.norm(to)
+    aside = np.cross(along, [0.1, 0.9, 0.3])
+    aside /= np.linalg.norm(aside)
+    axes = np.stack([length * along, thick * aside, thick * np.cross(along, aside)])
+    count, corners = len(mesh.vertices), target.skeleton.rest_positions[joint] + CORNERS @ axes
+    joints, weights = (np.zeros((len(corners), mesh.joints.shape[1]), kind) for kind in (np.intp, float))
+    joints[:], weights[:, 0] = joint, 1.0
+    boxed = replace(
+        mesh,
+        vertices=np.vstack([mesh.vertices, corners]),
+        joints=np.vstack([mesh.joints, joints]),
+        weights=np.vstack([mesh.weights, weights]),
+        triangles=np.vstack([mesh.triangles, FACES + count]),
+        looks=Looks((), np.full(len(mesh.triangles) + len(FACES), -1), np.zeros((count + len(corners), 2))),
+    )
+    return replace(target, mesh=lambda: boxed)
+
+
+def bare(target):
+    return bare_mesh(Body.of(target.skeleton, target.motion), target.mesh())
+
+
+def test_a_body_that_holds_nothing_keeps_its_mesh():
+    assert bare(sample_target("hero")) is sample_target("hero").mesh()
+
+
+@pytest.mark.parametrize("name", ["RightHand", "LeftHand"])
+def test_a_sword_that_moves_with_the_hand_is_left_out_and_shown(name):
+    armed = with_box(sample_target("hero"), name, [0.0, 0.3, 1.0], 0.9)
+    mesh = bare(armed)
+    for field in ("vertices", "joints", "weights", "triangles"):
+        np.testing.assert_array_equal(getattr(mesh, field), getattr(sample_target("hero").mesh(), field))
+    assert len(mesh.looks.of_triangle) == len(mesh.triangles)
+    assert mesh.whole is armed.mesh()
+
+
+@pytest.mark.parametrize(("name", "length"), [("RightHand", 0.15), ("Spine2", 0.9), ("RightForeArm", 0.15)])
+def test_a_glove_a_bracelet_and_what_the_back_carries_are_parts_of_the_body(name, length):
+    worn = with_box(sample_target("hero"), name, [0.0, 0.3, 1.0], length)
+    assert bare(worn) is worn.mesh()
+
+
+def test_a_sword_changes_neither_capsules_nor_the_clap():
+    armed = with_box(sample_target("hero"), "RightHand", [0.0, 0.3, 1.0], 0.9)
+    plain, held = target_capsules(sample_target("hero")), target_capsules(armed)
+    np.testing.assert_array_equal(plain.radii, held.radii)
+    np.testing.assert_array_equal(plain.ends, held.ends)
+    clap = sample("clap")
+    without, result = retarget(clap, sample_target("hero")), retarget(clap, armed)
+    np.testing.assert_array_equal(result.motion.rotations, without.motion.rotations)
+    assert result.metrics == without.metrics

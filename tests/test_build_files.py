@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, PERSON, SAMPLES
+from bodies import HERO, PERSON, SAMPLES, sample_target
 from capsule_bodies import capsule_surface, mesh_of
 from program import last_records, run, succeeded
 
@@ -26,7 +26,7 @@ def surfaces(target, options=DEFAULT_OPTIONS, builds=OWN_BUILDS):
 
 
 def test_the_target_is_as_thick_as_its_mesh():
-    target = load_target(HERO)
+    target = sample_target("hero")
     assert surfaces(target)[1] == pytest.approx(target_capsules(target).radii.mean())
     without = replace(target, capsules=None, mesh=lambda: None)
     assert surfaces(without) is None
@@ -47,15 +47,15 @@ def test_a_source_with_other_lengths_keeps_its_build():
 
 
 def test_no_skin_is_no_thickness():
-    assert surfaces(load_target(HERO), Options(skin="none")) is None
-    assert surfaces(load_target(HERO), Options(objective="paper")) is None
+    assert surfaces(sample_target("hero"), Options(skin="none")) is None
+    assert surfaces(sample_target("hero"), Options(objective="paper")) is None
 
 
 def test_the_mesh_of_a_source_is_its_build():
     file = load_file(HERO)
     build = with_source(Builds(), file).source
-    body = Body.of(load_target(HERO).skeleton)
-    assert build.on(body).radii.sum() == pytest.approx(target_capsules(load_target(HERO)).radii.sum())
+    body = Body.of(sample_target("hero").skeleton)
+    assert build.on(body).radii.sum() == pytest.approx(target_capsules(sample_target("hero")).radii.sum())
     assert with_source(Builds(), load_file(CLAP)).source is None
 
 
@@ -95,7 +95,7 @@ def test_a_mesh_is_that_of_a_skeleton_whose_joints_are_as_far_from_each_other():
     moved = build.mesh_on(displaced(shoulder, by))
     np.testing.assert_allclose(moved.vertices, mesh.vertices + by)
     assert build.mesh_on(displaced(wrist, 0.1 * by)) is None
-    assert build.mesh_on(load_target(HERO).skeleton) is None
+    assert build.mesh_on(sample_target("hero").skeleton) is None
 
 
 def displaced(joint, by):

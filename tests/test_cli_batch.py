@@ -87,15 +87,6 @@ def test_what_cannot_be_searched_is_reported_and_does_not_stop_the_rest(folder):
     assert "3 clips: 3 converted, 0 done before, 0 failed" in done.stdout
 
 
-def test_a_folder_with_the_database_of_another_program_is_left_alone(folder):
-    (folder / "out").mkdir()
-    (folder / "out/results.sqlite").write_text("my own results")
-    done = batch("in", "body.json", "-o", "out")
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert "out/results.sqlite: is not the database of a batch; choose another folder" in done.stderr
-    assert [path.name for path in (folder / "out").iterdir()] == ["results.sqlite"]
-
-
 def test_a_run_with_the_wrong_target_does_not_undo_what_was_done(folder):
     blocks = {"format": "distretarget-skeleton", "version": 1, "joints": [
         {"name": "Block", "parent": None, "offset": [0, 0, 0]}, {"name": "Lid", "parent": "Block", "offset": [0, 1, 0]},
@@ -238,11 +229,6 @@ def test_another_result_does_not_replace_a_file_of_other_origin(folder):
     assert "a.npz: exists already" in done.stdout
     assert (folder / "out/a.npz").read_text() == "mine"
     assert not (folder / "out/a.bvh").exists()
-
-
-@pytest.mark.usefixtures("folder")
-def test_results_inside_the_source_are_refused():
-    assert "is inside in" in refused("batch", "in", "body.json", "-o", "in/out", status=2)
 
 
 def test_the_clips_asked_for_get_reports(folder):

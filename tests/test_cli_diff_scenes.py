@@ -3,16 +3,13 @@
 import csv
 import io
 import json
-from functools import cache
-from importlib.resources import files
 
-import jsonschema
 import pytest
 from bodies import SAMPLES
 from pages import settle
 from program import refused, run, succeeded
-from referencing import Registry, Resource
 from sample_scenes import SCENES
+from schemas import validator
 
 from distretarget import write_bvh
 
@@ -35,23 +32,12 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@cache
-def schema(name):
-    return json.loads(files("distretarget.report").joinpath(name).read_text("utf-8"))
-
-
-def check_schema(document):
-    parts = Registry().with_resource("diff.schema.json", Resource.from_contents(schema("diff.schema.json")))
-    jsonschema.Draft202012Validator.check_schema(schema("scene_diff.schema.json"))
-    jsonschema.Draft202012Validator(schema("scene_diff.schema.json"), registry=parts).validate(document)
-
-
 def test_a_result_is_measured_against_its_scene_file(results, folder):
     done = run("diff", HANDSHAKE / "scene.json", results / "handshake", "--json", "d.json", "--csv", "d.csv")
     assert (done.returncode, done.stderr) == (0, "")
     assert "performers: one, other" in done.stdout
     metrics = json.loads((folder / "d.json").read_text())
-    check_schema(metrics)
+    validator("report/scene_diff").validate(metrics)
     (gaps,) = metrics["gaps"]
     between, line = "one's right hand - other's right hand", done.stdout.splitlines()[-1]
     numbers = [f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_worst", "gap_error")]
@@ -99,7 +85,7 @@ def test_who_never_meets_touches_nothing(folder):
         write_bvh(folder / name / "one.bvh", next(iter(SCENES["handshake"]().performers.values())))
     done = succeeded("diff", "a", "b", "--json", "d.json", "--fail-over", "gap_error=0")
     assert "no contacts between performers and props in A" in done.stdout
-    check_schema(json.loads((folder / "d.json").read_text()))
+    validator("report/scene_diff").validate(json.loads((folder / "d.json").read_text()))
 
 
 @pytest.mark.usefixtures("folder")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES, person, swaying, tree_of
+from bodies import HERO, SAMPLES, person, sample, swaying, tree_of
 from built_rigs import along_bones, with_axes
 from program import refused, run, succeeded
 
@@ -52,14 +52,10 @@ def test_show_says_what_is_recognised(file, says):
     assert run("skeleton", "show", file).stdout.splitlines()[0].endswith(f"; {says}")
 
 
-def test_show_says_how_thick_a_body_is(tmp_path):
-    said = run("skeleton", "show", HERO, "-o", tmp_path / "skin.obj").stdout
+def test_show_says_how_thick_a_body_is():
+    said = run("skeleton", "show", HERO).stdout
     assert "thickness of its mesh [m]" in said
     assert "upper arm" in said
-    points = [line.split()[1:] for line in (tmp_path / "skin.obj").read_text().splitlines() if line.startswith("v ")]
-    low, top = np.array(points, float).min(axis=0), np.array(points, float).max(axis=0)
-    assert top[1] - low[1] == pytest.approx(1.77, abs=0.1)
-    assert low[1] == pytest.approx(0.0, abs=0.05)
     assert "thickness of an average adult" in run("skeleton", "show", SAMPLES / "walk.bvh").stdout
 
 
@@ -144,7 +140,7 @@ def test_what_cannot_be_matched_is_shown_and_written_all_the_same(folder):
 
 def test_a_rest_pose_is_given_once_and_kept_in_the_map(folder):
     """A rig that stands in no rest pose; with `rest.bvh` it moves as the same clip by joints that do."""
-    walk = read_bvh(SAMPLES / "walk.bvh")[:40]
+    walk = sample("walk")[:40]
     axes = along_bones(Body.of_motion(walk))
     still = replace(walk[:1], rotations=np.tile(walk.skeleton.unturned, (1, 1, 1)))
     clip, rest = with_axes(walk, axes), with_axes(still, axes)

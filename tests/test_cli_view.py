@@ -6,7 +6,7 @@ from base64 import b64decode, b64encode
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import HERO, SAMPLES, sample_target
 from characters import chunks
 from click.testing import CliRunner
 from pages import embedded
@@ -53,7 +53,7 @@ def test_a_character_has_the_materials_of_its_file(tmp_path):
     colours = [named[one["number"]]["pbrMetallicRoughness"]["baseColorFactor"] for one in shown]
     assert [one["colour"] for one in shown] == colours
     assert len(shown) == len(named) > 1
-    assert sum(one["triangles"] for one in shown) == len(load_target(HERO).mesh().triangles)
+    assert sum(one["triangles"] for one in shown) == len(sample_target("hero").mesh().triangles)
 
 
 def test_an_image_goes_with_its_material():
@@ -85,7 +85,7 @@ def test_an_image_beside_a_gltf_file_is_shown(uri, shown, tmp_path):
 
 def test_all_animations_of_a_file_are_shown_and_the_last_first(tmp_path):
     path, page = tmp_path / "hero.glb", tmp_path / "page.html"
-    target = load_target(HERO)
+    target = sample_target("hero")
     motion = retarget(read_bvh(WALK), target).motion[:5]
     write_motion(path, motion, HERO, name="walk")
     write_motion(path, motion[:2], path, name="stop", overwrite=True)

@@ -5,7 +5,6 @@ import pytest
 from bodies import (
     LEG,
     PERSON,
-    SAMPLES,
     UP,
     clapping,
     lengthened,
@@ -13,12 +12,13 @@ from bodies import (
     moved,
     other_lengths,
     posed,
+    sample,
     swaying,
     tree_of,
 )
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, Options, Skeleton, read_bvh, retarget
+from distretarget import Motion, Options, Skeleton, retarget
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
 
@@ -135,7 +135,7 @@ def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
 
 @pytest.mark.parametrize("name", ["clap", "walk", "hands_on_hips"])
 def test_a_motion_is_as_good_as_itself(name):
-    source = read_bvh(SAMPLES / f"{name}.bvh")
+    source = sample(name)
     values = of_clip(compared(source, source))
     for metric in ("distance_error", "contact_error", "direction_error", "direction_error_p99", "bone_error", "turn"):
         assert (values[metric] or 0.0) == pytest.approx(0.0, abs=1e-9)  # in the walk nothing touches

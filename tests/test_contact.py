@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, clapping, lengthened, posed
+from bodies import PERSON, clapping, lengthened, posed, sample, sample_target
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, load_target, read_bvh, retarget
+from distretarget import Options, retarget
 from distretarget.baseline.rotation_copy import RootScale, root_path
 from distretarget.body.body import Body
 from distretarget.ik.spg import Reason
@@ -21,13 +21,8 @@ CLAP = np.sin(np.linspace(0, np.pi, 120)) ** 2
 
 
 @cache
-def sample(name):
-    return read_bvh(SAMPLES / f"{name}.bvh")
-
-
-@cache
 def target(name):
-    return load_target(SAMPLES / f"{name}.json").for_source(sample("walk").rigid_skeleton).skeleton
+    return sample_target(name).for_source(sample("walk").rigid_skeleton).skeleton
 
 
 @cache

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import ALONG, PERSON, UP, clapping, lengthened, matched, posed, tree_of
+from bodies import ALONG, PERSON, UP, clapping, lengthened, matched, posed, standing, tree_of
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
@@ -29,10 +29,6 @@ def contacts_of(source, result, rest=()):
     """The contacts of two motions; `rest` is whether both feet rest in each frame."""
     feet_rest = np.repeat(np.array(rest, bool)[:, None], 2, axis=1) if len(rest) else np.zeros((len(source), 0), bool)
     return find_region_contacts(source, matched(source.rigid_skeleton, result.skeleton), feet_rest).in_result(result)
-
-
-def standing(frames, path=0.0, turns=None):
-    return posed(PERSON, turns or {}, np.zeros((frames, 3)) + path + UP)
 
 
 def names_of(contacts):
@@ -80,7 +76,7 @@ def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames
     head, hips = contacts.touches
     assert (head.name, head.error, head.worst_frame) == ("hand - head", pytest.approx(0.1), 0)
     assert (hips.error, hips.worst_frame, hips.u, hips.v) == (pytest.approx(0.45), 2, 3, 6)
-    source = standing(3)
+    source = standing(frames=3)
     comparison = replace(Reference(source, matched(PERSON, PERSON), UP).compare(source), contacts=contacts)
     assert BY_KEY["contact_error"].of_clip(comparison.tracks) == pytest.approx(0.4)
 
@@ -102,7 +98,7 @@ def test_a_clap_is_a_contact_of_the_hands_and_comes_first():
 
 def test_feet_touch_unless_both_rest():
     """The feet are nearer to each other all the time than while the person stands."""
-    source, frames = standing(60, turns=FEET_TOGETHER), np.arange(60)
+    source, frames = standing(FEET_TOGETHER, 60), np.arange(60)
     assert names_of(contacts_of(source, source, frames >= 0)) == []
     contacts = contacts_of(source, source, frames < 20)
     assert names_of(contacts) == ["left foot - right foot"]
@@ -111,7 +107,7 @@ def test_feet_touch_unless_both_rest():
 
 @pytest.mark.parametrize(("speed", "feet_touch"), [(0.1, False), (2.0, True)])
 def test_feet_of_a_person_carried_fast_do_not_rest(speed, feet_touch):
-    source = standing(30, np.outer(np.arange(30) * 0.02 * speed, ALONG), FEET_TOGETHER)
+    source = standing(FEET_TOGETHER, 30, np.outer(np.arange(30) * 0.02 * speed, ALONG))
     assert bool(Reference(source, matched(PERSON, PERSON), UP).compare(source).contacts.touches) == feet_touch
 
 

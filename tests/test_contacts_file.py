@@ -1,11 +1,10 @@
 """Contact files: what they say comes back, and what is wrong with one is told in a line with its place."""
 
 import json
-from importlib.resources import files
 
-import jsonschema
 import pytest
-from bodies import SAMPLES
+from bodies import sample
+from schemas import validator
 
 from distretarget import (
     Contact,
@@ -16,7 +15,6 @@ from distretarget import (
     Plant,
     SettingsError,
     load_contacts,
-    read_motion,
     retarget,
 )
 from distretarget.io.contacts_file import contacts_to_json, parse_contacts
@@ -54,18 +52,20 @@ WRONG = [
     ),
     (
         {"between": ["left hand"], "keep": False},
-        'contacts[0].between: expected two names, such as ["left hand", "hips"], found a list of 1',
+        "contacts[0]: between is ('left hand',); expected the names of two parts or joints",
     ),
     ({"between": ["left hand", "hips"]}, 'contacts[0]: says nothing; expected "keep" or "gap"'),
-    ({"between": ["left hand", "hips"], "keep": "no"}, "contacts[0].keep: expected true or false, found 'no'"),
-    ({"between": ["left hand", "hips"], "gap": -1}, "contacts[0].gap: expected a number from 0, found -1"),
+    ({"between": ["left hand", "hips"], "keep": "no"}, "contacts[0]: keep is 'no'; expected a bool"),
+    ({"between": ["left hand", "hips"], "gap": -1}, "contacts[0]: gap is -1.0; expected a number from 0 to 1e+09"),
+    ({"between": {}, "keep": False}, "contacts[0]: between is (); expected the names of two parts or joints"),
+    ({"look": "head", "like": [0, 0, [1]]}, "contacts[0]: like is [1.0]; expected a number"),
     (
         {"between": ["left hand", "hips"], "gap": 0, "frames": [20, 10]},
-        "contacts[0].frames: goes from 20 to 10; expected the first, from 0, and then the last",
+        "contacts[0]: frames go back from 20 to 10; swap them",
     ),
     (
         {"between": ["left hand", "hips"], "gap": 0, "frames": [2.5, 10]},
-        "contacts[0].frames[0]: expected a whole number, or write seconds, found 2.5",
+        "contacts[0]: frames go from 2.5 to 10; expected whole numbers, or seconds",
     ),
     (
         {"between": ["left hnad", "hips"], "keep": False},
@@ -104,24 +104,15 @@ def document(*entries):
     return {"format": "distretarget-contacts", "version": 1, "contacts": [*entries]}
 
 
-def schema():
-    return json.loads(files("distretarget.io").joinpath("contacts.schema.json").read_text("utf-8"))
-
-
 def test_what_is_written_is_read_back_and_suits_the_schema():
     text = contacts_to_json(ContactList(ENTRIES))
     assert parse_contacts(text, "x.json").entries == ENTRIES
-    jsonschema.Draft202012Validator(schema()).validate(json.loads(text))
+    validator("io/contacts").validate(json.loads(text))
     assert not parse_contacts(contacts_to_json(ContactList()), "x.json").entries
 
 
-@pytest.fixture(scope="module")
-def clap():
-    return read_motion(SAMPLES / "clap.bvh")
-
-
 @pytest.mark.parametrize(("content", "message"), WRONG, ids=[message[:40] for _, message in WRONG])
-def test_what_a_wrong_file_prints(tmp_path, clap, content, message):
+def test_what_a_wrong_file_prints(tmp_path, content, message):
     """The table of wrong files: each is told in one line, with the place in the file."""
     path = tmp_path / "walk.contacts.json"
     if isinstance(content, dict) and "format" not in content:
@@ -131,17 +122,17 @@ def test_what_a_wrong_file_prints(tmp_path, clap, content, message):
             del content["contacts"]
     path.write_text(content if isinstance(content, str) else json.dumps(content))
     with pytest.raises(DistretargetError) as raised:
-        retarget(clap, clap.skeleton, contacts=load_contacts(path))
+        retarget(sample("clap"), sample("clap").skeleton, contacts=load_contacts(path))
     assert "\n" not in str(raised.value)
     assert str(raised.value).startswith(f"{path}: {message}")
 
 
-def test_two_entries_that_contradict_each_other_name_both(clap):
+def test_two_entries_that_contradict_each_other_name_both():
     one = Contact(between=("left hand", "head"), gap=0.0, frames=(0, 20))
     other = Contact(between=("head", "left hand"), keep=False, frames=(20, 40))
     says = r"contacts\[1\]: contradicts contacts\[0\]: both are about 'head', 'left hand' in frame 20"
     with pytest.raises(DistretargetError, match=says):
-        retarget(clap, clap.skeleton, contacts=ContactList((one, other)))
+        retarget(sample("clap"), sample("clap").skeleton, contacts=ContactList((one, other)))
 
 
 @pytest.mark.parametrize(

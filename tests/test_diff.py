@@ -9,7 +9,6 @@ from bodies import (
     APART,
     LEG,
     PERSON,
-    SAMPLES,
     UP,
     clapping,
     lengthened,
@@ -18,16 +17,17 @@ from bodies import (
     other_lengths,
     person,
     posed,
+    sample,
+    sample_target,
     standing,
     swaying,
     with_bone,
 )
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, read_bvh, retarget
+from distretarget import Motion, retarget
 from distretarget.baseline.world import World
 from distretarget.errors import MapError, MatchingError, MotionError
-from distretarget.io.target_file import load_target
 from distretarget.measure.diff import diff
 
 
@@ -166,7 +166,7 @@ def test_a_joint_that_one_of_them_has():
 
 
 def test_z_up_against_y_up():
-    motion = read_bvh(SAMPLES / "squat.bvh")
+    motion = sample("squat")
     result = diff(motion, World("Y", "Z", "replaced").turned(motion))
     assert result.notes == ("A was turned: Y is up in A, Z in B",)
     np.testing.assert_allclose(result.up, [0, 0, 1])
@@ -175,7 +175,7 @@ def test_z_up_against_y_up():
 
 
 def test_a_root_offset_that_is_added():
-    motion = read_bvh(SAMPLES / "walk.bvh")[:40]
+    motion = sample("walk")[:40]
     offsets = np.array(motion.skeleton.offsets)
     offsets[0] = [0, motion.root_positions[:, 1].mean(), 0]
     path = motion.root_positions - offsets[0]
@@ -186,8 +186,8 @@ def test_a_root_offset_that_is_added():
 
 @pytest.mark.parametrize("rig", ["mixamo_a", "unreal_t"])
 def test_a_retargeted_clip_has_the_metrics_of_its_run(rig):
-    source = read_bvh(SAMPLES / "clap.bvh")[:30]
-    run = retarget(source, load_target(SAMPLES / "rigs" / f"{rig}.json").skeleton)
+    source = sample("clap")[:30]
+    run = retarget(source, sample_target(f"rigs/{rig}").skeleton)
     result = diff(source, run.motion)
     np.testing.assert_array_equal(result.matching.drivers, run.matching.drivers)
     np.testing.assert_allclose(result.stress, run.written_stress)

@@ -5,14 +5,13 @@ import io
 import json
 from dataclasses import replace
 from functools import cache
-from importlib.resources import files
 
-import jsonschema
 import numpy as np
 import pytest
-from bodies import APART, PERSON, SAMPLES, clapping, lengthened, posed, standing, swaying, with_bone
+from bodies import APART, PERSON, clapping, lengthened, posed, sample, standing, swaying, with_bone
+from schemas import schema, validator
 
-from distretarget import read_bvh, retarget
+from distretarget import retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.report.clip_page import run_diff
@@ -68,7 +67,7 @@ CLIPS = {
     "another body": lambda: (flying(1), swaying(lengthened(PERSON, {"Knee": 0.7}))),
     "frame rates": lambda: (replace(flying(1), frame_time_text="0.01"), flying(2)),
     "the shortest frame time": lambda: (replace(flying(1), frame_time_text="1e-5"),) * 2,
-    "samples": lambda: (read_bvh(SAMPLES / "walk.bvh"), read_bvh(SAMPLES / "wave.bvh")),
+    "samples": lambda: (sample("walk"), sample("wave")),
 }
 
 
@@ -77,13 +76,6 @@ def made(name):
     a, b = CLIPS[name]()
     with np.errstate(all="ignore"):
         return document(diff(a, b), ABOUT)
-
-
-@cache
-def validator():
-    schema = json.loads(files("distretarget.report").joinpath("diff.schema.json").read_text("utf-8"))
-    jsonschema.Draft202012Validator.check_schema(schema)
-    return jsonschema.Draft202012Validator(schema)
 
 
 def column(name, of):
@@ -97,15 +89,14 @@ def refuse(constant):
 @pytest.mark.parametrize("name", CLIPS)
 def test_a_document_follows_the_schema_and_says_the_same_as_json(name):
     found = made(name)
-    validator().validate(found)
+    validator("report/diff").validate(found)
     assert json.loads(json_text(found), parse_constant=refuse) == found
     assert len(found["frames"]) == found["frame_count"]
     assert column("frame", found) == list(range(found["frame_count"]))
 
 
 def test_the_type_has_the_keys_of_the_schema():
-    schema = json.loads(files("distretarget.report").joinpath("diff.schema.json").read_text("utf-8"))
-    assert DiffDocument.__required_keys__ == set(schema["properties"])
+    assert DiffDocument.__required_keys__ == set(schema("report/diff")["properties"])
     assert not DiffDocument.__optional_keys__
 
 
@@ -143,20 +134,20 @@ def test_the_schema_refuses_what_is_no_document(place, value):
     for key in place[:-1]:
         inside = inside[key]
     inside[place[-1]] = value
-    assert not validator().is_valid(broken)
+    assert not validator("report/diff").is_valid(broken)
 
 
 @pytest.mark.parametrize("key", ["a", "metrics", "limits", "worst", "frames", "contacts"])
 def test_the_schema_wants_everything(key):
-    assert not validator().is_valid({name: value for name, value in made("clap").items() if name != key})
+    assert not validator("report/diff").is_valid({name: value for name, value in made("clap").items() if name != key})
 
 
-@pytest.mark.parametrize("sample", ["clap", "hands_on_hips"])
-def test_a_motion_against_itself_has_no_errors(sample):
-    motion = read_bvh(SAMPLES / f"{sample}.bvh")
+@pytest.mark.parametrize("clip", ["clap", "hands_on_hips"])
+def test_a_motion_against_itself_has_no_errors(clip):
+    motion = sample(clip)
     found = document(diff(motion, motion), ABOUT)
     source, result = found["metrics"]["source"], found["metrics"]["result"]
-    none = NONE | ({"touch_place"} if sample == "clap" else set())  # places are on trunk, legs and head
+    none = NONE | ({"touch_place"} if clip == "clap" else set())  # places are on trunk, legs and head
     assert {result[key] for key in none} == {None}
     errors = {key: result[key] for key in ERRORS if key not in none}
     assert errors == pytest.approx(dict.fromkeys(errors, 0), abs=0.1)
@@ -199,7 +190,7 @@ def test_the_worst_frames_have_the_largest_metrics():
 def test_limits_say_what_is_over():
     limits = [(key, limit) for key in BY_KEY for limit in (0.0, 1e9)]
     found = document(diff(*CLIPS["foot_skate"]()), replace(ABOUT, limits=tuple(limits)))
-    validator().validate(found)
+    validator("report/diff").validate(found)
     assert [(one["metric"], one["limit"]) for one in found["limits"]] == limits
     values = {one["metric"]: one["value"] for one in found["limits"]}
     source, result = found["metrics"]["source"], found["metrics"]["result"]
@@ -274,7 +265,7 @@ def test_snaps_and_unsolved_frames_are_known_of_a_run_only():
 def test_the_rotation_copy_stands_beside_the_result():
     run = retarget(CLIPS["clap"]()[0][:12], lengthened(PERSON, {"Elbow": 1.3}))
     found = document(run_diff(run), replace(ABOUT, rotation_copy=run.tracks["rotation_copy"]))
-    validator().validate(found)
+    validator("report/diff").validate(found)
     metrics = found["metrics"]
     assert metrics["rotation_copy"].keys() == metrics["result"].keys()
     assert metrics["rotation_copy"]["contact_error"] > metrics["result"]["contact_error"]

@@ -1,8 +1,9 @@
 """Limbs leave the bodies they are in: displacements of elbows and wrists, and arms that bend by them."""
 
+import bodies
 import numpy as np
 import pytest
-from bodies import PERSON, posed
+from bodies import PERSON
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
@@ -63,7 +64,7 @@ def test_balls_that_are_nearer_may_touch_and_most_others_may_not():
 
 
 def standing(turns, frames=1):
-    return posed(PERSON, turns, np.tile([0.0, 0.9, 0.0], (frames, 1)))
+    return bodies.standing(turns, frames, height=0.9)
 
 
 def displaced(skin, motion, ends=None, *, free=1.0):

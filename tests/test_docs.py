@@ -12,13 +12,13 @@ import make_docs
 import make_errors
 import make_man
 import pytest
-from bodies import ROOT, SAMPLES
+from bodies import ROOT, SAMPLES, sample
 from make_errors import CURES, NOT_MESSAGES
 from make_samples import CHARACTERS
 from program import run
 
 import distretarget
-from distretarget import read_bvh, write_bvh
+from distretarget import write_bvh
 from distretarget.cli import COMMANDS
 from distretarget.io.files import REASONS
 from distretarget.objectives.activation import ContactSettings
@@ -116,7 +116,7 @@ def test_the_example_for_three_js_runs(tmp_path):
         pytest.skip("node or three.js is not installed")
     page = (ROOT / "docs" / "programs.md").read_text("utf-8")
     (block,) = (text for language, text in BLOCK.findall(page) if language == "js")
-    write_bvh(tmp_path / "clap_long_arms.bvh", read_bvh(SAMPLES / "clap.bvh"))
+    write_bvh(tmp_path / "clap_long_arms.bvh", sample("clap"))
     (tmp_path / "node_modules").symlink_to(ROOT / "node_modules")
     (tmp_path / "play.mjs").write_text(block + "console.log(skeleton.bones.length, clip.duration);\n")
     played = subprocess.run(["node", "play.mjs"], cwd=tmp_path, capture_output=True, text=True)

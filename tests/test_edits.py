@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, paths_of, person, swaying, tree_of
+from bodies import SAMPLES, paths_of, person, sample, sample_target, swaying, tree_of
 from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
@@ -33,7 +33,7 @@ SIDES = re.compile("Left|Right")
 
 @pytest.fixture(scope="module")
 def walk():
-    return read_bvh(SAMPLES / "walk.bvh")
+    return sample("walk")
 
 
 def size(motion):
@@ -114,7 +114,7 @@ def test_a_turned_body_goes_another_way(walk):
 
 
 def test_a_loop_of_a_body_that_stays_closes():
-    squat = read_bvh(SAMPLES / "squat.bvh")
+    squat = sample("squat")
     loop = looped(squat)
     steps = np.linalg.norm(np.diff(loop.positions, axis=0), axis=2)
     assert np.linalg.norm(loop.positions[0] - loop.positions[-1], axis=1).max() < 1.5 * steps[[0, -1]].max()
@@ -163,7 +163,7 @@ def test_both_sides_of_a_seam_have_one_speed():
 
 @pytest.mark.parametrize("skew", [0.0, 0.02])
 def test_mirror_and_retargeting_commute_as_far_as_the_sides_of_the_source_are_alike(skew):
-    body, target = person(), load_target(SAMPLES / "child.json")
+    body, target = person(), sample_target("child")
     lengths = body.lengths * np.where([name.startswith("Left") for name in body.names], 1.0 + skew, 1.0)
     motion = swaying(body.with_lengths(lengths), seed=1)
     before, after = retarget(mirrored(motion), target).motion, mirrored(retarget(motion, target).motion)

@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 from animals import on_a_root
-from bodies import SAMPLES, matched, person, posed, with_bone
+from bodies import matched, person, posed, sample, sample_target, with_bone
 from sample_rigs import rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, MotionError, Options, load_target, read_bvh, retarget, write_bvh
+from distretarget import Motion, MotionError, Options, read_bvh, retarget, write_bvh
 from distretarget.baseline.engine_root import find_engine_root, path_carriers
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.body import Body
@@ -30,13 +30,8 @@ LIMIT = 1e-9 * 170  # places are equal if they differ by less [cm]
 
 
 @cache
-def clip(name):
-    return read_bvh(SAMPLES / f"{name}.bvh")
-
-
-@cache
 def onto_unreal(name):
-    return retarget(clip(name), UNREAL)
+    return retarget(sample(name), UNREAL)
 
 
 def headings(motion, joint=0):
@@ -96,7 +91,7 @@ def test_the_root_turns_with_the_pelvis_and_is_never_tilted(name):
 
 
 def test_the_root_stays_upright_on_the_floor_of_another_world():
-    motion = retarget(clip("squat"), UNREAL, Options(target_up="Y")).motion
+    motion = retarget(sample("squat"), UNREAL, Options(target_up="Y")).motion
     pelvis = motion.positions[:, UNREAL.index("pelvis")]
     np.testing.assert_allclose(motion.root_positions, pelvis * [1, 0, 1], atol=LIMIT)
     ups = Rotation.from_quat(motion.rotations[:, 0]).apply([0, 0, 1])
@@ -135,7 +130,7 @@ def test_a_file_keeps_root_and_handles(name, tmp_path):
 
 
 def test_a_root_that_follows_nothing_stays_at_the_origin():
-    motion = retarget(clip("walk"), UNREAL, Options(root_follows="nothing")).motion
+    motion = retarget(sample("walk"), UNREAL, Options(root_follows="nothing")).motion
     np.testing.assert_allclose(motion.root_positions, 0, atol=LIMIT)
     np.testing.assert_allclose(np.abs(motion.rotations[:, 0, 3]), 1)
     pelvis = UNREAL.index("pelvis")
@@ -171,7 +166,7 @@ def test_a_body_that_is_always_upside_down_has_a_root_that_keeps_its_heading():
 
 
 def test_the_root_follows_the_sources_root():
-    source = clip("walk")
+    source = sample("walk")
     frames = np.linspace(0, 1, len(source))[:, None]
     path, turns = frames * [[30.0, 0.0, 80.0]], rotations("Y", 90 * frames[:, 0])
     rooted = with_root_motion(source, path, turns)
@@ -191,7 +186,7 @@ def test_the_root_follows_the_sources_root():
 @pytest.mark.parametrize(("rise", "leads"), [(0.01, True), (0.05, False)])
 def test_a_source_root_that_leaves_the_floor_does_not_lead(rise, leads):
     """A root that bobs with every step is no root on the floor, however low it is; `rise` is in leg lengths."""
-    source = clip("walk")
+    source = sample("walk")
     frames = np.linspace(0, 1, len(source))[:, None]
     path = frames * [[30.0, 0.0, 80.0]]
     path[:, 1] = rise * Body.of_motion(source).leg_length * np.sin(20 * frames[:, 0]).clip(0)
@@ -206,7 +201,7 @@ def test_a_root_well_below_the_hips_is_one_on_the_floor(below, on_floor):
     """Even if it is off the floor by the rig's mistake; a root a little below the hips is their own."""
     offsets, pelvis = np.array(UNREAL.offsets), UNREAL.index("pelvis")
     offsets[pelvis] *= below * Body.of(UNREAL).leg_length / np.linalg.norm(offsets[pelvis])
-    matching = matched(clip("walk"), UNREAL.with_offsets(offsets))
+    matching = matched(sample("walk"), UNREAL.with_offsets(offsets))
     assert (0 in find_engine_root(matching, RootScale.even(1.0)).moving) == on_floor
 
 
@@ -219,20 +214,20 @@ def test_a_clip_of_the_rig_keeps_its_root_on_the_rig():
 
 @pytest.mark.parametrize("name", ["Reference", "root"])
 def test_a_source_root_that_never_moves_leads_only_a_root_of_the_same_name(name):
-    motion = retarget(on_a_root(clip("walk"), name), UNREAL).motion
+    motion = retarget(on_a_root(sample("walk"), name), UNREAL).motion
     assert (np.ptp(motion.root_positions, axis=0).max() > 10) == (name == "Reference")
 
 
 def test_without_a_root_on_the_floor_the_source_cannot_lead():
     with pytest.raises(MotionError, match="no root on the floor to follow"):
-        retarget(clip("squat"), UNREAL, Options(root_follows="source"))
-    retarget(clip("squat"), clip("squat").skeleton, Options(root_follows="source"))
+        retarget(sample("squat"), UNREAL, Options(root_follows="source"))
+    retarget(sample("squat"), sample("squat").skeleton, Options(root_follows="source"))
 
 
 @pytest.mark.parametrize("channels", [ROTATION_CHANNELS, POSITION_CHANNELS])
 def test_a_pelvis_that_cannot_stay_in_place_takes_the_root_along(channels):
     body = with_channels("pelvis", channels)
-    engine_root = find_engine_root(matched(clip("squat"), body), RootScale.even(1.0))
+    engine_root = find_engine_root(matched(sample("squat"), body), RootScale.even(1.0))
     assert 0 not in engine_root.moving
     assert set(engine_root.moving) == {body.index(name) for name in HANDLES}
 
@@ -240,7 +235,7 @@ def test_a_pelvis_that_cannot_stay_in_place_takes_the_root_along(channels):
 def test_handles_that_only_turn_follow_their_parents():
     body = with_channels("ik_foot_l", ROTATION_CHANNELS)
     assert Body.of(body).handles.keys() == {body.index(name) for name in HANDLES if name != "ik_foot_l"}
-    motion = retarget(clip("squat"), body).motion
+    motion = retarget(sample("squat"), body).motion
     np.testing.assert_allclose(np.abs(motion.rotations[:, body.index("ik_foot_l"), 3]), 1)
     np.testing.assert_array_equal(
         motion.translations[1:, body.index("ik_foot_l")], motion.translations[:-1, body.index("ik_foot_l")]
@@ -248,7 +243,7 @@ def test_handles_that_only_turn_follow_their_parents():
 
 
 def test_a_map_overrules_what_a_handle_copies():
-    result = retarget(clip("squat"), UNREAL, joint_map={"ik_hand_gun": "LeftWrist"})
+    result = retarget(sample("squat"), UNREAL, joint_map={"ik_hand_gun": "LeftWrist"})
     places = result.motion.positions
     apart = np.linalg.norm(places[:, UNREAL.index("ik_hand_gun")] - places[:, UNREAL.index("hand_r")], axis=1)
     assert apart.max() > 1
@@ -293,7 +288,7 @@ def below(channels, offset=(0.0, 0.0, 0.0), hips=(*PATH, *TURN)):
 
 
 def squat():
-    return read_bvh(SAMPLES / "squat.bvh")
+    return sample("squat")
 
 
 def rewritten(motion, folder):
@@ -342,5 +337,5 @@ def test_carriers_are_the_topmost_joints_that_hold_the_whole_body():
 
 
 def test_other_targets_keep_their_motion():
-    target = load_target(SAMPLES / "long_arms.json")
+    target = sample_target("long_arms")
     assert retarget(squat(), target).motion.moving is None

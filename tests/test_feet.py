@@ -1,5 +1,8 @@
 """Metrics of feet, and of hips over feet, on postures that are known by construction."""
 
+from functools import partial
+
+import bodies
 import numpy as np
 import pytest
 from bodies import ALONG, LEG, PERSON, UP, body_of, lengthened, matched, moved, posed, taken, tree_of
@@ -12,11 +15,7 @@ from distretarget.measure.supports import find_feet
 
 TIME = 0.02
 OVER_FEET = ("foot_height", "foot_pitch", "ankle_height", "hips_height")
-
-
-def standing(body=PERSON, frames=30, path=0.0, height=LEG, turns=None):
-    """A body that stands with parallel legs; `height` is that of its hips."""
-    return posed(body, turns or {}, np.zeros((frames, 3)) + path + height * UP)
+standing = partial(bodies.standing, height=LEG)
 
 
 def measured(source, result, up=UP):
@@ -133,7 +132,7 @@ def test_wide_hips_that_tilt_on_one_leg_are_measured_by_that_leg():
     """The other leg is kicked up, its foot above its hip joint: that stands on nothing, even in a clip of one frame."""
     tilt = np.array([0.0, 0.0, 0.4])
     turns = {"Hips": tilt, "LeftHip": -tilt, "RightHip": [-2.5, 0.0, 0.0]}
-    source, result = (standing(body, frames=1, turns=turns) for body in (PERSON, lengthened(PERSON, {"Hip": 2.0})))
+    source, result = (standing(body=body, frames=1, turns=turns) for body in (PERSON, lengthened(PERSON, {"Hip": 2.0})))
     feet = measured(source, result)
     np.testing.assert_array_equal(feet.stance, [[True, True, False, False]])
     np.testing.assert_allclose(feet.hips_height, [[0.0, np.nan]], atol=1e-9)
@@ -162,7 +161,7 @@ def test_a_foot_that_is_turned_at_the_ankle_is_pitched():
 
 def test_a_foot_of_another_build_that_stands_on_its_own_sole_is_no_error():
     body = high_ankles()
-    feet = measured(standing(), standing(body, height=LEG + ankle_over_sole(body)))
+    feet = measured(standing(), standing(body=body, height=LEG + ankle_over_sole(body)))
     for key in OVER_FEET:
         np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-9)
 
@@ -171,7 +170,7 @@ def test_a_foot_of_another_build_that_lies_as_the_sources_is_an_error():
     """High ankles laid flat, at the height of the source's ankles."""
     body = high_ankles()
     flat = {f"{side}Ankle": np.radians([-30.0, 0, 0]) for side in ("Left", "Right")}
-    feet = measured(standing(), standing(body, turns=flat))
+    feet = measured(standing(), standing(body=body, turns=flat))
     np.testing.assert_allclose(feet.foot_pitch, 30.0)
     np.testing.assert_allclose(feet.ankle_height, 100 * ankle_over_sole(body) / LEG)
     np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
@@ -179,7 +178,7 @@ def test_a_foot_of_another_build_that_lies_as_the_sources_is_an_error():
 
 def test_a_sole_in_the_floor_is_an_error_whatever_its_build():
     body = high_ankles()
-    feet = measured(standing(), standing(body))
+    feet = measured(standing(), standing(body=body))
     np.testing.assert_allclose(feet.foot_height, 100 * ankle_over_sole(body) / LEG)
 
 
@@ -196,7 +195,7 @@ def test_an_ankle_has_a_height_only_while_the_sources_foot_is_flat():
 def test_a_foot_on_its_tip_or_back_says_nothing_of_its_sole(degrees, measures):
     """Where the source's foot lies on its back the sole of another build is not to be compared, whatever its pitch."""
     turns = {"LeftAnkle": np.radians([degrees, 0, 0])}
-    feet = measured(standing(turns=turns), standing(high_ankles(), turns=turns))
+    feet = measured(standing(turns=turns), standing(body=high_ankles(), turns=turns))
     assert np.isfinite(feet.foot_pitch[:, 0]).all() == measures
     assert np.isnan(feet.ankle_height[:, 0]).all()
 
@@ -208,7 +207,7 @@ def test_the_heel_below_the_ankle_is_part_of_the_sole():
     ends = [body.index(f"{side}Toe_End") for side in ("Left", "Right")]
     offsets[ends] = offsets[ends] / np.linalg.norm(offsets[ends], axis=1, keepdims=True) * 0.2
     turns = {f"{side}Ankle": np.radians([-40.0, 0, 0]) for side in ("Left", "Right")}
-    feet = measured(standing(body, turns=turns), standing(body.with_offsets(offsets), turns=turns))
+    feet = measured(standing(body=body, turns=turns), standing(body=body.with_offsets(offsets), turns=turns))
     np.testing.assert_allclose(feet.foot_height, 0.0, atol=1e-9)
 
 
@@ -216,7 +215,7 @@ def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
     """Of such feet the motion shows how they stand: level here, with the ankle as high as in the source."""
     body = high_ankles(90.0)
     level = {f"{side}Ankle": np.radians([-90.0, 0, 0]) for side in ("Left", "Right")}
-    on_the_floor = standing(body, turns=level)
+    on_the_floor = standing(body=body, turns=level)
     feet = measured(on_the_floor, standing())
     for key in OVER_FEET:
         np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-6)
@@ -227,7 +226,7 @@ def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
 def test_a_foot_on_tiptoe_is_not_flat_though_it_rests_in_a_rig_whose_rest_pose_shows_no_sole():
     """Both feet are flat as one of them rests; the other one is always on tiptoe."""
     body = high_ankles(25.0)
-    stands = standing(body, turns={"RightAnkle": np.radians([35.0, 0, 0])})
+    stands = standing(body=body, turns={"RightAnkle": np.radians([35.0, 0, 0])})
     source = with_axes(stands, along_bones(body_of(stands)))
     assert not body_of(source).stands_at_rest
     feet = measured(source, stands)
@@ -237,7 +236,7 @@ def test_a_foot_on_tiptoe_is_not_flat_though_it_rests_in_a_rig_whose_rest_pose_s
 
 def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():
     found = find_feet(standing(), matched(PERSON, high_ankles(90.0)), UP)
-    feet = found.in_result(standing(high_ankles(90.0)), np.zeros(30, bool))
+    feet = found.in_result(standing(body=high_ankles(90.0)), np.zeros(30, bool))
     assert np.isnan(feet.foot_pitch).all()
     assert np.isnan(feet.ankle_height).all()
     assert np.isfinite(feet.hips_height).all()
@@ -245,7 +244,7 @@ def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():
 
 def test_without_toes_feet_have_no_pitch_and_heights_are_those_of_ankles():
     body = taken(PERSON, [joint for joint, name in enumerate(PERSON.names) if "Toe" not in name])
-    feet = measured(standing(), standing(body, height=LEG + 0.1))
+    feet = measured(standing(), standing(body=body, height=LEG + 0.1))
     assert np.isnan(feet.foot_pitch).all()
     assert np.isnan(feet.ankle_height).all()
     np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / LEG)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pybvh
 import pytest
-from bodies import SAMPLES, of_samples_and_corpus, swaying, tree_of
+from bodies import of_samples_and_corpus, sample, swaying, tree_of
 from bvh_texts import assert_same_joints
 from edits import ARMS_AND_LEGS, edited
 from scipy.spatial.transform import Rotation
@@ -52,7 +52,7 @@ def first_frames(path, frames=20):
 
 def dance():
     """All joints of a sample's body in motion."""
-    return swaying(read_bvh(SAMPLES / "walk.bvh").skeleton)
+    return swaying(sample("walk").skeleton)
 
 
 def assert_same_body(motion, other):

@@ -4,29 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import sample, sample_run, sample_target
 
-from distretarget import Options, load_target, read_bvh, retarget
+from distretarget import Options, retarget
 from distretarget.pipeline.performer import target_capsules
 
 BONES_ALONE = Options(skin="none")
 SIDES = ("Left", "Right")
 
 
-def sample(name, frames=slice(None)):
-    return read_bvh(SAMPLES / f"{name}.bvh")[frames]
-
-
 @pytest.mark.parametrize("name", ["hands_on_hips", "clap", "walk"])
 def test_hands_and_forearms_stay_outside(name):
-    run = retarget(sample(name), load_target(HERO))
+    run = sample_run(name)
     assert run.metrics["rotation_copy"]["skin_depth"] > 0.5
     assert run.metrics["result"]["skin_depth"] < 1.5
     assert run.metrics["result"]["foot_skate"] < 0.05
 
 
 def test_hands_part_about_as_far_between_claps_as_those_of_the_rotation_copy():
-    run = retarget(sample("clap"), load_target(HERO))
+    run = sample_run("clap")
     kept, copied = (
         np.linalg.norm(
             np.subtract(*(motion.positions[:, motion.skeleton.index(f"{side}Hand")] for side in SIDES)), axis=1
@@ -45,14 +41,14 @@ def test_where_nothing_is_near_nothing_changes():
     still[:, :, :] = [0.0, 0.0, 0.0, 1.0]
     held = type(source)(source.skeleton, source.root_positions[[0] * 30], still, source.frame_time_text)
     assert arms
-    kept, alone = (retarget(held, load_target(HERO), options).motion for options in (Options(), BONES_ALONE))
+    kept, alone = (retarget(held, sample_target("hero"), options).motion for options in (Options(), BONES_ALONE))
     np.testing.assert_allclose(kept.rotations, alone.rotations, atol=1e-5)  # soles of the mesh, soles of the joints
     np.testing.assert_allclose(kept.root_positions, alone.root_positions, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["squat", "turn"])
 def test_capsules_thicker_than_the_mesh_move_no_limb_whose_skin_is_outside(name):
-    target = load_target(HERO)
+    target = sample_target("hero")
     thin = target_capsules(target)
     run = retarget(sample(name), replace(target, capsules=replace(thin, radii=1.3 * thin.radii)))
     joints = [run.motion.skeleton.index(side + part) for side in SIDES for part in ("ForeArm", "Hand")]
@@ -65,22 +61,21 @@ def test_capsules_thicker_than_the_mesh_move_no_limb_whose_skin_is_outside(name)
 @pytest.mark.parametrize("factor", [1.0, 100.0])
 def test_a_clip_of_the_same_character_keeps_its_arms(name, factor):
     """Skin that touches or is pressed in a little stays so, since both bodies are one."""
-    hero = load_target(HERO)
-    clip = retarget(sample(name), hero).motion
-    again = retarget(clip.scaled(factor), hero)
+    clip = sample_run(name).motion
+    again = retarget(clip.scaled(factor), load_target(HERO))
     hands = [clip.skeleton.index(f"{side}Hand") for side in SIDES]
     off = again.motion.positions_of(hands) - clip.positions_of(hands)
     assert np.linalg.norm(off, axis=2).max() < 0.002 * again.matching.target.height
 
 
 def test_a_target_without_mesh_or_radii_has_no_thickness():
-    target = load_target(SAMPLES / "child.json")
+    target = sample_target("child")
     kept, alone = (retarget(sample("clap"), target, options).motion for options in (Options(), BONES_ALONE))
     np.testing.assert_array_equal(kept.rotations, alone.rotations)
 
 
 def test_an_average_adult_can_be_asked_for():
-    target = load_target(SAMPLES / "long_arms.json")
+    target = sample_target("long_arms")
     run = retarget(sample("hands_on_hips"), target, Options(skin="average"))
     assert run.metrics["result"]["skin_depth"] < run.metrics["rotation_copy"]["skin_depth"]
 
@@ -88,17 +83,17 @@ def test_an_average_adult_can_be_asked_for():
 def test_a_cut_and_a_single_frame_are_no_trouble():
     clip = sample("hands_on_hips")
     for frames in (slice(100, 101), slice(100, 103)):
-        assert retarget(clip[frames], load_target(HERO)).metrics["result"]["skin_depth"] < 1.5
+        assert retarget(clip[frames], sample_target("hero")).metrics["result"]["skin_depth"] < 1.5
 
 
 def test_the_frame_rate_hardly_matters():
-    fast, slow = (retarget(sample("hands_on_hips", slice(None, None, step)), load_target(HERO)) for step in (1, 2))
+    fast, slow = (retarget(sample("hands_on_hips")[::step], sample_target("hero")) for step in (1, 2))
     apart = np.linalg.norm(fast.motion.positions[::2] - slow.motion.positions, axis=2).max()
     assert apart < 0.03 * fast.matching.target.height
 
 
 @pytest.mark.parametrize("name", ["clap", "hands_on_hips"])
 def test_skins_touch_on_the_mesh_of_a_character(name):
-    metrics = retarget(sample(name), load_target(HERO)).metrics
+    metrics = sample_run(name).metrics
     assert metrics["result"]["touch_missed"] < 15.0
     assert metrics["result"]["skin_depth"] < 0.7 < metrics["rotation_copy"]["skin_depth"]

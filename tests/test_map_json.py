@@ -4,7 +4,7 @@ import json
 import re
 
 import pytest
-from bodies import CORPUS, SAMPLES, body_of, matched, needs_corpus, person, swaying
+from bodies import CORPUS, SAMPLES, body_of, matched, needs_corpus, person, sample_target, swaying
 from bvh_texts import format_bvh
 from skeleton_files import MANUAL
 
@@ -95,7 +95,7 @@ def test_the_written_map_has_each_joint_but_end_sites():
 
 
 def test_joints_that_bend_along_a_spine_are_left_out():
-    source, target = person(), load_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
+    source, target = person(), sample_target("rigs/xsens_t").skeleton
     matching = find_matching(body_of(source), body_of(target))
     bending = {target.keys[j] for j in range(len(target)) if matching.drivers[j] < 0 <= matching.rotation_sources[j, 0]}
     assert bending

@@ -24,7 +24,7 @@ def metric(**others):
 
 
 def limit(**others):
-    return Limit(reason="-", cause="-", **others)
+    return Limit(reason="-", **others)
 
 
 def test_keys_are_names_that_stand_once():

@@ -1,16 +1,20 @@
-"""A motion holds what a recording is, and refuses what none is."""
+"""Motions: what they refuse, frames by number, and what notebooks and `help` show."""
 
+import pydoc
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import person, swaying
+from bodies import SAMPLES, person, swaying
 from scipy.spatial.transform import Rotation
 
+import distretarget as d
 from distretarget import Target, retarget
 from distretarget.errors import MotionError
 from distretarget.motion import Motion, MovingBones, is_frame_time
-from distretarget.numerics.kinematics import forward_kinematics
+from distretarget.numerics.kinematics import joint_positions
+from distretarget.stick_figures import likely_up, stick_figures
 
 MOTION = swaying(person(), frames=3)
 
@@ -60,6 +64,13 @@ def test_some_frames_of_a_motion_are_where_they_are_in_the_whole(frames):
     assert MOTION[frames].frame_time == MOTION.frame_time
 
 
+def test_some_frames_are_retargeted_alike_whether_positions_were_asked_for_before():
+    asked, not_asked = (swaying(person(), frames=9) for _ in range(2))
+    assert asked.positions.shape == (9, len(asked.skeleton), 3)
+    results = [retarget(motion[::2], person()).motion.positions for motion in (asked, not_asked)]
+    np.testing.assert_array_equal(*results)
+
+
 @pytest.mark.parametrize("joints", [[], [0], [3, 2], [2, 2], [[1]], [1.0], "a", [None]], ids=str)
 def test_moving_bones_are_those_of_joints_below_the_root_in_order(joints):
     with pytest.raises(MotionError, match="expected numbers of joints from 1, in ascending order"):
@@ -78,7 +89,7 @@ def test_only_bones_that_do_not_keep_their_offset_are_held():
     for joint in range(len(body)):
         np.testing.assert_array_equal(stretched.translations_of(joint), translations[:, joint])
     np.testing.assert_array_equal(stretched[1:].translations, translations[1:])
-    expected = forward_kinematics(body.parents, translations, MOTION.world_rotations)
+    expected = joint_positions(body.parents, translations[:, 0], translations, MOTION.world_rotations)
     np.testing.assert_array_equal(stretched.positions, expected)
 
 
@@ -95,3 +106,52 @@ def test_all_joints_turn_with_the_world(angles):
     turn = Rotation.from_euler("x", angles, degrees=True)
     expected = np.stack([turn.apply(joint) for joint in MOTION.positions.swapaxes(0, 1)], axis=1)
     np.testing.assert_allclose(MOTION.in_turned_world(turn).positions, expected, atol=1e-12)
+
+
+def pictures(page):
+    """The coordinates of all bones in the pictures of a page, (bones, 2, 2)."""
+    root = ET.fromstring(f"<page>{page}</page>")
+    lines = [line for path in root.iter("path") for line in path.attrib["d"].split("M")[1:]]
+    return np.array([[list(map(float, end.split())) for end in line.split("L")] for line in lines])
+
+
+def test_a_motion_a_skeleton_and_a_result_have_pictures():
+    clip = d.read_bvh(SAMPLES / "clap.bvh")
+    result = d.retarget(clip, d.load_target(SAMPLES / "long_arms.json"))
+    bones = len(clip.skeleton) - 1
+    assert len(pictures(clip.skeleton._repr_html_())) == bones
+    assert len(pictures(clip[:3]._repr_html_())) == 3 * bones
+    page = result._repr_html_()
+    assert len(pictures(page)) == 7 * bones
+    assert result.verdict in page
+    assert "contact error" in page
+    assert "<svg" not in clip[:0]._repr_html_()
+
+
+@pytest.mark.parametrize("up", ["Y", "Z", "-Y"])
+def test_heads_are_on_top_in_pictures(up):
+    parents, posture = np.array([-1, 0]), np.zeros((2, 3))
+    posture[1, "XYZ".index(up[-1])] = -1.7 if up[0] == "-" else 1.7
+    (foot, head), *_ = pictures(stick_figures(parents, posture[None], likely_up(posture, up), "<a> & b"))
+    assert head[1] < foot[1]
+
+
+def test_one_frame_by_its_number_and_all_in_turn():
+    clip = swaying(person(), frames=4)
+    np.testing.assert_array_equal(clip[-1].rotations, clip.rotations[3:])
+    assert len(clip[np.int64(1)]) == 1
+    assert [len(frame) for frame in clip] == [1, 1, 1, 1]
+    for wrong in (4, -5, "a"):
+        with pytest.raises(IndexError):
+            clip[wrong]
+
+
+@pytest.mark.parametrize("name", d.__all__)
+def test_help_shows_no_addresses(name):
+    assert " at 0x" not in pydoc.render_doc(getattr(d, name))
+
+
+def test_settings_show_what_differs_from_the_defaults():
+    assert repr(d.Options()) == "Options()"
+    assert repr(d.Options(skin="none")) == "Options(skin='none')"
+    assert repr(d.ContactSettings(reach=0.1)) == "ContactSettings(reach=0.1)"

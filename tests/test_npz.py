@@ -4,16 +4,16 @@ import time
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import sample, sample_target
 
-from distretarget import METRICS, Motion, Skeleton, load_target, read_bvh, retarget, write_motion, write_npz
+from distretarget import METRICS, Motion, Skeleton, retarget, write_motion, write_npz
 from distretarget.errors import FileError
 from distretarget.io.arrays import npz
 
 
 @pytest.fixture(scope="module")
 def clap():
-    return retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(SAMPLES / "long_arms.json"))
+    return retarget(sample("clap"), sample_target("long_arms"))
 
 
 def loaded(path):
@@ -75,8 +75,8 @@ def test_labels_say_when_hands_touch_and_feet_rest(clap):
 
 def test_labels_of_all_clips_and_source_rigs_stack_on_one_target(clap, tmp_path):
     """Bodies that rest on hands or knees, and a source without hands."""
-    target = load_target(SAMPLES / "long_arms.json")
-    crawl, kneel = (read_bvh(SAMPLES / "supports" / f"{name}.bvh") for name in ("crawl", "kneel"))
+    target = sample_target("long_arms")
+    crawl, kneel = (sample(f"supports/{name}") for name in ("crawl", "kneel"))
     no_hands = {key: None for key in clap.motion.skeleton.keys if "Wrist" in key}
     for number, (source, pairs) in enumerate([(crawl, {}), (kneel, {}), (clap.source, no_hands)]):
         write_npz(tmp_path / f"{number}.npz", retarget(source, target, joint_map=pairs))
@@ -108,11 +108,11 @@ def test_frames_are_flagged_by_the_metrics_of_the_warnings(clap):
 
 
 def test_a_cut_starts_another_shot():
-    clip = read_bvh(SAMPLES / "clap.bvh")
+    clip = sample("clap")
     shifted = np.array(clip.root_positions)
     shifted[100:] += [500.0, 0.0, 0.0]
     cut = Motion(clip.skeleton, shifted, clip.rotations, clip.frame_time_text)
-    shots = retarget(cut, load_target(SAMPLES / "long_arms.json")).labels["shots"]
+    shots = retarget(cut, sample_target("long_arms")).labels["shots"]
     assert np.flatnonzero(np.diff(shots)).tolist() == [99]
 
 

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, matched, other_lengths, paths_of, swaying
+from bodies import PERSON, matched, other_lengths, paths_of, sample, sample_target, swaying
 from scipy.optimize import minimize
 
-from distretarget import Options, load_target, read_bvh, retarget
+from distretarget import Options, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.distances import posture_stress, stress_and_gradient
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
@@ -24,8 +24,8 @@ CASES = [("clap", "long_arms"), ("hands_on_hips", "child"), ("walk", "long_spine
 
 @cache
 def paper_of(name, body):
-    source = read_bvh(SAMPLES / f"{name}.bvh")[::4]
-    target = load_target(SAMPLES / f"{body}.json").for_source(source.rigid_skeleton).skeleton
+    source = sample(name)[::4]
+    target = sample_target(body).for_source(source.rigid_skeleton).skeleton
     return source, retarget(source, target, Options(objective="paper"))
 
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import LEG, SAMPLES, UP, matched, person, posed
+from bodies import LEG, UP, matched, person, posed, sample
 from scipy.spatial.transform import Rotation
 from skeleton_edits import in_axes, with_offset
 from zoo import member, on_member, on_twin
 
-from distretarget import Body, read_bvh, retarget
+from distretarget import Body, retarget
 from distretarget.measure.comparison import Reference
 from distretarget.measure.metrics import clip_metrics
 
@@ -50,7 +50,7 @@ def test_each_metric_sees_its_fault_and_no_other(turns, found):
 
 
 def test_feet_that_a_source_turns_out_point_the_same_way_where_its_rest_pose_does_not_stand():
-    source = on_member("character_creator", read_bvh(SAMPLES / "squat.bvh")[:60])
+    source = on_member("character_creator", sample("squat")[:60])
     assert Body.of_motion(source).up_at_rest is None
     assert retarget(source, member("kimono")).metrics["result"]["heading"] < 0.1
 
@@ -95,9 +95,9 @@ def test_a_head_that_nods_about_its_mean_is_measured_from_the_mean():
     assert posture(source, standing({"Head": nod})) == pytest.approx({"palm_turn": None}, abs=0.5)
 
 
-def bent(turns, sample="clap"):
-    """A sample clip with joints turned by angles about axes in all frames [degrees]."""
-    clip = read_bvh(SAMPLES / f"{sample}.bvh")[:60]
+def bent(turns):
+    """The clap with joints turned by angles about axes in all frames [degrees]."""
+    clip = sample("clap")[:60]
     rotations = np.array(clip.rotations)
     for name, turn in turns.items():
         joint = clip.skeleton.index(name)

@@ -1,29 +1,36 @@
-"""Props: they keep their shape, follow the hands that hold them, and stand where they stood."""
+"""Props: where they go, what their files show of their surfaces, and limbs that keep off them."""
 
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, moved, with_bone
+from bodies import SAMPLES, lengthened, moved, sample, sample_target, with_bone
+from bvh_texts import format_bvh
 from sample_scenes import SCENES, standing_prop
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from distretarget import (
+    BvhError,
     Grip,
     Motion,
     MotionError,
     Prop,
     SettingsError,
     SkeletonError,
-    load_target,
     prop_of,
-    read_bvh,
     retarget_scene,
 )
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.obj import MOST_POINTS, parse_obj, parse_obj_mesh
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_terms import DIRECTION_RANGE, TOUCH
 from distretarget.scene.contacts import NEAREST, ContactPoints, find_prop_contacts
+from distretarget.scene.props import PropSurface, nearest_on_bones
+from distretarget.scene.scene_file import load_scene
+from distretarget.scene.skin import Bodies, PropShape
+from distretarget.skin.capsules import SEGMENTS
 
 
 @cache
@@ -34,7 +41,7 @@ def drummer():
 
 @cache
 def child():
-    return load_target(SAMPLES / "child.json").for_source(drummer().skeleton).skeleton
+    return sample_target("child").for_source(drummer().skeleton).skeleton
 
 
 def with_stick(motion):
@@ -105,7 +112,7 @@ def test_a_staff_lies_in_the_line_of_the_two_hands_that_hold_it():
 
 def test_a_hand_that_rests_on_a_prop_rests_where_the_prop_is():
     """A wall that is a prop has a place in the target's world; without it the hand rests where the body has it."""
-    source = read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")[::2]
+    source = sample("supports/hand_on_wall")[::2]
     hand = np.median(source.positions[:, source.skeleton.index("RightWrist")], axis=0)
     wall = Prop(name="wall", motion=standing_prop("wall", hand + 5.0 * (np.eye(3) - 1 / 3)), scale=0.8)
     done = retarget_scene([source], [child()], [wall])
@@ -216,3 +223,161 @@ def test_props_too_large_to_compute_with_are_refused(held_by):
     for far in (1e13, 1e300):
         with pytest.raises(MotionError, match=r"'box' has positions beyond 1e\+12"):
             Prop(name="box", motion=replace(box, root_positions=far * np.ones((1, 3))), held_by=held_by)
+
+
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (1, 2) for z in (-1, 0)) + "f 1 2 3\n"
+
+
+def test_a_prop_has_the_points_of_its_file():
+    motion = parse_obj(f"# a cube\r\n{CUBE}vn 0 1 0\n", "cube.obj")
+    assert motion.skeleton.names[0] == "cube"
+    points = motion.positions[0]
+    expected = [[x, y, z] for x in (0, 1) for y in (1, 2) for z in (-1, 0)]
+    np.testing.assert_allclose(sorted(points.tolist()), expected)
+    assert motion.skeleton.lengths[1:].max() == 1.0
+
+
+def test_a_prop_survives_a_bvh_file():
+    motion = parse_obj(CUBE, "cube.obj")
+    back = parse_bvh(format_bvh(motion), "cube.bvh")
+    np.testing.assert_allclose(sorted(back.positions[0].tolist()), sorted(motion.positions[0].tolist()), atol=1e-6)
+
+
+def test_many_points_are_thinned():
+    text = "".join(f"v {x} 0 0\n" for x in np.linspace(0, 1, 1001))
+    kept = np.sort(parse_obj(text, "line.obj").positions[0, :, 0])
+    assert len(kept) == MOST_POINTS
+    assert np.diff(kept).max() < 3.0 / MOST_POINTS
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("f 1 2 3\n", 0, "has no vertices"),
+        ("v 1 2\n", 1, "found '1 2', expected three"),
+        ("v 0 0 0\nv 1 x 2\n", 2, "found '1 x 2'"),
+        ("v 1 nan 2\n", 1, "finite"),
+        ("v 1_0 0 0\n", 1, "found '1_0 0 0', expected three"),
+        ("v 1 ٣ 2\n", 1, "expected three finite"),
+    ],
+)
+def test_what_is_no_obj_is_refused(text, line, words):
+    with pytest.raises(BvhError, match=words) as caught:
+        parse_obj(text, "prop.obj")
+    assert caught.value.line == line
+
+
+@pytest.mark.parametrize("corner", ["1_0", "٣", "x", "1.5", "0", "4", "9" * 5000])
+def test_corners_that_are_no_vertices_above_are_refused(corner):
+    with pytest.raises(BvhError, match="expected the number of one of the 3 vertices above"):
+        parse_obj_mesh(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 -2 {corner}\n", "prop.obj")
+
+
+CORNERS = np.array([[x, y, z] for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 3.0)])
+TRIANGLES = ConvexHull(CORNERS).simplices
+
+
+def outwards(corners, triangles):
+    """The triangles of a convex mesh with their corners in the order in which they face out."""
+    out = np.cross(
+        corners[triangles[:, 1]] - corners[triangles[:, 0]], corners[triangles[:, 2]] - corners[triangles[:, 0]]
+    )
+    faces_out = ((corners[triangles[:, 0]] - corners.mean(axis=0)) * out).sum(axis=1) > 0
+    return np.where(faces_out[:, None], triangles, triangles[:, ::-1])
+
+
+def height(surface, x):
+    feet, out = surface.nearest(x, 50.0)
+    return ((x - feet) * out).sum(axis=1)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_distance_from_a_box_is_known(order):
+    surface = PropSurface.of_mesh(CORNERS, outwards(CORNERS, TRIANGLES)[:, ::order])
+    x = np.random.default_rng(0).uniform(-2, 5, (2000, 3))
+    beyond = np.maximum(-x, x - CORNERS.max(axis=0))
+    known = np.where((beyond > 0).any(axis=1), np.linalg.norm(np.maximum(beyond, 0), axis=1), beyond.max(axis=1))
+    assert surface.closed.all()
+    np.testing.assert_allclose(height(surface, x), known, atol=1e-4)
+
+
+def test_a_sheet_has_two_sides():
+    surface = PropSurface.of_mesh(CORNERS, [[0, 1, 4], [1, 5, 4]])  # y = 0
+    assert not surface.closed.any()
+    np.testing.assert_allclose(height(surface, np.array([[1.0, 0.5, 1.0], [1.0, -0.5, 1.0]])), [0.5, 0.5])
+
+
+def test_faces_that_do_not_agree_where_out_is_are_sheets():
+    mixed = outwards(CORNERS, TRIANGLES)
+    mixed[0] = mixed[0, ::-1]
+    assert not PropSurface.of_mesh(CORNERS, mixed).closed.any()
+
+
+def test_points_without_faces_stand_alone():
+    surface = PropSurface.of_mesh(CORNERS, np.zeros((0, 3), int))
+    feet, out = surface.nearest(np.array([[2.5, 1.0, 3.0]]), 5.0)
+    np.testing.assert_allclose([feet[0], out[0]], [[2, 1, 3], [1, 0, 0]])
+
+
+def test_nothing_is_near_beyond_the_farthest():
+    assert np.isnan(PropSurface.of_mesh(CORNERS, TRIANGLES).nearest(np.array([[50.0, 0.0, 0.0]]), 5.0)[0]).all()
+
+
+def test_the_distance_from_bones_is_known():
+    positions = np.array([[[0.0, 0, 0], [10, 0, 0], [0, 4, 0]]])
+    feet, out = nearest_on_bones(positions, np.array([-1, 0, 0]), np.array([[[3.0, 1, 0], [12, 0, 0], [1, 3, 0]]]))
+    np.testing.assert_allclose(feet[0], [[3, 0, 0], [10, 0, 0], [0, 3, 0]])
+    np.testing.assert_allclose(out[0], [[0, 1, 0], [1, 0, 0], [1, 0, 0]])
+
+
+def test_faces_of_an_obj_file():
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1/1 2/2/2 3\nv 0 1 0\nf 1 2 3 -1\n"
+    vertices, triangles = parse_obj_mesh(text, "prop.obj")
+    assert len(vertices) == 4
+    np.testing.assert_array_equal(triangles, [[0, 1, 2], [0, 1, 2], [0, 2, 3]])
+    for face in ("0 1 2", "1 2 5", "1 x 2", "-5 1 2"):
+        with pytest.raises(BvhError, match="expected the number of one of the 4 vertices above") as caught:
+            parse_obj_mesh(text + f"f {face}\n", "prop.obj")
+        assert caught.value.line == 7
+
+
+@cache
+def drums():
+    """Drumming on a block, with and without skin; the block in its own file, and turned with the performer."""
+    (source,), _ = load_scene(SAMPLES / "scenes" / "drum_on_table" / "scene.json").read()
+    low, high = np.array([-48.0, 52.0, 18.0]), np.array([48.0, 92.0, 60.0])
+    corners = low + (high - low) * (CORNERS > 0)
+    text = "".join("v {} {} {}\n".format(*corner) for corner in corners)
+    motion = parse_obj(text, "block.obj")
+    surface = PropSurface.of_mesh(corners - motion.positions[0, 0], outwards(CORNERS, TRIANGLES))
+    prop = Prop(name="block", motion=motion, surface=surface)
+    body = source.rigid_skeleton
+    return [retarget_scene([source], [body], [prop], skin=skin) for skin in ("average", "none")], surface
+
+
+def hand_gaps(scene, skins, surface):
+    """(frames,), the least gap of hands and the block [body units]."""
+    motion, prop = scene.results[0].motion, scene.props[0].motion
+    kept = np.zeros((1, len(SEGMENTS)), bool)
+    bodies = Bodies([skins.target], shapes=[PropShape(surface, kept, kept)], moved=lambda _: [prop])
+    hands = [number for number, name in enumerate(SEGMENTS) if "hand" in name]
+    on = np.isin(bodies.balls.pairs[:, 0], hands) & (bodies.balls.pairs[:, 1] >= len(SEGMENTS))
+    return bodies.gaps([motion])[:, on].min(axis=1)
+
+
+def test_hands_lie_on_a_block():
+    (thick, stick), surface = drums()
+    skins = thick.results[0].skins
+    before, after = hand_gaps(stick, skins, surface), hand_gaps(thick, skins, surface)
+    inside = before < -0.01
+    assert inside.sum() > 20
+    assert (after[inside] < -0.01).mean() < 0.25  # the beats are fast
+    assert np.abs(np.median(after[inside])) < np.abs(np.median(before[inside])) / 3
+
+
+def test_without_skin_the_surface_of_a_prop_says_nothing():
+    (_, stick), _ = drums()
+    (source,), _ = load_scene(SAMPLES / "scenes" / "drum_on_table" / "scene.json").read()
+    bones = Prop(name="block", motion=stick.props[0].source[:1])
+    plain = retarget_scene([source], [source.rigid_skeleton], [bones], skin="none")
+    np.testing.assert_array_equal(plain.results[0].motion.positions, stick.results[0].motion.positions)

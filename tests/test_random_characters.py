@@ -5,18 +5,18 @@ from itertools import pairwise
 import gltf_player
 import numpy as np
 import pytest
-from bodies import SAMPLES, swaying
+from bodies import sample, sample_target, swaying
 from characters import ARMATURE, Bones, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target, read_bvh, write_motion
+from distretarget import load_target, write_motion
 
 BONES = [
     Bones.of(skeleton)
     for skeleton in (
-        read_bvh(SAMPLES / "walk.bvh").skeleton,
-        load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton,
-        load_target(SAMPLES / "rigs" / "unreal_a.json").skeleton,
+        sample("walk").skeleton,
+        sample_target("rigs/mixamo_t").skeleton,
+        sample_target("rigs/unreal_a").skeleton,
     )
 ]
 NAMES = ["", "x", "a/b", "Ü ", "same", "{", "  ", "mixamorig:Hips"]

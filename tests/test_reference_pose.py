@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, WAYS, matched, moved, person, posed, turned
+from bodies import SAMPLES, WAYS, matched, moved, person, posed, sample, turned
 from built_rigs import BUILDS, along_bones, bones_along_y, with_axes
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
@@ -28,7 +28,7 @@ ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WA
 @cache
 def without_a_rest_pose():
     """A walk on a body whose bones all lie along one axis at rest."""
-    return retarget(read_bvh(SAMPLES / "walk.bvh"), rig("lafan1", "X")).motion
+    return retarget(sample("walk"), rig("lafan1", "X")).motion
 
 
 def assert_t_pose(body, world):
@@ -66,7 +66,7 @@ def test_a_body_whose_rest_pose_shows_no_left_is_retargeted_all_the_same(along, 
     flat = body.with_offsets(body.lengths[:, None] * bones)
     axes = Directions(Body.of(flat).anatomy, flat.rest_positions).axes
     np.testing.assert_allclose(Rotation.from_matrix(axes).as_matrix(), axes, atol=1e-12)
-    walk = read_bvh(SAMPLES / "walk.bvh")[:5]
+    walk = sample("walk")[:5]
     if Body.of(flat).on_all_fours:
         with pytest.raises(MatchingError, match="on all fours"):
             retarget(walk, flat)
@@ -114,7 +114,7 @@ def clips_of_one_person():
     """The samples, and clips in which the body never stands, or head, wrists, one wrist or one straight leg are turned
     in all frames, or elbows bend backwards.
     """
-    walk, squat, clap = (read_bvh(SAMPLES / f"{name}.bvh")[::3] for name in ("walk", "squat", "clap"))
+    walk, squat, clap = (sample(name)[::3] for name in ("walk", "squat", "clap"))
     clips = [read_bvh(path)[::3] for path in CLIPS]
     clips.append(bent(walk, {"Head": [0.8, 0.0, 0.0], "Wrist": [0.7, 0.5, 0.0]}))
     crouch = {"Hip": [-0.5, 0.0, 0.0], "Knee": [0.9, 0.0, 0.0], "Ankle": [-0.4, 0.0, 0.0], "Chest": [0.3, 0.2, 0.0]}
@@ -180,7 +180,7 @@ def test_a_pose_in_which_the_body_stands_gives_the_known_alignment(build, target
 
 
 def test_a_pose_that_does_not_show_how_the_body_stands_is_refused():
-    clip = read_bvh(SAMPLES / "walk.bvh")[:3]
+    clip = sample("walk")[:3]
     own = with_axes(clip, along_bones(Body.of_motion(clip)))
     still = replace(own[:1], rotations=np.tile(own.skeleton.unturned, (1, 1, 1)))
     other = retarget(clip, rig("mixamo", "T")).motion
@@ -193,7 +193,7 @@ def test_a_pose_that_does_not_show_how_the_body_stands_is_refused():
 @pytest.mark.parametrize("target", [("mixamo", "T"), ("xsens", "A")])
 def test_a_head_is_turned_by_the_body_not_by_jaw_or_nose(standing, target):
     """The only bones below the head point forward: to a jaw, and to an End Site."""
-    clip = read_bvh(SAMPLES / "walk.bvh")[::5]
+    clip = sample("walk")[::5]
     skeleton = clip.skeleton
     faced = replace(clip, skeleton=with_offset(skeleton, skeleton.index("Head_End"), [0.0, 1.0, 8.0]))
     face = with_chain(faced.skeleton, skeleton.index("Head"), {"Jaw": [0.0, -2.0, 6.0], "Teeth": [0.0, -1.0, 4.0]})
@@ -214,7 +214,7 @@ def test_a_head_is_turned_by_the_body_not_by_jaw_or_nose(standing, target):
 @pytest.mark.parametrize("build", BUILDS)
 def test_a_body_is_as_high_as_it_stands_whatever_its_rest_pose(build):
     for name in ("walk", "squat"):
-        clip = read_bvh(SAMPLES / f"{name}.bvh")[::5]
+        clip = sample(name)[::5]
         body = Body.of_motion(clip)
         own = Body.of_motion(with_axes(clip, build(body)))
         assert own.height == pytest.approx(body.height, rel=0.02)
@@ -247,7 +247,7 @@ def test_arms_that_hardly_bend_have_no_axis_but_straight_legs_that_of_their_feet
 
 
 def test_a_spine_leans_as_that_of_its_convention():
-    body = Body.of_motion(read_bvh(SAMPLES / "walk.bvh")[::5])
+    body = Body.of_motion(sample("walk")[::5])
     own = Body.of_motion(with_axes(body.motion, bones_along_y(body)))
     anatomy, end = own.anatomy, own.skeleton.index("Head_End")
     chain = [*anatomy.spine, *anatomy.neck, anatomy.roles["head"], end]
@@ -262,7 +262,7 @@ def test_a_spine_leans_as_that_of_its_convention():
 
 
 def test_joints_that_nothing_drives_are_turned_as_in_the_motion_of_a_target_that_does_not_stand_at_rest():
-    walk = read_bvh(SAMPLES / "walk.bvh")[::5]
+    walk = sample("walk")[::5]
     own = with_axes(walk, along_bones(Body.of_motion(walk)))
     faced = on_skeleton(own, with_chain(own.skeleton, own.skeleton.index("Head"), {"Jaw": [0.0, 4.0, 6.0]}))
     turn = Rotation.from_euler("xz", [90, 90], degrees=True).as_quat()

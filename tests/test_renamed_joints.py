@@ -5,9 +5,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import SAMPLES, sample, sample_target
 
-from distretarget import DistretargetError, load_target, read_bvh, retarget
+from distretarget import DistretargetError, retarget
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.input_file import InputFile
 from distretarget.io.target_file import parse_target
@@ -18,7 +18,7 @@ NAMES = re.findall(r"(?:ROOT|JOINT) (\w+)", TEXT)
 HIERARCHY, FRAMES = TEXT.split("Frames: ")
 HEAD, *ROWS = FRAMES.splitlines()[1:]
 LEGS = [name for name in NAMES if re.search("Hip|Knee|Ankle|Toe", name)]
-TARGET = load_target(SAMPLES / "child.json")
+TARGET = sample_target("child")
 
 
 def renamed(names):
@@ -48,7 +48,7 @@ def test_two_joints_of_the_legs_may_have_each_others_names():
 
 
 def test_a_whole_walk_with_an_unknown_knee():
-    walk = read_bvh(SAMPLES / "walk.bvh")
+    walk = sample("walk")
     unknown = parse_bvh(TEXT.replace("JOINT LeftKnee", "JOINT Foo"), "walk.bvh")
     result, expected = (retarget(clip, TARGET).motion for clip in (unknown, walk))
     np.testing.assert_allclose(result.positions, expected.positions, atol=1e-9)

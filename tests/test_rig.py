@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES, swaying
+from bodies import HERO, sample, sample_target, swaying
 from sample_rigs import rig
 
-from distretarget import Skeleton, load_target, read_bvh, retarget
+from distretarget import Skeleton, load_target, retarget
 from distretarget.body.body import Body
 from distretarget.matching.matching import match
 from distretarget.rig import KEPT, found_once
@@ -70,17 +70,17 @@ def test_a_body_whose_rest_pose_does_not_stand_has_no_rig():
 def test_results_do_not_depend_on_the_clips_before(target):
     """Sources that differ only in their offsets, or only in how they move, in any order."""
     target = load_target(target) if target is HERO else target
-    clap = read_bvh(SAMPLES / "clap.bvh")
+    clap = sample("clap")
     uneven = clap.skeleton.offsets * np.linspace(0.9, 1.1, len(clap.skeleton))[:, None]
     sources = [clap[:8], clap.scaled(0.9)[:8], replace(clap, skeleton=clap.skeleton.with_offsets(uneven))[:8]]
-    sources += [clap[9:12], read_bvh(SAMPLES / "walk.bvh")[:8]]
+    sources += [clap[9:12], sample("walk")[:8]]
     first = [of_result(retarget(source, target)) for source in sources]
     assert [of_result(retarget(source, target)) for source in reversed(sources)] == first[::-1]
 
 
 def test_clips_may_be_retargeted_side_by_side():
-    sources = [read_bvh(SAMPLES / f"{name}.bvh")[:4] for name in ("clap", "walk", "squat", "wave")] * 3
-    target = load_target(HERO)
+    sources = [sample(name)[:4] for name in ("clap", "walk", "squat", "wave")] * 3
+    target = sample_target("hero")
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda source: of_result(retarget(source, target)), sources))
     assert found == [of_result(retarget(source, target)) for source in sources]
@@ -88,7 +88,7 @@ def test_clips_may_be_retargeted_side_by_side():
 
 @pytest.mark.parametrize("stands", [True, False])
 def test_no_motion_is_kept(stands):
-    skeleton, target = rig("mixamo", "T"), load_target(HERO)
+    skeleton, target = rig("mixamo", "T"), sample_target("hero")
     if not stands:
         skeleton = skeleton.with_offsets(np.outer(skeleton.lengths, [1.0, 0.0, 0.0]))
     motions = []

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, held_still, matched, other_lengths, swaying, tree_of
+from bodies import PERSON, held_still, matched, other_lengths, sample_target, swaying, tree_of
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget import load_target
 from distretarget.ik.poses import part_of_joint, posed_motion, subtree_lengths
 from distretarget.objectives.clip import rigid_part_roots
 
@@ -51,7 +50,7 @@ def test_joints_without_rotation_channels_are_rigid():
 
 
 def test_a_finger_that_nothing_drives_is_a_part_and_the_palm_is_not():
-    rig = load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
+    rig = sample_target("rigs/mixamo_t").skeleton
     roots = rigid_part_roots(matched(PERSON, rig))
     thumb, wrist = (rig.index(f"mixamorig:LeftHand{end}") for end in ("Thumb1", ""))
     assert roots[wrist] == wrist

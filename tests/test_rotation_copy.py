@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, SIDES, lengthened, matched, person, posed, swaying, tree_of
+from bodies import SIDES, lengthened, matched, person, posed, sample, swaying, tree_of
 from skeleton_edits import with_offset
 
-from distretarget import read_bvh
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, longest_strides, root_path, rotation_copy
 
 
@@ -57,12 +56,12 @@ def test_a_body_without_legs_keeps_the_path_of_the_copy():
 
 
 def test_who_walks_can_take_somewhat_longer_strides():
-    motion = read_bvh(SAMPLES / "walk.bvh")
+    motion = sample("walk")
     assert 1.2 < longest_strides(matched(motion, motion)) < 2.0
 
 
 def test_who_stands_can_step_far():
-    motion = read_bvh(SAMPLES / "wave.bvh")
+    motion = sample("wave")
     assert longest_strides(matched(motion, motion)) > 4.0
 
 

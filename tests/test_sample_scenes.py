@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import SAMPLES, sample_target
 from sample_scenes import SCENES
 
-from distretarget import load_target, retarget_scene
+from distretarget import retarget_scene
 from distretarget.scene.scene_file import load_scene
 
 ARM = 53.1  # length of the sample body's arm [cm]
@@ -66,7 +66,7 @@ def test_what_touches_in_the_sample_touches_on_a_child(name):
 def test_what_touches_between_a_child_and_an_adult_stays_near(name, order):
     sources = list(made(name).performers.values())
     body = sources[0].rigid_skeleton
-    child = load_target(SAMPLES / "child.json").for_source(body).skeleton
+    child = sample_target("child").for_source(body).skeleton
     check_gaps(name, retarget_scene(sources, [child, body][::order]), OFF_BETWEEN_SIZES[name])
 
 

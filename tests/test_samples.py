@@ -8,12 +8,12 @@ from functools import cache
 import make_samples
 import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import SAMPLES, sample, sample_target
 from sample_supports import FLOOR, SUPPORTED
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import read_bvh, retarget
 
 CLIPS = sorted([*SAMPLES.glob("*.bvh"), *SAMPLES.glob("supports/*.bvh")])
 HEEL = (0.0, -6.5, -5.0)  # from the ankle of a foot that stands [cm]
@@ -82,7 +82,7 @@ def test_no_foot_is_below_the_floor(path):
 
 
 def test_a_clap_brings_the_wrists_together():
-    motion = read_bvh(SAMPLES / "clap.bvh")
+    motion = sample("clap")
     shoulder, wrist = map(motion.skeleton.index, ("LeftShoulder", "LeftWrist"))
     arm = motion.skeleton.paths_from(shoulder)[wrist]
     gap = np.linalg.norm(joint(motion, "LeftWrist") - joint(motion, "RightWrist"), axis=1)
@@ -90,15 +90,15 @@ def test_a_clap_brings_the_wrists_together():
 
 
 def test_the_turn_goes_once_round_on_both_bodies():
-    source = read_bvh(SAMPLES / "turn.bvh")
-    result = retarget(source, load_target(SAMPLES / "child.json").skeleton).motion
+    source = sample("turn")
+    result = retarget(source, sample_target("child").skeleton).motion
     assert heading(source)[-1] == pytest.approx(360, abs=0.01)
     assert heading(result)[-1] == pytest.approx(360, abs=0.1)
 
 
 def test_the_long_spine_is_60_percent_longer():
-    body = read_bvh(SAMPLES / "walk.bvh").skeleton
-    longer = load_target(SAMPLES / "long_spine.json").for_source(body).skeleton
+    body = sample("walk").skeleton
+    longer = sample_target("long_spine").for_source(body).skeleton
     spine = body.paths_from(0)[body.index("Neck")]
     assert longer.paths_from(0)[longer.index("Neck")] == pytest.approx(1.6 * spine)
 
@@ -115,7 +115,7 @@ samples = pytest.mark.parametrize("name", SUPPORTED)
 
 @cache
 def clip(name):
-    return read_bvh(SAMPLES / "supports" / f"{name}.bvh")
+    return sample(f"supports/{name}")
 
 
 @cache

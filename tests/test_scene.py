@@ -1,11 +1,13 @@
-"""Scenes: performers of one world keep touching each other on other bodies."""
+"""Scenes: performers who touch go on touching, in sweeps, and whichever way their bodies look."""
 
+import json
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, moved
+from bodies import SAMPLES, lengthened, moved, sample, sample_target
+from characters import LOOKING_BACK, Bones, as_vrm0, box_mesh, character
 from program import run
 from scipy.spatial.transform import Rotation
 
@@ -15,18 +17,21 @@ from distretarget import (
     SettingsError,
     load_target,
     read_bvh,
+    read_motion,
     retarget,
     retarget_scene,
     write_bvh,
+    write_motion,
 )
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.poses import Poses
+from distretarget.ik.springs import Springs
 from distretarget.objectives.activation import DEFAULT_SETTINGS as DEFAULT
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import Transfer, match_performer
 from distretarget.scene.contacts import TRUNK_GIVE, find_scene_contacts, how_far_joints_give
-from distretarget.scene.sweeps import MOST_SWEEPS, changed_steadily
+from distretarget.scene.sweeps import MOST_SHORTFALL, MOST_SWEEPS, changed_steadily, with_shortfall
 
 H = {"Chest": 0.9, "Elbow": 0.75, "Wrist": 0.8, "Knee": 1.2, "Ankle": 1.2}
 HAND = "RightWrist"
@@ -35,7 +40,7 @@ HAND = "RightWrist"
 @cache
 def leaning():
     """A person who leans with the right hand on a wall, half a second and more at half the frames."""
-    return read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")[::2]
+    return sample("supports/hand_on_wall")[::2]
 
 
 @cache
@@ -52,7 +57,7 @@ def pair(gap=2.0):
 @cache
 def bodies():
     skeleton = leaning().rigid_skeleton
-    return load_target(SAMPLES / "child.json").for_source(skeleton).skeleton, lengthened(skeleton, H)
+    return sample_target("child").for_source(skeleton).skeleton, lengthened(skeleton, H)
 
 
 @cache
@@ -204,8 +209,8 @@ def test_performers_who_never_meet_move_as_alone_in_that_world():
 
 def with_a_double(name):
     """The supports of a sample performer alone, and in a scene with another who moves alike 2 cm beside."""
-    source = read_bvh(SAMPLES / "supports" / f"{name}.bvh")[::2]
-    child = load_target(SAMPLES / "child.json")
+    source = sample(f"supports/{name}")[::2]
+    child = sample_target("child")
     scene = retarget_scene([source, moved(source, Rotation.identity(), shift=(2.0, 0.0, 0.0))], [child] * 2)
     return retarget(source, child).supports, scene.results[0].supports
 
@@ -284,9 +289,9 @@ def test_scenes_that_cannot_be_are_refused():
 
 
 def test_the_world_is_no_larger_than_the_shortest_legs_can_follow():
-    walk = read_bvh(SAMPLES / "walk.bvh")
-    child = load_target(SAMPLES / "child.json").for_source(walk.rigid_skeleton).skeleton
-    giant = load_target(SAMPLES / "giant.json").for_source(walk.rigid_skeleton).skeleton
+    walk = sample("walk")
+    child = sample_target("child").for_source(walk.rigid_skeleton).skeleton
+    giant = sample_target("giant").for_source(walk.rigid_skeleton).skeleton
     sources = [walk, moved(walk, Rotation.identity(), shift=(500.0, 0.0, 0.0))]
     done = retarget_scene(sources, [child, giant])
     assert done.results[0].root_scale == pytest.approx(0.6)
@@ -339,3 +344,103 @@ def test_the_command_refuses_what_cannot_be():
         assert done.returncode == status
         assert words in done.stderr
         assert len(done.stderr.splitlines()) == 1
+
+
+REGIONS = np.array([0, 1, 1, 2])
+PLACES = np.array([[0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0]])
+
+
+def springs(places=PLACES, stiffness=(1.0, 1.0, 1.0)):
+    """Springs of joints 1, 2 (one region) and 3 (another), in one frame."""
+    A = np.array(stiffness)[None, :, None, None] * np.eye(3)
+    return Springs(np.array([1, 2, 3]), np.full(3, -1), places[None], A)
+
+
+def reached(off):
+    """The positions of all joints, off their places by so much."""
+    return np.concatenate([np.zeros((1, 3)), PLACES + off])[None]
+
+
+def test_a_region_is_drawn_further_by_what_it_fell_short():
+    short = np.array([[0.0, -0.004, 0.0], [0.0, -0.004, 0.0], [0.002, 0.0, 0.0]])
+    further = with_shortfall(springs(), springs(), reached(short), REGIONS)
+    np.testing.assert_allclose(further.rest[0], PLACES - short)
+
+
+def test_what_joints_of_a_region_fall_short_against_each_other_is_left():
+    against = np.array([[0.0, 0.5, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 0.0]])
+    further = with_shortfall(springs(), springs(), reached(against), REGIONS)
+    np.testing.assert_allclose(further.rest[0], PLACES, atol=1e-12)
+
+
+def test_stiff_joints_decide():
+    short = np.array([[0.0, -0.004, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    before = springs(stiffness=(3.0, 1.0, 1.0))
+    further = with_shortfall(before, before, reached(short), REGIONS)
+    np.testing.assert_allclose(further.rest[0, :, 1] - 1.0, [0.003, 0.003, 0.0])
+
+
+def test_what_is_out_of_reach_is_not_torn_at():
+    far = np.array([[0.0, 0.0, -3.0]] * 3)
+    further = with_shortfall(springs(), springs(), reached(far), REGIONS)
+    np.testing.assert_allclose(further.rest[0] - PLACES, [[0.0, 0.0, MOST_SHORTFALL]] * 3)
+
+
+def test_where_nothing_draws_nothing_changes():
+    none = springs(stiffness=(0.0, 0.0, 0.0))
+    further = with_shortfall(none, none, reached(np.full((3, 3), 0.5)), REGIONS)
+    np.testing.assert_array_equal(further.rest, none.rest)
+
+
+BONES = Bones.of(sample("walk").skeleton)
+
+
+@cache
+def walks():
+    walk = sample("walk")[:20]
+    return walk, moved(walk, Rotation.identity(), shift=(0.0, 0.0, 400.0))
+
+
+@pytest.fixture
+def heroes(tmp_path):
+    """The files of one character that looks to -Z, and of the same that looks to +Z."""
+    back = BONES.turned(LOOKING_BACK)
+    return (
+        as_vrm0(character(back, meshes=[box_mesh(back)])).write(tmp_path / "back.vrm"),
+        character(BONES, meshes=[box_mesh(BONES)]).write(tmp_path / "ahead.glb"),
+    )
+
+
+def test_who_looks_to_minus_z_moves_among_others_as_who_looks_to_z(heroes):
+    back, ahead = map(load_target, heroes)
+    assert back.skeleton.looks_back
+    mixed, alike = (retarget_scene(walks(), [one, ahead]) for one in (back, ahead))
+    for one, other in zip(mixed.results, alike.results, strict=True):
+        assert not one.motion.skeleton.looks_back
+        # The triangles of the two files are in other orders, and so are the points on them that skins are measured at.
+        np.testing.assert_allclose(one.motion.positions, other.motion.positions, atol=0.01)
+    vertices = [np.unique(each.results[0].mesh.vertices.round(5), axis=0) for each in (mixed, alike)]
+    np.testing.assert_allclose(*vertices, atol=1e-4)
+
+
+def test_the_file_of_who_looks_to_minus_z_is_that_of_retarget(heroes, tmp_path):
+    targets = [*map(load_target, heroes)]
+    apart = retarget_scene(walks(), targets, world_scale=retarget(walks()[0], targets[0]).root_scale)
+    write_motion(tmp_path / "scene.vrm", apart.results[0].motion, heroes[0])
+    write_motion(tmp_path / "alone.vrm", retarget(walks()[0], targets[0]).motion, heroes[0])
+    scene, alone = (read_motion(tmp_path / f"{name}.vrm") for name in ("scene", "alone"))
+    assert scene.skeleton.looks_back
+    rise = scene.positions[0, 0] - alone.positions[0, 0]  # a scene has one floor for all
+    np.testing.assert_allclose(rise[[0, 2]], 0.0, atol=1e-6)
+    np.testing.assert_allclose(scene.positions, alone.positions + rise, atol=1e-6)
+
+
+def test_an_error_of_a_target_names_its_file(tmp_path):
+    walk, child = SAMPLES / "walk.bvh", SAMPLES / "child.json"
+    small = {"format": "distretarget-skeleton", "version": 1, "scale": 1e-4}
+    (tmp_path / "small.json").write_text(json.dumps(small))
+    done = run(
+        "scene", walk, SAMPLES / "squat.bvh", "--cut", "-t", tmp_path / "small.json", "-t", child, "-o", tmp_path
+    )
+    assert "different units" in done.stderr
+    assert "child.json" in done.stderr

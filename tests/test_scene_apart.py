@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, UP, moved
+from bodies import SAMPLES, UP, moved, sample
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from distretarget import Prop, read_bvh, retarget_scene
+from distretarget import Prop, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
 from distretarget.io.obj import parse_obj
 from distretarget.measure.gaps import measure_skin_contacts
@@ -163,7 +163,7 @@ def test_a_thick_body_sits_higher_on_a_lap():
 @pytest.mark.parametrize(("thickness", "wall_from"), [(1.0, 1.0), (1.4, -6.0), (1.4, -3.0)])
 def test_a_wall_that_leaves_an_arm_no_room_makes_it_no_worse(thickness, wall_from):
     """Between a thick trunk and a wall through it, a hanging arm goes no deeper into either than without skin."""
-    motion = read_bvh(SAMPLES / "wave.bvh")[:40]
+    motion = sample("wave")[:40]
     wrists = motion.positions[:, [motion.skeleton.index(name) for name in ("LeftWrist", "RightWrist")]]
     hanging = wrists[:, wrists[..., 1].max(axis=0).argmin()].mean(axis=0)
     side = np.sign(hanging[0] - motion.positions[:, 0, 0].mean())

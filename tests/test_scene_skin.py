@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES, moved
+from bodies import SAMPLES, moved, sample, sample_target
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, load_target, read_bvh, retarget, retarget_scene
+from distretarget import Options, retarget, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_contacts
 from distretarget.measure.skin import find_skin
@@ -33,7 +33,7 @@ def sources(name):
 def scene(name, order=1):
     """The performers of a sample scene on a child and on a body as long as the source's, both as thick as adults."""
     body = sources(name)[0].rigid_skeleton
-    targets = [load_target(SAMPLES / "child.json").for_source(body), body]
+    targets = [sample_target("child").for_source(body), body]
     return retarget_scene(sources(name)[::order], targets[::order], skin="average").results
 
 
@@ -97,7 +97,7 @@ def test_what_hands_touch_sets_in_over_time(monkeypatch):
 
 def test_who_claps_beside_another_claps_as_alone():
     """Hands near another performer, but not on it, still touch their own body."""
-    one, hero = read_bvh(SAMPLES / "clap.bvh")[:180:2], load_target(HERO)
+    one, hero = sample("clap")[:180:2], sample_target("hero")
     height, width = np.ptp(one.positions[0, :, 1]), np.ptp(one.positions[..., 0])
     other = moved(one, Rotation.identity(), shift=(width + 0.08 * height, 0.0, 0.0))
     alone = retarget(one, hero).metrics["result"]["skin_gap"]
@@ -159,7 +159,7 @@ def test_bodies_keep_their_own_gaps_among_others():
 
 @cache
 def walking_hero():
-    result = retarget(read_bvh(SAMPLES / "walk.bvh")[:3], load_target(HERO))
+    result = retarget(sample("walk")[:3], sample_target("hero"))
     return result.motion, find_skin(result.matching.target, result.skins.target.capsules, result.mesh)
 
 

@@ -3,11 +3,11 @@
 import gltf_player
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import HERO, sample, sample_target
 from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
-from distretarget import load_target, read_bvh, retarget, write_motion
+from distretarget import retarget, write_motion
 
 pytest.importorskip("igl")
 import scoreboard
@@ -63,8 +63,8 @@ def test_gaps_count_where_the_source_is_in_contact():
 
 
 def test_a_skin_is_posed_as_a_player_poses_the_file(tmp_path):
-    target = load_target(HERO)
-    motion = retarget(read_bvh(SAMPLES / "clap.bvh")[100:102], target).motion
+    target = sample_target("hero")
+    motion = retarget(sample("clap")[100:102], target).motion
     written = tmp_path / "hero.glb"
     write_motion(written, motion, HERO, name="clap")
     document, buffer = gltf_player.load(written)

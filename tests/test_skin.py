@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, PERSON, SAMPLES
+from bodies import PERSON, sample, sample_target
 from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, load_target, read_bvh, retarget
+from distretarget import Motion, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.skin import find_skin
+from distretarget.measure.skin import SkinPoints, find_skin, one_by_one, points_of_mesh
 from distretarget.measure.skin_depths import PARTS, find_depths
-from distretarget.measure.skin_shapes import SkinPoints, one_by_one, points_of_mesh
 from distretarget.measure.skin_touches import FARTHEST, TOUCHING, find_source_skin
 from distretarget.measure.solids import solids_of_mesh
 from distretarget.numerics.vectors import normalised
@@ -346,8 +345,8 @@ def test_a_hand_that_comes_before_the_forearm_of_the_source_is_early():
 
 
 def test_a_run_onto_a_character_has_the_metrics_of_skin():
-    target = load_target(HERO)
-    run = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh")[60:200], target)
+    target = sample_target("hero")
+    run = retarget(sample("hands_on_hips")[60:200], target)
     copied, result = run.metrics["rotation_copy"], run.metrics["result"]
     assert copied["skin_depth"] > 1
     assert copied["skin_frames"] > 50

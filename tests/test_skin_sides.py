@@ -4,9 +4,9 @@ from itertools import product
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import sample, sample_target
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import retarget
 from distretarget.skin.sides import cheaper
 
 
@@ -39,7 +39,7 @@ def test_where_both_agree_a_change_costs_nothing():
 
 @pytest.mark.parametrize("clip", ["clap", "hands_on_hips"])
 def test_a_clip_played_backwards_bends_the_same_limbs(clip):
-    motion = read_bvh(SAMPLES / f"{clip}.bvh")[:200]
-    one, other = (retarget(each, load_target(HERO)).motion.positions for each in (motion, motion[::-1]))
+    motion = sample(clip)[:200]
+    one, other = (retarget(each, sample_target("hero")).motion.positions for each in (motion, motion[::-1]))
     height = np.ptp(one[0], axis=0).max()
     assert np.abs(one - other[::-1]).max() < 0.01 * height

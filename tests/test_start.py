@@ -95,20 +95,3 @@ def test_processes_started_meanwhile_do_not_see_it():
     with interrupts_held():
         held = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"]
         assert subprocess.run(held, capture_output=True, text=True).stdout == "alive\n"
-
-
-STUCK = """
-import threading
-from multiprocessing.util import get_temp_dir
-from distretarget import cli
-get_temp_dir()
-threading.Thread(target=threading.Event().wait).start()
-cli.THREAD_TIMEOUT = 0.1
-cli._leave(3)
-"""
-
-
-def test_a_program_with_a_thread_that_never_ends_leaves_with_its_status_and_no_temporary_files(tmp_path):
-    places = {**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(tmp_path))}
-    assert subprocess.run([sys.executable, "-c", STUCK], env=places, timeout=60).returncode == 3
-    assert not list(tmp_path.iterdir())

@@ -1,16 +1,15 @@
 """Points on the surface of a mesh: where they are in a pose, what is out, and how far parts are apart."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import sample_run
 from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, load_target, read_bvh, retarget
+from distretarget import Motion
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_depths import PARTS, find_depths
 from distretarget.numerics.vectors import normalised
@@ -21,14 +20,9 @@ LEFT, RIGHT = (SEGMENTS.index(f"{side} hand") for side in ("left", "right"))
 TRUNK = tuple(SEGMENTS.index(name) for name in ("chest", "belly", "pelvis", "left thigh", "right thigh"))
 
 
-@cache
-def run(clip):
-    return retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(HERO))
-
-
 def surface_of(clip, turned_in=()):
     """The surface of a run's target, with some triangles turned inside out."""
-    result = run(clip)
+    result = sample_run(clip)
     mesh, triangles = result.mesh, result.mesh.triangles.copy()
     triangles[turned_in] = triangles[turned_in][:, ::-1]
     other = type(mesh)(vertices=mesh.vertices, joints=mesh.joints, weights=mesh.weights, triangles=triangles)
@@ -49,10 +43,10 @@ def posed(bound, motion):
 
 
 def test_points_lie_on_the_posed_triangles_and_their_normals_lead_out():
-    motion, points = run("clap").motion[60:64], surface_of("clap").points
+    motion, points = sample_run("clap").motion[60:64], surface_of("clap").points
     places, one, other = (posed(bound, motion) for bound in (points.places, points.one, points.other))
     outwards = np.cross(one, other)
-    corners = run("clap").mesh.posed(motion)[:, run("clap").mesh.triangles]
+    corners = sample_run("clap").mesh.posed(motion)[:, sample_run("clap").mesh.triangles]
     for point in range(0, places.shape[1], 97):
         off = corners[2] - places[2, point]
         normals = np.cross(off[:, 1] - off[:, 0], off[:, 2] - off[:, 0])
@@ -68,7 +62,7 @@ def test_points_lie_on_the_posed_triangles_and_their_normals_lead_out():
 
 
 def test_the_points_of_a_run_are_in_its_ball_in_all_poses():
-    motion, points = run("clap").motion[::20], surface_of("clap").points
+    motion, points = sample_run("clap").motion[::20], surface_of("clap").points
     runs, middles = points.runs, points.runs.middles
     places, centres = posed(points.places, motion), posed(middles, motion)
     rows = np.repeat(np.arange(len(runs.radii)), np.diff(middles.first))
@@ -82,7 +76,7 @@ def test_the_points_of_a_run_are_in_its_ball_in_all_poses():
 
 
 def test_a_mesh_whose_triangles_face_in_is_the_same_surface():
-    motion, wanted = run("clap").motion[55:75:4], np.ones((5, 1), bool)
+    motion, wanted = sample_run("clap").motion[55:75:4], np.ones((5, 1), bool)
     one, other = (
         surface_of("clap", turned_in).gaps(motion, [(LEFT, (RIGHT,))], wanted, 1.0) for turned_in in ((), slice(None))
     )
@@ -92,7 +86,7 @@ def test_a_mesh_whose_triangles_face_in_is_the_same_surface():
 @pytest.mark.parametrize(("clip", "limb", "part"), [("clap", LEFT, (RIGHT,)), ("hands_on_hips", LEFT, TRUNK)])
 @pytest.mark.parametrize("which", ["motion", "rotation_copy"])
 def test_gaps_are_those_that_the_metrics_measure(clip, limb, part, which):
-    result = run(clip)
+    result = sample_run(clip)
     motion, body = getattr(result, which)[::5], result.matching.target
     far = 0.04 * body.height
     gaps = surface_of(clip).gaps(motion, [(limb, part)], np.ones((len(motion), 1), bool), far)[:, 0]
@@ -110,7 +104,7 @@ def test_gaps_are_those_that_the_metrics_measure(clip, limb, part, which):
 
 
 def test_what_is_not_wanted_is_not_looked_for():
-    motion = run("clap").motion[60:64]
+    motion = sample_run("clap").motion[60:64]
     wanted = np.array([[True], [False], [True], [False]])
     gaps = surface_of("clap").gaps(motion, [(LEFT, (RIGHT,))], wanted, 0.3)
     assert (gaps[[1, 3]] == 0.3).all()
@@ -119,7 +113,7 @@ def test_what_is_not_wanted_is_not_looked_for():
 
 def test_triangles_between_two_parts_count_so_that_coarse_meshes_have_no_holes():
     """A trunk whose side is one row of triangles from the pelvis to the chest, and a forearm beside its middle."""
-    result = run("clap")
+    result = sample_run("clap")
     body, skin = result.matching.target, result.skins.target
     rest, roles = body.skeleton.rest_positions, body.anatomy.roles
     hips, chest, arm = rest[roles["hips"]], rest[roles["chest"]], roles["leftLowerArm"]
@@ -148,7 +142,7 @@ def box(middle, size):
 
 def hand_and_head(middle, small, corners, triangles):
     """How far a hand, a small box about a place off the head's joint, is from a head with these triangles."""
-    result = run("clap")
+    result = sample_run("clap")
     body, skin = result.matching.target, result.skins.target
     rest, roles = body.skeleton.rest_positions, body.anatomy.roles
     head, hand = roles["head"], roles["leftHand"]

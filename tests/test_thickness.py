@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, PERSON, posed, taken
+from bodies import PERSON, posed, sample_target, taken
 from capsule_bodies import capsule_surface, mesh_of
 from input_files import file_of
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target
 from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, average_build, capsules_of, radii_of
 from distretarget.body.segments import find_segments
@@ -23,13 +22,14 @@ from distretarget.skin.mesh import SkinnedMesh
 
 BODY = Body.of(PERSON)
 HEIGHT = BODY.height
-HERO_BODY = Body.of(load_target(HERO).skeleton)
+HERO_BODY = Body.of(sample_target("hero").skeleton)
 
 
-def dressed(body=BODY, thick=1.0):
-    """A mesh of round limbs and a flat trunk around a body, and the radii of the limbs, by segment."""
-    rest, roles = body.skeleton.rest_positions, body.anatomy.roles
-    unit = thick * body.height / 1.7
+@pytest.fixture(scope="module")
+def dressed():
+    """A mesh of round limbs and a flat trunk around the person, and the radii of the limbs, by segment."""
+    rest, roles = PERSON.rest_positions, BODY.anatomy.roles
+    unit = HEIGHT / 1.7
     radii, surfaces = {}, []
     for side in ("left", "right"):
         for part, upper, lower, ends in (
@@ -41,20 +41,25 @@ def dressed(body=BODY, thick=1.0):
             a, b = roles[side + upper], roles[side + lower]
             radii[f"{side} {part}"] = unit * np.array(ends)
             surfaces.append((a, capsule_surface(rest[[a, b]], radii[f"{side} {part}"])))
-    left = body.rest.axes[:, 0]
-    for low, top in zip(trunk := [roles["hips"], *body.anatomy.spine, roles["head"]], trunk[1:], strict=False):
+    left = BODY.rest.axes[:, 0]
+    for low, top in zip(trunk := [roles["hips"], *BODY.anatomy.spine, roles["head"]], trunk[1:], strict=False):
         for shift in (-0.07, 0.0, 0.07):
-            ends = rest[[low, top]] + shift * body.height / 1.7 * left
+            ends = rest[[low, top]] + shift * unit * left
             surfaces.append((low, capsule_surface(ends, unit * np.array([0.11, 0.11]))))
     return mesh_of(surfaces), radii
+
+
+@pytest.fixture
+def mesh(dressed):
+    return dressed[0]
 
 
 def in_world(capsules, skeleton):
     return capsules.ends + skeleton.rest_positions[capsules.joints][:, None]
 
 
-def test_the_capsules_of_limbs_are_found_again():
-    mesh, radii = dressed()
+def test_the_capsules_of_limbs_are_found_again(dressed):
+    mesh, radii = dressed
     capsules = capsules_of(BODY, mesh)
     for name, known in radii.items():
         (found,) = np.flatnonzero(capsules.segments == SEGMENTS.index(name))
@@ -62,8 +67,8 @@ def test_the_capsules_of_limbs_are_found_again():
         np.testing.assert_allclose(capsules.ends[found, 0], 0.0, atol=0.002 * HEIGHT)
 
 
-def test_a_skirt_does_not_make_thick_legs():
-    mesh, radii = dressed()
+def test_a_skirt_does_not_make_thick_legs(dressed):
+    mesh, radii = dressed
     hip, knee = (BODY.anatomy.roles[f"left{part}"] for part in ("UpperLeg", "LowerLeg"))
     skirt = capsule_surface(PERSON.rest_positions[[hip, knee]], [0.2, 0.25])
     under, over = mesh, mesh_of([(hip, skirt)])
@@ -76,8 +81,7 @@ def test_a_skirt_does_not_make_thick_legs():
     assert capsules.radii[on].max() < 1.3 * radii["left thigh"].max()
 
 
-def test_the_trunk_is_wider_than_deep():
-    mesh, _ = dressed()
+def test_the_trunk_is_wider_than_deep(mesh):
     capsules = capsules_of(BODY, mesh)
     trunk = np.isin(capsules.segments, [SEGMENTS.index(name) for name in ("chest", "belly", "pelvis")])
     width = np.ptp(in_world(capsules, PERSON)[trunk, 0, 0]) + 2 * capsules.radii[trunk].mean()
@@ -86,24 +90,21 @@ def test_the_trunk_is_wider_than_deep():
     assert capsules.radii[trunk].mean() == pytest.approx(0.11 * unit, rel=0.15)
 
 
-def test_the_union_covers_the_skin_and_hardly_more():
-    mesh, _ = dressed()
+def test_the_union_covers_the_skin_and_hardly_more(mesh):
     capsules = capsules_of(BODY, mesh)
     away, _ = distances(mesh.vertices, in_world(capsules, PERSON), capsules.radii)
     assert np.percentile(away, 95) < 0.01 * HEIGHT
     assert abs(np.median(away)) < 0.02 * HEIGHT
 
 
-def test_segments_are_covered_as_far_as_asked_next_to_others():
-    mesh, _ = dressed()
+def test_segments_are_covered_as_far_as_asked_next_to_others(mesh):
     capsules = capsules_of(BODY, mesh)
     outside = distances(mesh.vertices, in_world(capsules, PERSON), capsules.radii)[0] > 1e-3 * HEIGHT
     for part, role in (("thigh", "UpperLeg"), ("shin", "LowerLeg"), ("forearm", "LowerArm")):
         assert outside[mesh.joints[:, 0] == BODY.anatomy.roles[f"left{role}"]].mean() < 0.1, part
 
 
-def test_flanks_that_move_with_the_thighs_are_the_pelvis():
-    mesh, _ = dressed()
+def test_flanks_that_move_with_the_thighs_are_the_pelvis(mesh):
     hips, thigh = (BODY.anatomy.roles[name] for name in ("hips", "leftUpperLeg"))
     outer = (mesh.joints[:, 0] == hips) & (mesh.vertices[:, 0] > PERSON.rest_positions[thigh, 0])
     assert outer.any()
@@ -113,8 +114,8 @@ def test_flanks_that_move_with_the_thighs_are_the_pelvis():
     np.testing.assert_allclose(other.ends, one.ends, atol=2e-3 * HEIGHT)
 
 
-def test_a_part_whose_skin_is_a_point_has_finite_capsules():
-    mesh, foot = dressed()[0], BODY.anatomy.roles["leftFoot"]
+def test_a_part_whose_skin_is_a_point_has_finite_capsules(mesh):
+    foot = BODY.anatomy.roles["leftFoot"]
     point = replace(mesh, vertices=1e-32 * mesh.vertices, joints=np.full_like(mesh.joints, foot))
     part = Part(foot, [foot], SEGMENTS.index("left foot"), axis=np.array([0.0, 0.0, 1.0]), across=np.eye(3)[0])
     capsules = fit_capsules(point, PERSON.with_offsets(PERSON.offsets + 0.1), [part])
@@ -123,8 +124,7 @@ def test_a_part_whose_skin_is_a_point_has_finite_capsules():
     assert np.isfinite(capsules.ends).all()
 
 
-def test_capsules_scale_with_the_body():
-    mesh, _ = dressed()
+def test_capsules_scale_with_the_body(mesh):
     one = capsules_of(BODY, mesh)
     large = PERSON.with_offsets(8.0 * PERSON.offsets)
     eight = capsules_of(Body.of(large), replace(mesh, vertices=8.0 * mesh.vertices))
@@ -132,8 +132,7 @@ def test_capsules_scale_with_the_body():
     np.testing.assert_allclose(eight.radii, 8.0 * one.radii, rtol=1e-9)
 
 
-def test_a_symmetric_body_has_symmetric_capsules():
-    mesh, _ = dressed()
+def test_a_symmetric_body_has_symmetric_capsules(mesh):
     capsules = capsules_of(BODY, mesh)
     ends = in_world(capsules, PERSON)
     for name in SEGMENTS[::2][:6]:
@@ -142,15 +141,13 @@ def test_a_symmetric_body_has_symmetric_capsules():
         np.testing.assert_allclose(capsules.radii[left], capsules.radii[right], atol=2e-3 * HEIGHT)
 
 
-def test_stated_radii_are_kept():
-    mesh, _ = dressed()
+def test_stated_radii_are_kept(mesh):
     elbow = BODY.anatomy.roles["leftLowerArm"]
     capsules = capsules_of(BODY, mesh, {elbow: 0.2 * HEIGHT})
     assert capsules.radii[capsules.joints == elbow].mean() == pytest.approx(0.2 * HEIGHT)
 
 
-def test_a_body_without_anatomy_has_no_capsules():
-    mesh, _ = dressed()
+def test_a_body_without_anatomy_has_no_capsules(mesh):
     assert not len(capsules_of(replace(BODY, anatomy=None), mesh))
 
 
@@ -255,15 +252,14 @@ def test_radii_without_a_meaning_are_errors(joint, says):
 
 
 def test_an_exported_character_is_as_thick_as_its_mesh():
-    target = load_target(HERO)
+    target = sample_target("hero")
     radii = radii_of(capsules_of(HERO_BODY, target.mesh()))
     bare = capsules_of(HERO_BODY, radii=radii)
     for joint, radius in radii_of(bare).items():
         assert radius == pytest.approx(radii.get(joint, radius))
 
 
-def test_a_body_has_its_own_build():
-    mesh, _ = dressed()
+def test_a_body_has_its_own_build(mesh):
     capsules = capsules_of(BODY, mesh)
     again = Build.of(BODY, capsules).on(BODY)
     assert again.radii.sum() == pytest.approx(capsules.radii.sum())
@@ -274,8 +270,8 @@ def test_a_body_has_its_own_build():
     )
 
 
-def test_a_build_fits_a_body_of_another_size():
-    mesh, radii = dressed()
+def test_a_build_fits_a_body_of_another_size(dressed):
+    mesh, radii = dressed
     large = Body.of(PERSON.with_offsets(3.0 * PERSON.offsets))
     worn = Build.of(BODY, capsules_of(BODY, mesh)).on(large)
     (shin,) = np.flatnonzero(worn.segments == SEGMENTS.index("left shin"))

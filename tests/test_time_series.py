@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, matched, moved, person, posed, swaying
+from bodies import lengthened, matched, moved, person, posed, sample, swaying
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from distretarget import read_bvh, retarget
+from distretarget import retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.numerics.moving import averaged, largest
 from distretarget.numerics.time_series import (
@@ -217,7 +217,7 @@ def test_values_are_computed_for_each_shot_on_its_own():
 )
 def test_each_shot_is_retargeted_like_a_clip_of_its_own(first, second):
     """Nothing reaches across a cut: neither contacts, foot lock and other supports nor what smooths them."""
-    one, other = (read_bvh(SAMPLES / f"{name}.bvh") for name in (first, second))
+    one, other = (sample(name) for name in (first, second))
     target = lengthened(one.rigid_skeleton, {"Toe": 1.5, "Knee": 0.9, "Wrist": 1.2})
     other = moved(other, Rotation.from_euler("Y", 90, degrees=True), shift=(300.0, 0.0, -200.0))
     both = replace(

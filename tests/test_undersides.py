@@ -20,14 +20,14 @@ RADII = np.array([0.05, 0.08])
 """Of the left and the right knee [m]."""
 
 
-def knees(scale=1.0):
+def knees():
     """Balls about the knees: as a mesh, and as capsules."""
-    tiny = scale * np.array([[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0]])
+    tiny = np.array([[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0]])
     surfaces = [
-        (joint, capsule_surface(scale * PERSON.rest_positions[joint] + tiny, [scale * radius] * 2, 41, 40))
+        (joint, capsule_surface(PERSON.rest_positions[joint] + tiny, [radius] * 2, 41, 40))
         for joint, radius in zip(KNEES, RADII, strict=True)
     ]
-    return mesh_of(surfaces), Capsules(KNEES, np.zeros((2, 2, 3)), scale * np.array([RADII, RADII]).T, SHINS)
+    return mesh_of(surfaces), Capsules(KNEES, np.zeros((2, 2, 3)), np.array([RADII, RADII]).T, SHINS)
 
 
 @pytest.mark.parametrize("meshed", [True, False])

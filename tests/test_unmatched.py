@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, body_of, with_bone
+from bodies import PERSON, body_of, sample_target, with_bone
 from named_bodies import tree
 
-from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 
-MIXAMO = load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
+MIXAMO = sample_target("rigs/mixamo_t").skeleton
 
 
 def told(source, target, explicit=None):

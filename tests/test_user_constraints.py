@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import SAMPLES, sample, sample_target
 from program import run
 from scipy.spatial.transform import Rotation
 
@@ -20,8 +20,6 @@ from distretarget import (
     Plant,
     find_contacts,
     load_scene,
-    load_target,
-    read_motion,
     retarget,
     retarget_scene,
 )
@@ -38,22 +36,22 @@ HAND_ON_HEAD = Contact(between=("left hand", "head"), gap=0.0, frames=FRAMES)
 
 @pytest.fixture(scope="module")
 def clap():
-    return read_motion(SAMPLES / "clap.bvh")
+    return sample("clap")
 
 
 @pytest.fixture(scope="module")
 def walk():
-    return read_motion(SAMPLES / "walk.bvh")
+    return sample("walk")
 
 
 @pytest.fixture(scope="module")
 def child():
-    return load_target(SAMPLES / "child.json")
+    return sample_target("child")
 
 
 @pytest.fixture(scope="module")
 def hero():
-    return load_target(HERO)
+    return sample_target("hero")
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +119,7 @@ def test_dropped_contacts_leave_the_result_of_the_clip_without_them(clap, child)
 
 def test_what_is_far_from_a_contact_that_is_dropped_stays_as_it_is_on_a_body_with_skin(hero):
     """And what is near it becomes what it is in a clip without it in any frame."""
-    motion, parts = read_motion(SAMPLES / "hands_on_hips.bvh"), ("left hand", "hips")
+    motion, parts = sample("hands_on_hips"), ("left hand", "hips")
     (found,) = (entry for entry in find_contacts(motion, hero) if entry.parts == tuple(sorted(parts)))
     one = Contact(between=parts, keep=False, frames=found.frames)
     before, near, whole = (asked(motion, hero, *each) for each in ([], [one], [replace(one, frames=None)]))
@@ -193,7 +191,7 @@ def test_a_planted_hand_goes_to_a_place(walk, child, walked):
 
 
 def test_feet_that_are_planted_do_not_slide(child):
-    still = read_motion(SAMPLES / "wave.bvh")
+    still = sample("wave")
     drift = np.linspace(0.0, 8.0, len(still))[:, None] * [0.0, 0.0, 1.0]
     slides = replace(still, root_positions=still.root_positions + drift)
     planted = [Plant(plant=f"{side} foot", on="where it is") for side in ("left", "right")]
@@ -504,7 +502,7 @@ def test_the_gap_of_the_source_is_that_of_its_skin_in_proportion(walk, hero, oth
 
 
 def test_the_gap_of_the_source_on_sticks_is_in_proportion_to_the_bones_between(walk):
-    long_arms = load_target(SAMPLES / "long_arms.json")
+    long_arms = sample_target("long_arms")
     made = asked(walk, long_arms, Contact(between=("left hand", "right hand"), gap="source", frames=FRAMES))
 
     def in_proportion(motion):
@@ -516,7 +514,7 @@ def test_the_gap_of_the_source_on_sticks_is_in_proportion_to_the_bones_between(w
 
 
 def test_a_hand_planted_on_the_floor_comes_down_to_it(child):
-    kneel = read_motion(SAMPLES / "supports" / "kneel.bvh")
+    kneel = sample("supports/kneel")
     free, held = retarget(kneel, child), asked(kneel, child, Plant(plant="left hand", on="floor", frames=(150, 170)))
     (hand,) = parts_of(held, "left hand")
     height, floor = held.matching.target.height, free.motion.positions[..., 1].min()

@@ -5,7 +5,7 @@ import shutil
 import gltf_player
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES
+from bodies import HERO, SAMPLES, sample
 from program import refused
 from program import run as run_program
 
@@ -17,7 +17,7 @@ def folder(tmp_path, monkeypatch):
     """A folder with two short clips, two targets, and the character."""
     (tmp_path / "clips").mkdir()
     for name in ("walk", "wave"):
-        write_bvh(tmp_path / "clips" / f"{name}.bvh", read_bvh(SAMPLES / f"{name}.bvh")[:10])
+        write_bvh(tmp_path / "clips" / f"{name}.bvh", sample(name)[:10])
     shutil.copy(HERO, tmp_path)
     shutil.copy(SAMPLES / "child.json", tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -1,10 +1,17 @@
-"""The verdict: what it says of known metrics, and that it claims nothing that was not measured."""
+"""The verdict, warnings and causes: what they say of known metrics; they claim nothing that was not measured."""
+
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from bodies import person, posed, sample
 
-from distretarget.measure.metrics import METRICS, Track
-from distretarget.measure.verdict import verdict
+from distretarget import retarget
+from distretarget.measure.metrics import BY_KEY, METRICS, SUFFIXES, Track
+from distretarget.measure.verdict import limit_warnings, verdict
+from distretarget.objectives.supports import no_supports
+from distretarget.pipeline.causes import Causes
 
 NOTHING = {metric.key: None for metric in METRICS}
 TRACKS = {
@@ -110,3 +117,138 @@ def test_nothing_measured_claims_nothing():
 def test_metrics_over_their_limits_are_named_once():
     text = said(GOOD | {"foot_pitch": 9.0, "pop": 2.0}, {"foot_pitch": 1.0})
     assert text.endswith(". Check: foot pitch, pops.")
+
+
+def lines(result, copy=None, source=None, tracks=None):
+    metrics = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
+    sides = {side: {} for side in SUFFIXES} | {"result": tracks or {}}
+    return list(limit_warnings(metrics, sides))
+
+
+def test_a_metric_above_its_limit_names_value_frame_and_part_and_the_cause_if_one_was_found():
+    tracks = {"foot_pitch": Track(np.array([[1.0, 2.0], [3.0, 17.0]]), parts=("LeftFoot", "RightFoot"))}
+    assert lines({"foot_pitch": 5.75}, tracks=tracks) == [
+        "foot pitch 5.75 degrees, limit 5; worst in frame 1, RightFoot"
+    ]
+    assert lines({"foot_pitch": 5.75}, {"foot_pitch": 0.5}, tracks=tracks)[0].startswith(
+        "foot pitch 5.75 degrees (0.5 in the rotation copy), limit 5; "
+    )
+
+    metrics = {"result": NOTHING | {"foot_pitch": 5.75}, "rotation_copy": NOTHING, "source": {}}
+    asked = []
+
+    def cause_of(metric, frame, part):
+        asked.append((metric.key, frame, part))
+        return "the leg is straight"
+
+    (line,) = limit_warnings(metrics, {"result": tracks}, cause_of)
+    assert asked == [("foot_pitch", 1, "RightFoot")]
+    assert line.endswith("worst in frame 1, RightFoot; cause: the leg is straight")
+
+
+def test_only_what_was_measured_can_be_the_worst():
+    track = Track(np.array([[np.nan, 2.0], [9.0, 1.0]]), np.array([[False, True], [False, True]]), ("a", "b"))
+    assert BY_KEY["foot_pitch"].worst({"foot_pitch": track}) == (0, "b")
+
+
+def test_limits_of_source_and_copy():
+    tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "foot_skate": Track(np.array([[0.0, 0.1]]))}
+    assert lines({"jerk": 4.6}, {"jerk": 1.0}, tracks=tracks) == ["jerk 4.6 body sizes/s³, limit 4.5; worst in frame 1"]
+    assert lines({"jerk": 4.4}, {"jerk": 1.0}, tracks=tracks) == []
+    assert lines({"jerk": 0.015}, {"jerk": 0.0}, tracks=tracks) == []  # a pose that is held still
+    (line,) = lines({"foot_skate": 0.2}, {"foot_skate": 0.3}, {"foot_skate": 0.1}, tracks)
+    assert line.startswith("foot skate 0.2 leg lengths/s, limit 0.135; worst in frame 0")
+
+
+def test_metrics_worse_than_the_copy_but_within_their_limits_are_no_warning():
+    result = {"foot_height": 0.5, "ankle_height": 2.5, "jerk": 9.0}
+    assert lines(result, {"foot_height": 0.1, "ankle_height": 1.0, "jerk": 8.0}) == []
+
+
+def test_nothing_measured_needs_no_look():
+    assert lines({}) == []
+
+
+def test_every_limit_says_what_it_means():
+    for metric in METRICS:
+        if metric.limit:
+            assert metric.limit.reason
+            assert metric.limit.formula(metric.unit)
+    formulas = {metric.key: metric.limit.formula(metric.unit) for metric in METRICS if metric.limit}
+    assert formulas["jerk"] == "1.5 times the rotation copy's + 3 body sizes/s³"
+    assert formulas["foot_skate"] == "1.15 times the source's + 0.02 leg lengths/s"
+    assert formulas["contact_error"] == "the rotation copy's + 0.002"
+    assert formulas["not_converged"] == "0"
+
+
+DOWN = np.array([0.0, 0.0, 1.4])
+
+
+@cache
+def result():
+    return retarget(sample("clap"), person())
+
+
+def causes(**turns):
+    """Those of one pose of a person, who is straight but for the turns of joints, in two frames."""
+    motion = posed(person(), turns, np.tile([0.0, 0.9, 0.0], (2, 1)))
+    run = result()
+    return Causes(motion, run.matching, no_supports(2), run.effort)
+
+
+def with_rest(weights, name="LeftAnkle"):
+    """Those of a person with a joint that rests so much in each of two frames."""
+    known, joint = causes(), np.array([person().names.index(name)])
+    rests = no_supports(2).with_joints(joint, joint, np.array(weights)[:, None], np.zeros((2, 1, 3)))
+    return replace(known, supports=rests)
+
+
+@pytest.mark.parametrize("key", ["foot_skate", "foot_height", "ankle_height", "hips_height_largest"])
+def test_a_straight_leg_reaches_no_farther(key):
+    straight, bent = causes(), causes(LeftKnee=np.array([0.6, 0.0, 0.0]))
+    words = "the left leg is straight and reaches no farther"
+    assert straight.of(BY_KEY[key], 0, "LeftAnkle") == words
+    assert straight.of(BY_KEY[key], 0, "RightAnkle") == words.replace("left", "right")
+    assert bent.of(BY_KEY[key], 0, "LeftAnkle") == ""
+    assert bent.of(BY_KEY[key], 0, "RightAnkle") == words.replace("left", "right")
+
+
+def test_a_straight_arm_reaches_no_farther():
+    gap = BY_KEY["skin_gap"]
+    assert causes().of(gap, 0, "left hand") == "the left arm is straight and reaches no farther"
+    assert causes(LeftElbow=np.array([0.0, 0.9, 0.0])).of(gap, 0, "left hand") == ""
+    assert causes().of(BY_KEY["support_height"], 0, "LeftKnee") == ""  # a knee is no end of a leg
+
+
+def test_a_rest_that_begins_or_ends_in_that_limb_makes_it_pop():
+    for key in ("pop", "turn"):
+        assert with_rest([0.0, 1.0]).of(BY_KEY[key], 0, "LeftKnee") == "LeftAnkle comes to rest"
+        assert with_rest([1.0, 0.0]).of(BY_KEY[key], 1, "LeftKnee") == "LeftAnkle leaves its rest"
+        assert with_rest([1.0, 1.0]).of(BY_KEY[key], 1, "LeftKnee") == ""
+        assert with_rest([0.0, 1.0]).of(BY_KEY[key], 0, "RightKnee") == ""
+
+
+def test_a_hand_that_rests_is_held_where_skin_sinks_in():
+    depth = BY_KEY["skin_depth"]
+    assert with_rest([0.0, 1.0], "LeftWrist").of(depth, 1, "left hand") == "LeftWrist is held where it rests"
+    assert with_rest([0.0, 1.0], "LeftWrist").of(depth, 0, "left hand") == ""
+    assert with_rest([0.0, 1.0], "LeftWrist").of(depth, 1, "right hand") == ""
+
+
+def test_alignment_is_blamed_on_rest_poses_alone_in_which_nobody_stands():
+    known = causes()
+    lying = replace(known.matching, source=replace(known.matching.source))
+    assert known.of(BY_KEY["head_tilt"], 0, "Head") == ""
+    lying.source.__dict__["stands_at_rest"] = False
+    assert replace(known, matching=lying).of(BY_KEY["head_tilt"], 0, "Head") == (
+        "nobody can stand in the rest pose of the source"
+    )
+
+
+def test_a_solver_that_stopped_says_after_how_many_steps():
+    known = causes()
+    assert known.of(BY_KEY["not_converged"], 3, "") == f"the solver stopped after {known.effort.iterations[3]} steps"
+
+
+def test_of_what_has_no_part_or_no_limb_nothing_is_said():
+    assert causes().of(BY_KEY["jerk"], 0, "") == causes().of(BY_KEY["turn"], 0, "Neck") == ""

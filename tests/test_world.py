@@ -1,15 +1,14 @@
 """Axes, units and the root's OFFSET: the same posture in another world."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, in_world, moved, onto, person, posed, spun
+from bodies import in_world, moved, onto, person, posed, short_walk, spun
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, read_bvh, retarget
+from distretarget import Options, retarget
 from distretarget.baseline.world import World, find_root_offset, with_root_offset
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
@@ -21,13 +20,6 @@ Y = axis_vector("Y")
 
 ups = pytest.mark.parametrize("up", AXES)
 conventions = pytest.mark.parametrize("convention", CONVENTIONS)
-
-
-@cache
-def walk():
-    """A walk along +Z with Y up [cm]."""
-    motion = read_bvh(SAMPLES / "walk.bvh")
-    return replace(motion[:90:2], frame_time_text=str(2 * motion.frame_time))
 
 
 def heading(motion):
@@ -42,32 +34,32 @@ def near(found, expected, relative=1e-6):
 
 
 def test_a_motion_in_another_world_has_its_postures():
-    near(in_world(walk(), onto("Z"), 0.5).positions, 0.5 * spun(onto("Z"), walk().positions))
+    near(in_world(short_walk(), onto("Z"), 0.5).positions, 0.5 * spun(onto("Z"), short_walk().positions))
 
 
 def test_y_up_and_facing_z_becomes_z_up_and_facing_minus_y_and_back():
-    there = World("Y", "Z", "replaced").turned(walk())
+    there = World("Y", "Z", "replaced").turned(short_walk())
     np.testing.assert_allclose(spun(onto("Z"), [0, 0, 1]), [0, -1, 0], atol=1e-12)
-    np.testing.assert_allclose(heading(there), spun(onto("Z"), heading(walk())), atol=1e-12)
+    np.testing.assert_allclose(heading(there), spun(onto("Z"), heading(short_walk())), atol=1e-12)
     assert heading(there)[1] < -0.99
     back = World("Z", "Y", "replaced").turned(there)
-    np.testing.assert_allclose(back.positions, walk().positions, atol=1e-9)
-    assert World("X", "X", "replaced").turned(walk()) is walk()
+    np.testing.assert_allclose(back.positions, short_walk().positions, atol=1e-9)
+    assert World("X", "X", "replaced").turned(short_walk()) is short_walk()
 
 
 @ups
 def test_turning_keeps_postures(up):
-    there = World("Y", up, "replaced").turned(walk())
-    np.testing.assert_allclose(there.positions @ axis_vector(up), walk().positions @ Y, atol=1e-9)
-    np.testing.assert_allclose(there.rotations[:, 1:], walk().rotations[:, 1:])
+    there = World("Y", up, "replaced").turned(short_walk())
+    np.testing.assert_allclose(there.positions @ axis_vector(up), short_walk().positions @ Y, atol=1e-9)
+    np.testing.assert_allclose(there.rotations[:, 1:], short_walk().rotations[:, 1:])
 
 
 def test_inches_with_z_up_onto_centimetres_with_y_up_and_back():
-    source = in_world(walk(), onto("Z"), 1 / INCH)
-    body = walk().skeleton
+    source = in_world(short_walk(), onto("Z"), 1 / INCH)
+    body = short_walk().skeleton
     there = retarget(source, replace(body, up="Y", units="cm"))
     assert (there.world.source_up, there.world.up) == ("Z", "Y")
-    near(there.motion.positions, walk().positions)
+    near(there.motion.positions, short_walk().positions)
     assert heading(there.motion)[2] > 0.99
     back = retarget(there.motion, source.skeleton)
     assert (back.world.source_up, back.world.up) == ("Y", "Z")
@@ -78,8 +70,8 @@ def test_inches_with_z_up_onto_centimetres_with_y_up_and_back():
 @conventions
 def test_postures_and_heading_on_another_body(convention):
     body = rig(convention, "A")
-    plain = retarget(walk(), body)
-    other = retarget(in_world(walk(), onto("Z"), 1 / INCH), body)
+    plain = retarget(short_walk(), body)
+    other = retarget(in_world(short_walk(), onto("Z"), 1 / INCH), body)
     near(other.motion.positions, plain.motion.positions, 1e-5)
     ahead = heading(other.motion)
     assert ahead @ (axis_vector("-Y") if body.up == "Z" else axis_vector("Z")) > 0.99
@@ -90,29 +82,29 @@ def test_postures_and_heading_on_another_body(convention):
 def test_units_do_not_matter(unit, target_unit):
     body = rig("lafan1", "T")
     scale = UNITS[target_unit]
-    source = in_world(walk(), Rotation.identity(), UNITS[unit])
+    source = in_world(short_walk(), Rotation.identity(), UNITS[unit])
     result = retarget(source, body.with_offsets(scale * body.offsets))
-    near(result.motion.positions, scale * retarget(walk(), body).motion.positions)
+    near(result.motion.positions, scale * retarget(short_walk(), body).motion.positions)
 
 
 @ups
 def test_a_given_axis_is_the_one_that_would_be_found(up):
-    source, body = in_world(walk(), onto(up)), replace(rig("xsens", "T"), up="Y")
+    source, body = in_world(short_walk(), onto(up)), replace(rig("xsens", "T"), up="Y")
     found, given = retarget(source, body), retarget(source, body, Options(source_up=up))
     assert found.world == given.world
     np.testing.assert_array_equal(found.motion.positions, given.motion.positions)
-    near(found.motion.positions, retarget(walk(), body).motion.positions, 1e-5)
+    near(found.motion.positions, retarget(short_walk(), body).motion.positions, 1e-5)
 
 
 @ups
 def test_the_targets_axis_may_be_given(up):
-    result = retarget(walk(), walk().skeleton, Options(target_up=up))
+    result = retarget(short_walk(), short_walk().skeleton, Options(target_up=up))
     assert result.world.up == up
-    near(result.motion.positions, World("Y", up, "replaced").turned(walk()).positions)
+    near(result.motion.positions, World("Y", up, "replaced").turned(short_walk()).positions)
 
 
 def test_one_frame_is_enough():
-    motion = walk()
+    motion = short_walk()
     for up in AXES:
         frame = in_world(motion[:1], onto(up))
         assert Body.of_motion(frame).found_up == up
@@ -146,15 +138,15 @@ def test_the_heading_is_kept_where_up_is_the_same(facing):
     """The target's rest pose may face any way."""
     body = replace(rig("lafan1", "T"), up=None)
     turn = Rotation.from_euler("Y", facing, degrees=True)
-    plain, other = (retarget(walk(), b).motion for b in (body, body.with_offsets(spun(turn, body.offsets))))
-    np.testing.assert_allclose(heading(other), heading(walk()), atol=0.01)
+    plain, other = (retarget(short_walk(), b).motion for b in (body, body.with_offsets(spun(turn, body.offsets))))
+    np.testing.assert_allclose(heading(other), heading(short_walk()), atol=0.01)
     near(other.positions, plain.positions, 1e-5)
 
 
 @pytest.mark.parametrize("facing", [90, 200])
 def test_the_heading_turns_with_the_source(facing):
     turn = Rotation.from_euler("Y", facing, degrees=True)
-    plain, other = (retarget(m, rig("mixamo", "A")).motion for m in (walk(), moved(walk(), turn)))
+    plain, other = (retarget(m, rig("mixamo", "A")).motion for m in (short_walk(), moved(short_walk(), turn)))
     near(other.positions, spun(turn, plain.positions), 1e-5)
 
 
@@ -170,15 +162,15 @@ def with_offset(motion, rise, *, added):
 @ups
 @pytest.mark.parametrize("added", [True, False])
 def test_the_feet_show_whether_the_root_offset_is_added_or_replaced(up, added):
-    motion = with_offset(walk(), 92.0, added=added)
+    motion = with_offset(short_walk(), 92.0, added=added)
     source = in_world(motion, onto(up))
     assert find_root_offset(Body.of_motion(source), axis_vector(up)) == ("added" if added else "replaced")
-    result = retarget(source, replace(walk().skeleton, up="Y"))
-    near(result.motion.positions, walk().positions)
+    result = retarget(source, replace(short_walk().skeleton, up="Y"))
+    near(result.motion.positions, short_walk().positions)
 
 
 def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
-    high = moved(walk(), Rotation.identity(), (0, 300, 0))
+    high = moved(short_walk(), Rotation.identity(), (0, 300, 0))
     for rise in (0.0, 50.0, 92.0):
         assert find_root_offset(Body.of_motion(with_offset(high, rise, added=False)), Y) == "replaced"
 
@@ -186,33 +178,33 @@ def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
 @pytest.mark.parametrize(("height", "added"), [(0.05, True), (0.15, False)])
 def test_feet_are_on_the_floor_up_to_a_tenth_of_a_leg_above_it(height, added):
     """A thick sole or a toe without an End Site is no flight; `height` is in leg lengths."""
-    leg = Body.of_motion(walk()).leg_length
-    raised = moved(walk(), Rotation.identity(), (0, height * leg, 0))
+    leg = Body.of_motion(short_walk()).leg_length
+    raised = moved(short_walk(), Rotation.identity(), (0, height * leg, 0))
     found = find_root_offset(Body.of_motion(with_offset(raised, 92.0, added=True)), Y)
     assert found == ("added" if added else "replaced")
 
 
 def test_a_small_offset_with_the_feet_on_the_floor_either_way_is_replaced():
     """As the format has it: nothing speaks for the other reading, since replacing leaves the feet on the floor."""
-    assert find_root_offset(Body.of_motion(with_offset(walk(), 4.0, added=False)), Y) == "replaced"
+    assert find_root_offset(Body.of_motion(with_offset(short_walk(), 4.0, added=False)), Y) == "replaced"
 
 
 def test_a_given_meaning_counts():
-    motion = with_offset(walk(), 92.0, added=False)
-    result = retarget(motion, walk().skeleton, Options(root_offset="added"))
-    near(result.motion.positions, walk().positions + 92.0 * Y)
-    np.testing.assert_allclose(with_root_offset(motion).root_positions, walk().root_positions + 92.0 * Y)
+    motion = with_offset(short_walk(), 92.0, added=False)
+    result = retarget(motion, short_walk().skeleton, Options(root_offset="added"))
+    near(result.motion.positions, short_walk().positions + 92.0 * Y)
+    np.testing.assert_allclose(with_root_offset(motion).root_positions, short_walk().root_positions + 92.0 * Y)
 
 
 def test_a_root_without_positions_keeps_its_offset():
-    motion = with_offset(walk(), 92.0, added=True)
+    motion = with_offset(short_walk(), 92.0, added=True)
     channels = (motion.skeleton.channels[1], *motion.skeleton.channels[1:])
     fixed = replace(motion, skeleton=replace(motion.skeleton, channels=channels))
     assert find_root_offset(Body.of_motion(fixed), Y) == "replaced"
 
 
 def test_bodies_that_look_the_other_way_by_convention_turn_round():
-    clip = walk()
+    clip = short_walk()
     back = replace(clip.skeleton, looks_back=True)
     result = retarget(clip, back)
     half = Rotation.from_euler("Y", 180, degrees=True)

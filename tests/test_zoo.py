@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, matched, needs_corpus, swaying
+from bodies import CORPUS, SAMPLES, matched, needs_corpus, sample, swaying
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from zoo import BUILDS, FEET, HANDS, HELPERS, LYING, MEMBERS, NAMING, POSES, ROOTS, member, on_member
@@ -53,7 +53,7 @@ members = pytest.mark.parametrize("name", MEMBERS)
 
 @cache
 def clip(name: str) -> Motion:
-    return read_bvh(SAMPLES / f"{name}.bvh")[:FRAMES]
+    return sample(name)[:FRAMES]
 
 
 @cache

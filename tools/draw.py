@@ -15,7 +15,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
-from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 from skeleton_edits import only
@@ -23,6 +22,7 @@ from skeleton_edits import only
 from distretarget import Motion, RetargetResult, Skeleton
 from distretarget.body.axes import axis_vector
 from distretarget.body.conventions import stem_and_side, words
+from distretarget.numerics.vectors import Array
 
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", None: "#3b4252"}  # of the sides of the body, and of the trunk
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
@@ -35,8 +35,6 @@ DEPTH = 0.42  # of the strip of floor in front of the body, and behind it [body 
 ON_THE_SPOT = 0.4  # a root that moves less than this is drawn where it is, not moved to the origin [body heights]
 STILL_COLOURS, MOVING_COLOURS = 64, 32  # of a picture, of all frames together; fewer make a smaller file
 MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
-
-Array = NDArray[np.float64]
 
 
 class Camera(NamedTuple):

@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import image
-from numpy.typing import NDArray
 from sample_mesh import normals_of
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
+from distretarget.numerics.vectors import Array
 from distretarget.skin.mesh import SkinnedMesh
-
-Array = NDArray[np.float64]
 
 SIZE = (300, 400)  # of the picture of a figure: width, height [pixels]
 FINER = 2  # it is drawn so many times as large, for smooth edges

@@ -16,8 +16,7 @@ from sample_mesh import Surface, behind, both_sides, cut, ellipsoid, joined, lim
 from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.quaternions import least_rotation
-
-Array = NDArray[np.float64]
+from distretarget.numerics.vectors import Array
 
 # name, parent, place
 MIDDLE = (

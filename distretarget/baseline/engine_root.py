@@ -1,5 +1,5 @@
-"""What is placed after solving: the root on the floor and IK handles of game engines, and the path of a root that lacks
-position channels, which is in those of the joints below it, or left out.
+"""Placed after solving: the root on the floor and IK handles of game engines, and the path of a root without position
+channels, which goes to the joints below it, or is left out.
 """
 
 from __future__ import annotations

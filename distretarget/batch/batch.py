@@ -75,7 +75,7 @@ class Batch:
         return new_record(clip, settings, input_hash)
 
     def _recipe(self, clip: PlannedClip) -> Recipe:
-        """How a clip is retargeted, which may be one of several animations of its file."""
+        """The recipe of a clip, with the animation to read if its file has several."""
         return replace(self.recipe, clip=clip.animation) if clip.animation else self.recipe
 
     def _contacts_path(self, clip: PlannedClip) -> Path | None:
@@ -146,7 +146,7 @@ class Batch:
                 tally.seconds = time.perf_counter() - started - workers.start_seconds
 
     def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
-        """The clips that are not done; last those that another run is at work on, or was, if it has not done them."""
+        """The clips that are not done; last those that another run has claimed, as that run may have been killed."""
         left, others = sum(clip.size for clip in self.clips), list[PlannedClip]()
         for clip in self.clips:
             threads = cores() if clip.size > max(SPLIT_SIZE, left / workers) else None
@@ -157,7 +157,7 @@ class Batch:
             yield from self._unless_done(clip, show)
 
     def _unless_done(self, clip: PlannedClip, show: Show, others: list[PlannedClip] | None = None) -> Iterator[Job]:
-        """The job of a clip that is not done; it goes to `others`, if given, if another run is at work on it."""
+        """The job of a clip, unless it is done; one that another run has claimed goes to `others`, if given."""
         record = self.record_of(clip)
         try:
             source = InputFile(read_bytes(clip.path), clip.path)
@@ -316,7 +316,7 @@ def convert_folder(
 def _check_words(include: Sequence[str], exclude: Sequence[str], formats: Sequence[str]) -> None:
     for name, words in (("include", include), ("exclude", exclude), ("formats", formats)):
         check_kind(name, words, Sequence)
-    for each in [formats] if isinstance(formats, str) else formats:
+    for each in formats:
         check_choice("formats", each, OUTPUT_FORMATS)
 
 

@@ -1,4 +1,4 @@
-"""One clip for a worker: what it gets, what it does, and what it returns; it has no access to files."""
+"""The job of one clip, which a worker does without access to files, and its result."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a clip: its record and, if it is done, the content of its outputs and the HTML of its report.
+    """The result of a job: the clip's record and, if it is done, the content of its outputs and the HTML of its report.
 
     Of an output that is a character's file it has the animation alone.
     """

@@ -1,4 +1,4 @@
-"""What is recorded of a clip; and records in few bytes, as the database has them: some 450 a clip, with all metrics."""
+"""The record of a clip, and its packed form in the database: about 450 bytes, with all metrics."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from distretarget.measure.metrics import COLUMNS
 from distretarget.report.page import VERSION, ClipRecord
 
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines a result
-# The keys of the parts of a record, with what they have if nothing is said.
+# The keys of the parts of a record, with their defaults.
 SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "version": ""}
 RIG: dict[str, Any] = {"notes": [], "alignment": ""}
 CLIP: dict[str, Any] = dict.fromkeys(("input", "output", "status", "error", "input_hash", "output_hash", "verdict"), "")
 CLIP |= {"frames": 0, "seconds": 0.0, "others": {}, "warnings": []}
 MOST_BYTES = 1 << 24  # of what is unpacked; a longer record is damaged
 MOST = 1e15  # of frames, or seconds
-WORDS = (  # what most parts contain, which then takes few bytes
+WORDS = (  # what most parts contain, the dictionary of their compression
     b'"error":"others":{"warnings":["feet skate no more than in the source; "seconds":0.0,"frames":"verdict":"'
     b"The source has no self-contacts; feet do not skate; hips height kept within 0.1 % of a leg; largest direction "
     b'error: Left, 0. degrees at frame "input":"output":".bvh","status":"done","input_hash":"sha256:","output_hash":"'
@@ -74,8 +74,8 @@ def results_of(record: BatchRecord) -> dict[str, str]:
 
 
 def packed(record: BatchRecord) -> Packed:
-    """Return the parts of a record: its settings and what it says of the rig, which many clips share, as JSON; what it
-    says of the clip, without what is empty; and the metrics in float32, nan where nothing was measured.
+    """Pack a record in four parts: settings, and notes on the rig, as JSON, since many clips share them; all else that
+    is not empty, compressed; and the metrics as float32, nan where nothing was measured.
     """
     values = cast(dict[str, Any], record)
     settings = json.dumps({**{key: values[key] for key in SETTINGS}, "columns": [*COLUMNS]})
@@ -87,7 +87,7 @@ def packed(record: BatchRecord) -> Packed:
 
 
 def unpacked(settings: str, rig: str, clip: bytes, metrics: bytes) -> BatchRecord:
-    """Return the record of some parts; a ValueError if they are damaged, whoever wrote them."""
+    """Return the record that was packed in these parts; a ValueError if they are damaged."""
     try:
         return _unpacked(settings, rig, clip, metrics)
     except (TypeError, RecursionError, zlib.error) as error:
@@ -110,7 +110,7 @@ def _shared(settings: str, rig: str) -> Mapping[str, Any]:
 
 
 def _checked(found: object, empty: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a part, with those that are not said; a ValueError if they cannot be."""
+    """The values of a part, completed by defaults; a ValueError if one has the wrong type or is out of bounds."""
     values = {**empty, **found} if isinstance(found, dict) else {}
     for key, usual in empty.items():
         value: Any = values.get(key)

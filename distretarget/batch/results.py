@@ -130,12 +130,12 @@ class Database:
             self._connection.close()
 
     def claim(self, output: str) -> bool:
-        """Say that this run is at work on an output; return whether no other run is, or was when it was killed."""
+        """Claim an output for this run; return False if another run, alive or killed, has claimed it already."""
         with self._named_errors():
             return self._do("INSERT OR IGNORE INTO claims VALUES (?, ?)", _bytes(output), self._run).rowcount > 0
 
     def release(self, output: str) -> None:
-        """Say that no run is at work on an output."""
+        """Give up the claim on an output, whichever run made it."""
         with self._named_errors():
             self._do("DELETE FROM claims WHERE output = ?", _bytes(output))
 
@@ -182,7 +182,7 @@ class Database:
 
     @contextmanager
     def untold(self) -> Iterator[bool]:
-        """Whether anything was added since the block was last left without an error, in a transaction."""
+        """A transaction that tells whether records were added since the last such block that ended without an error."""
         with self.transaction():
             ((is_told,),) = self._do("PRAGMA user_version")
             yield not is_told
@@ -224,8 +224,8 @@ class Results:
         return database
 
     def known(self, record: BatchRecord, outputs: Sequence[str]) -> BatchRecord | None:
-        """Return the record of a clip that is done, now its newest: the results that are there were made from the same
-        files in the same way as `record` says; None if they were not.
+        """Return the record of the results that are in place, and make it the clip's newest, if they were made from the
+        same files with the same settings as `record` has; else None.
         """
         hashes = [(name, hash_of_file(self.folder / name)) for name in outputs] if not self.overwrite else []
         if not hashes or not all(each for _, each in hashes):

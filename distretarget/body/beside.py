@@ -1,5 +1,5 @@
-"""Joints that hang elsewhere than in a body: feet and hands beside it, from the root, as baked IK rigs have them, not
-from shin and forearm; and twins, without length below the joints that they are named for, whose turns they may hold.
+"""Joints that a file does not hang where a body has them: feet and hands that hang from the root, as in baked IK rigs,
+not from shin and forearm; and twins, second joints at the place of others, which may have their rotations.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from distretarget.skeleton import ROTATION_CHANNELS, Skeleton
 SHORTEST, LONGEST = 0.5, 1.6  # a lower bone is between so many times as long as the upper one
 STRAIGHT = np.radians(60)  # the limb of a rest pose bends by less than this at knee or elbow [rad]
 STRETCH = 0.25  # a baked limb stretches by less than this where its handle was out of reach [of its length]
-SAME_PLACE = 1e-6  # a joint that is off its offset by less than this is not [body sizes]
+SAME_PLACE = 1e-6  # a joint within this of its offset is there [body sizes]
 NEAR = 1e-6  # a twin is this near to its parent [longest paths]
 
 
@@ -36,9 +36,9 @@ class Hanging(NamedTuple):
 
 
 def limbs_beside(skeleton: Skeleton, motion: Motion | None = None) -> Iterator[Hanging]:
-    """Yield the feet and hands of a skeleton that hang from a joint beside their limb: whose name says what they are,
-    and that are where the limb ends, in all frames of a motion or without one in the rest pose. A file that states
-    which joint is which part has none.
+    """Yield the feet and hands of a skeleton that do not hang from their limb, but are named for it and are where it
+    ends: in all frames of a motion, or without one in the rest pose. There are none in a file that states which joint
+    is which part of the body.
     """
     tree = NamedTree.of(skeleton)
     anatomy = None if skeleton.humanoid else by_tree(tree)

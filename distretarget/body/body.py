@@ -101,8 +101,8 @@ class Body:
 
     @cached_property
     def rig(self) -> Body | None:
-        """The body without its motion, one object for all with equal skeletons, if the rest pose, or another that the
-        caller knows, shows how it stands; else itself, or None if it has a motion. `up` may be another.
+        """The body without its motion: one object for all with equal skeletons whose rest pose, or a pose that the
+        caller knows, shows how they stand. Else the body itself, or None if it has a motion. Its `up` may differ.
         """
         if self.anatomy is not None:
             rig = _rig(self.skeleton, self.anatomy, None if self.standing is None else self.standing.tobytes())

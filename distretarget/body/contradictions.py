@@ -14,7 +14,7 @@ from distretarget.body.limbs import foot_bone
 from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
-ALONG = np.cos(np.radians(12))  # a joint below the ankle lies along the shin within this angle, as no ball does, ...
+ALONG = np.cos(np.radians(12))  # within this angle a joint lies along the shin, as no ball of a foot does, ...
 AHEAD = np.cos(np.radians(45))  # ... and the foot points ahead of it from this angle on [cosine]
 BENT_LESS = 75.0  # percentile of the cosines of a motion's frames that counts: with the ankle bent rather little [%]
 OPPOSITE = -0.7  # arms and legs are named for opposite sides if shoulders and hip joints are so far apart [cosine]
@@ -33,8 +33,9 @@ def as_body_shows(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Ana
 
 
 def _toes_farther_down(skeleton: Skeleton, anatomy: Anatomy, side: str, places: Array) -> int | None:
-    """The joint with which a foot goes on ahead, if that named for the toes, or the first one, lies along the shin,
-    straight below the ankle: some rigs have a joint in the heel or the middle of the foot. Else None.
+    """The joint from which the foot points ahead, if the joint named for the toes, or else the first below the ankle,
+    lies straight below the ankle, along the shin: some rigs have a joint in the heel or the middle of the foot. None
+    for other rigs.
     """
     knee, ankle = (anatomy.roles.get(side + part) for part in ("LowerLeg", "Foot"))
     if knee is None or ankle is None:

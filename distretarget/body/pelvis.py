@@ -1,4 +1,4 @@
-"""The pelvis: the joint of the hips is where the thighs begin, also where a file has it elsewhere, as on the floor."""
+"""The pelvis: bodies whose file has the joint of the hips elsewhere, as on the floor, get it where the thighs begin."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FAR = 0.5  # the hips' joint is elsewhere if it is farther than this from betwee
 
 
 class Way(NamedTuple):
-    """The way of a joint to another place, while it turns as before and all others stay where they are."""
+    """How a joint is moved to another place: it turns as before, and all other joints stay where they are."""
 
     joint: int
     shift: Array  # (3,), in the joint's own axes [file units]
@@ -43,8 +43,8 @@ class Way(NamedTuple):
 
 
 def way_to_thighs(body: Body) -> Way | None:
-    """Return the way of the joint from which the thighs of a body hang to between the hip joints; None if it is near,
-    as it is in most files.
+    """Return the way from the joint of the hips, from which the thighs hang, to the middle of the hip joints; None if
+    it is near that already, as in most files.
     """
     if body.anatomy is None or body.legs is None or "hips" not in body.anatomy.roles:
         return None

@@ -6,8 +6,7 @@ import numpy as np
 
 from distretarget.body.limbs import Leg
 from distretarget.motion import Motion
-from distretarget.numerics.joint_paths import heights_of, lowest_heights
-from distretarget.numerics.joint_rests import find_holding, write_speeds
+from distretarget.numerics.joint_paths import find_holding, heights_of, lowest_heights, write_speeds
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers
 

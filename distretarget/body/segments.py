@@ -1,8 +1,7 @@
-"""The parts of a body that skin is on: segments, whose surfaces can touch, and frames, in which two skins compare.
+"""The parts of a body that have skin: segments, whose surfaces can touch, and frames, to compare the skins of bodies.
 
-How far along, to the side and up a point of a part is in its frame counts along limbs in lengths of the bone, in a hand
-in lengths of the palm, and else in the size of the body, which is the length of a leg and of the trunk together: long
-arms are no thicker.
+A frame is a coordinate system of a part. It counts lengths along a limb in lengths of the bone, in a hand in lengths of
+the palm, and all others in the size of the body, the length of leg and trunk together: long arms are no thicker.
 """
 
 from __future__ import annotations
@@ -38,11 +37,11 @@ HAND = dict(zip(("fingers", "little fingers", "thumb"), FINGER_GROUPS, strict=Tr
 LEG = 0.638  # the leg of an average adult [sizes]
 PALM = 0.078  # that adult's palm, from the wrist to the knuckles [sizes]
 HEAD = 0.155  # how far the top of that adult's head is above its joint [sizes]
-PELVIS = 0.3  # the lowest joint of the spine takes over from the hips no lower than this [lengths of the trunk]
+PELVIS = 0.3  # below this, skin of the trunk moves with the hips, not with the spine [lengths of the trunk]
 FEWEST_FINGERS = 3  # with fewer fingers, the hand's joints do not show how large it is
 PALMS = 0.6, 1.7  # the least and the longest palm [of the average one]
 HEADS = 1.0, 2.5  # the least and the largest head [of the average one]
-ALONG = 0.9  # a bone that points forward more than this is turned about by what is up [cosine]
+ALONG = 0.9  # a bone that points forward more than this has its side axis from up, not from forward [cosine]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +74,7 @@ def find_segments(body: Body) -> Segments:
 
 
 def _main(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
-    """Segment and carrying joint of the joints with roles."""
+    """The segment and the carrying joint of each joint with a role."""
     labels: dict[int, tuple[str, int]] = {}
     for role, joint in anatomy.roles.items():
         side, part = side_and_part(role)
@@ -112,8 +111,9 @@ def _fingers(anatomy: Anatomy, side: str, group: Iterable[str]) -> dict[int, tup
 
 
 def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
-    """Whether a joint that leads to no part with a role, below one with this segment and carrier, is part of the body:
-    an End Site, or in a hand, a foot or the face, or carrying nothing that reaches far, as hair, cloth and tails do.
+    """Whether a joint that has no role, nor any joint below it, is part of the body, and not of hair, cloth or a tail:
+    whether it is an End Site, or in a hand, a foot or the face, or nothing below it is far away. `segment` and
+    `carrier` are those of its parent.
     """
     skeleton = body.skeleton
     if skeleton.end_sites[joint]:
@@ -129,13 +129,13 @@ def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Where a part of a body is in the body's reference pose."""
+    """The coordinate system of a part of a body, in the body's reference pose."""
 
     origin: Array  # (3,) [file units]
     axes: Array  # (3, 3), unit vectors along it, to its side and up as columns
     length: float  # what counts as 1 along it [file units]
     breadth: float  # what counts as 1 across it, and for radii [file units]
-    carriers: Sequence[tuple[int, float]]  # joints, and how far along it each takes over; the first from the start
+    carriers: Sequence[tuple[int, float]]  # the joints that move its skin, and from which share of the length on
 
     @property
     def scales(self) -> Array:
@@ -143,13 +143,13 @@ class Frame:
         return np.array([self.length, self.breadth, self.breadth])
 
     def carrier(self, along: float) -> int:
-        """Return the joint that carries what is so far along it."""
+        """Return the joint that carries the skin at a share of the length."""
         return next(joint for joint, start in reversed(self.carriers) if along >= start or start == -np.inf)
 
 
 def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
-    """Yield the frame of each part that a body with an anatomy has, such as "trunk" and "left palm". A head of which
-    bones do not show that it is larger than the average one is `head` times as large.
+    """Yield the frame of each part that a body with an anatomy has, such as "trunk" and "left palm". The head is `head`
+    times as large as the average adult's, unless bones show that it is larger.
     """
     size = _Size.of(body)
     if size is None:
@@ -164,7 +164,9 @@ def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
 
 
 def proportions(body: Body) -> tuple[float, float] | None:
-    """Return the lengths of legs, and from shoulders to the top of the head [sizes]; None if bones do not show both."""
+    """Return the length of the legs, and how high the top of the head is over the shoulders [sizes]; None if bones do
+    not show both.
+    """
     size = _Size.of(body) if body.anatomy else None
     shoulders = size.anatomy.pair("UpperArm") if size else []
     if size is None or not shoulders or not body.legs or not (reach := _head_reach(size)):
@@ -176,7 +178,7 @@ def proportions(body: Body) -> tuple[float, float] | None:
 
 @dataclass(frozen=True, eq=False)
 class _Size:
-    """A body in its reference pose, and its size, that of leg and trunk [file units]."""
+    """A body in its reference pose, and its size, the length of leg and trunk together [file units]."""
 
     skeleton: Skeleton
     anatomy: Anatomy
@@ -230,7 +232,7 @@ def _head_reach(size: _Size) -> float:
 
 
 def _head(size: _Size, usual: float) -> Iterator[tuple[str, Frame]]:
-    """Neck and head. A head that reaches farther than the average one is as large as that; else `usual` times."""
+    """Neck and head. The head is as large as its joints show if that is more than average, else `usual` times that."""
     x, (left, up, forward) = size.positions, size.axes.T
     for head in size.anatomy.joints("head"):
         own = float(np.clip(_head_reach(size) / HEAD, *HEADS))

@@ -75,7 +75,7 @@ def _meeting(some: Collection[int], nodes: Nodes) -> int:
 
 
 def _branches(above: int, nodes: Nodes) -> list[int]:
-    """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
+    """The branch of each node: the child of `above` that it is or hangs from, for all others the root of their tree."""
     parents, branches = nodes.parents.tolist(), list(range(len(nodes)))
     for node in nodes.top_down:
         if parents[node] not in (-1, above) and node != above:
@@ -160,13 +160,15 @@ def are_regular(matrices: Array) -> NDArray[np.bool_]:
 
 
 def _mesh_space(meshes: Array, shown: Array, inverse_binds: Array) -> Array:
-    """The transform of the mesh's space to the world, (4, 4); from what the nodes with the mesh and the joints show,
-    the topmost joint first, (nodes, 4, 4) and (joints, 4, 4), and the inverse bind matrices of these joints.
+    """The transform of the mesh's space to the world, (4, 4), found from the transforms that the nodes with the
+    `meshes`, (nodes, 4, 4), and the joints, (joints, 4, 4), have in the file, and the inverse bind matrices of these
+    joints; the topmost joint comes first.
 
-    A joint that shows its bind pose brings the space there: its transform times its inverse bind matrix. If this is
-    the world's space or that of a mesh's node for the topmost joint, it decides: a bent spine takes all joints above it
-    along. Else the joints that agree decide. Where most joints show another pose, the space is the world's or that of a
-    mesh's node, whichever is nearer to what the topmost joint says, if its scale is right.
+    The transform of a joint that is in its bind pose, times its inverse bind matrix, is that of the mesh's space. If
+    this product is the world's space or that of a mesh's node for the topmost joint, it decides: a bent spine takes
+    all joints above it along. Else the joints with the same product decide. Where most joints are in another pose, the
+    space is the world's or that of a mesh's node, whichever is nearer to the product of the topmost joint, if its scale
+    is right.
     """
     said = shown @ inverse_binds
     extent = float(np.ptp(shown[:, :3, 3], axis=0).max())
@@ -190,14 +192,14 @@ def _scales(spaces: Array) -> Array:
 
 
 def _agree(said: Array, space: Array, scale: float, extent: float) -> NDArray[np.bool_]:
-    """(joints,), whether each joint says the same space."""
+    """(joints,), whether the space that each joint implies is this one."""
     turned = np.abs(said[:, :3, :3] - space[:3, :3]).max(axis=(1, 2)) < AGREE * scale
     moved = np.abs(said[:, :3, 3] - space[:3, 3]).max(axis=1) < AGREE * max(extent, 1e-300)
     return np.asarray(turned & moved)
 
 
 def _spread(spaces: Array, most: int = 16) -> Array:
-    """Some of the spaces, spread over all."""
+    """At most so many of the spaces, evenly spread."""
     return spaces[np.unique(np.linspace(0, len(spaces) - 1, most).astype(int))] if len(spaces) > most else spaces
 
 

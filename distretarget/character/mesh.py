@@ -58,7 +58,7 @@ def skinned_mesh(
 def assembled(
     character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...], step: int = 1
 ) -> SkinnedMesh | None:
-    """Return the same with one of every `step` triangles, however many they are."""
+    """Return the mesh as `skinned_mesh` does, but with one of every `step` triangles, however many these are."""
     binds = character.bind_transforms
     joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
     bound = [_bound(part, step, nodes, binds, joints) for part in parts]

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import atexit
 import errno
 import gc
 import io
 import os
 import signal
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import cached_property
 from pkgutil import resolve_name
-from typing import Any, NoReturn
+from typing import Any
 
 import click
 
@@ -34,7 +32,6 @@ COMMANDS = {  # by name, with their short help; each is the function NAME_comman
     "view": "Look at motions and characters in the browser.",
 }
 DEFAULT_COMMAND = "retarget"
-THREAD_TIMEOUT = 5.0  # the program waits this long for each remaining thread before it ends [s]
 
 
 class DefaultGroup(click.Group):
@@ -114,14 +111,16 @@ def main() -> None:
     try:
         with _interruptible():
             status = _run()
-        _leave(status)
+        sys.stdout.flush()
+        sys.stderr.flush()
     except OSError as error:
         sys.stdout = None  # so that Python does not flush it again at exit
-        sys.exit(_complain(_fault(error), 1))
+        status = _complain(_fault(error), 1)
+    sys.exit(status)
 
 
 def _fault(error: OSError) -> str:
-    """What an error of the operating system says; one that names no file is of standard output, if not of all files."""
+    """The message of an OSError; one that names no file is about standard output, unless too many files are open."""
     place = "" if error.errno in (errno.EMFILE, errno.ENFILE) else "standard output"
     return ": ".join(filter(None, (error.filename or place, reason_of(error))))
 
@@ -174,19 +173,6 @@ def _run() -> int:
     except SystemExit as leaving:
         return int(leaving.code or 0)
     return status or 0
-
-
-def _leave(status: int) -> NoReturn:
-    """End the program, even if a thread waits forever for a worker that died while sending a result."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    others = [thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon]
-    for thread in others:
-        thread.join(THREAD_TIMEOUT)
-    if any(thread.is_alive() for thread in others):
-        atexit._run_exitfuncs()  # which remove temporary files
-        os._exit(status)
-    sys.exit(status)
 
 
 def _complain(message: str, status: int) -> int:

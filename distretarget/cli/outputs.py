@@ -83,15 +83,9 @@ def _same_file(path: Path, other: Path) -> bool:
 
 
 def check_suffix(path: Path | None, suffix: str) -> None:
-    """Check that the name of an output ends in the suffix of its format; on a terminal, ask if it does not."""
-    if path is None or path == STANDARD or path.suffix.lower() == suffix:
-        return
-    kind = suffix[1:].upper()
-    if sys.stdin and sys.stdin.isatty():
-        question = f"{path}: the name does not end in {suffix}; write {kind} to it all the same?"
-        click.confirm(shown(question), abort=True, err=True)
-    else:
-        better = path.with_suffix(suffix) if path.name else suffix
+    """Check that the name of an output ends in the suffix of its format."""
+    if path and path != STANDARD and path.suffix.lower() != suffix:
+        kind, better = suffix[1:].upper(), path.with_suffix(suffix) if path.name else suffix
         raise FileError(path, f"the output is {kind}, so its name has to end in {suffix}, such as {str(better)!r}")
 
 

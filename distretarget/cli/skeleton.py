@@ -28,7 +28,6 @@ from distretarget.errors import FileError, closest, counted, cut
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.obj import capsules_to_obj
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import parse_full_target, parse_target
 from distretarget.matching.matching import Matching, find_matching, refusal
@@ -57,18 +56,13 @@ def skeleton_command() -> None:
 
 @skeleton_command.command("show")
 @click.argument("file", type=FileOrStandard())
-@click.option("-o", "--output", type=FileOrStandard(), help="An .obj file for the capsules that approximate the skin.")
-@OVERWRITE_OPTION
-def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
+def show_command(file: Path) -> None:
     """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths, and how thick its
     parts are.
 
     \b
     distretarget skeleton show hero.glb
-    distretarget skeleton show hero.glb -o hero_skin.obj
     """  # noqa: D301
-    check_outputs([output], [file], overwrite)
-    check_suffix(output, ".obj")
     target = _target_in(read_input(file))[1]
     skeleton = target.skeleton
     unit = f" {skeleton.units}" if skeleton.units else ""
@@ -78,9 +72,7 @@ def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
     size = f"height {body.height:.6g}{unit}{legs}"
     say(f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}")
     say(*_tree(skeleton))
-    capsules = target_capsules(target)
-    say(*_thickness(target, capsules, body.height))
-    write_outputs({output: lambda: capsules_to_obj(capsules, skeleton)}, overwrite)
+    say(*_thickness(target, target_capsules(target), body.height))
 
 
 @skeleton_command.command("export")

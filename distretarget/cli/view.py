@@ -77,7 +77,7 @@ def _chosen(files: Sequence[Path]) -> list[Path]:
 
 
 def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -> Iterator[list[Actor]]:
-    """What each file shows; of those that are not `named`, but stand in a folder, only those that can be read.
+    """The actors of each file; files of a folder, not `named` themselves, are left out if they cannot be read.
 
     Raises:
         DistretargetError: one that is named cannot be read, or none can.

@@ -1,4 +1,4 @@
-"""How limbs bend over a whole clip so that skins stay apart, and closed where they touch: one solve over time.
+"""How limbs bend so that skins stay apart, and stay in touch where they touch: one solve over all frames of a clip.
 
 The unknowns are the rotation vectors w of the upper and the lower part of each limb in each frame [rad], which displace
 its middle and end, such as elbow and wrist. They minimise the terms of each frame (`limb_terms`) and
@@ -29,7 +29,7 @@ from distretarget.skin.balls import Balls
 from distretarget.skin.tangents import Displaced
 
 TAU = 0.12  # [s]
-LONGEST = 60.0  # at more than 500 frames a second tau is so many frames, as its fourth power would drown the terms
+LONGEST = 60.0  # tau is no longer, or its fourth power drowns the terms: above 500 frames a second [frames]
 UPPER = 6.0  # upper arms and thighs are this much stiffer: elbows bend before shoulders turn
 FADES = 10.0  # what is farther away in time than so many tau has no effect
 NEAR = 2.0  # where a limb moved in a step, so many tau around it take the next

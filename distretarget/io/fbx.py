@@ -77,7 +77,7 @@ def fbx_looks(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart], 
 
 
 def _looks(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """What `fbx_looks` returns of the arrays that were read."""
+    """The result of `fbx_looks`, from the arrays that the process has handed over."""
     nodes, parts = _mesh(path, read)
     if not parts:
         return nodes, [], (), ()

@@ -41,7 +41,7 @@ class InputFile:
         return self.format.kind
 
     def __reduce__(self) -> tuple[type[InputFile], tuple[object, ...]]:
-        """What goes to a worker: what was read, not what was made of it."""
+        """Pickle the content alone, for a worker, without what is cached of it."""
         return InputFile, (self.content, self.path, dict(self.beside), self.skeleton, self.has_folder)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Wavefront OBJ files: the points of props that performers touch, and the surface of capsules."""
+"""Wavefront OBJ files: the points and triangles of props that performers touch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from distretarget.io.bvh import NUMBER
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, spread_out
 from distretarget.skeleton import ALL_CHANNELS, LARGEST, Skeleton
-from distretarget.skin.capsules import SEGMENTS, Capsules, surface_of
 
 CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which others may follow, as in 3/1/2
 MOST_POINTS = 100  # vertices that are kept, spread evenly
@@ -70,19 +69,6 @@ def _corner(word: str, before: int, path: str | Path, line: int) -> int:
             path, line, f"found {word!r} in a face, expected the number of one of the {before} vertices above"
         )
     return number - 1 if number > 0 else before + number
-
-
-def capsules_to_obj(capsules: Capsules, skeleton: Skeleton) -> str:
-    """Return the text of an OBJ file with the surface of capsules in the rest pose of a skeleton, an object each."""
-    lines, before = [], 1
-    ends = capsules.ends + (skeleton.rest_positions + skeleton.offsets[0])[capsules.joints][:, None]
-    for number, segment in enumerate(capsules.segments):
-        points, triangles = surface_of(ends[number], capsules.radii[number])
-        lines.append(f"o {SEGMENTS[segment].replace(' ', '_')}_{number + 1}")
-        lines += [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in points]
-        lines += [f"f {a} {b} {c}" for a, b, c in triangles + before]
-        before += len(points)
-    return "\n".join(lines) + "\n"
 
 
 def _lines(text: str) -> Iterator[tuple[int, list[str]]]:

@@ -278,8 +278,8 @@ class Matching:
 
 
 def by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Found]:
-    """Decorate a function of a matching that takes its soles, too: it is found once for each matching, and once for all
-    clips where rest poses show the soles. What it finds is not written to, and does not hold the matching.
+    """Decorator of a function of a matching and its soles, which keeps the result: one for each matching, or for all
+    clips of the same rigs if rest poses show the soles. Results are not written to, and do not refer to the matching.
     """
     found: WeakKeyDictionary[Matching, Found] = WeakKeyDictionary()  # as long as the matching is in use
 

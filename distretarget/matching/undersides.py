@@ -24,20 +24,23 @@ from distretarget.skin.mesh import SkinnedMesh, outermost
 
 T = TypeVar("T")
 
-AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there], ...
+AROUND = 1.5  # a joint can rest on skin that is nearer to it than this [radii of its capsule there], ...
 WHOLE = ("head", "chest", "belly", "pelvis")  # ... and on all skin of these segments
-BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
-HEEL = 0.5  # behind the ankle, skin of heels reaches down 0.86 and more of the way to the sole; of feet without, 0.3
-DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
+BEYOND = 4.0  # ... and the last joint of a finger on skin nearer than this [radii of its capsule there]
+# A foot has a heel if skin behind the ankle reaches down more than this share of the way to the sole: with a heel it
+# reaches 0.86 and more, without one 0.3.
+HEEL = 0.5
+DIRECTIONS = 60  # the outermost vertices in so many directions from a joint stand for its skin
 
 
 class BoundBalls(NamedTuple):
-    """Balls that joints move. With joints at x, turned by R, at `rest` before, the height of a centre is the sum
-    over joints of w (x + R (point - rest)) . up: linear in R^T up and x . up.
+    """Balls that joints move, as they move the vertices of a skin, by weights w. While the joints are at x with the
+    rotations R, the height of a centre, at `point` in the rest pose, is the sum over joints of
+    w (x + R (point - rest)) . up: linear in R^T up and x . up.
     """
 
     joints: list[int]  # that move them
-    linear: Array  # (4 joints, balls), what the heights are of R^T up and x . up of each joint
+    linear: Array  # (4 joints, balls), the factors of R^T up and x . up of each joint in the heights
     radii: Array  # (balls,)
 
 
@@ -55,7 +58,7 @@ class Underside:
         return find_segments(self.body).of_joint
 
     def below(self, motion: Motion, joints: Numbers, up: Array) -> Array:
-        """Return how far the lowest skin about joints is below each, (frames, joints) [file units]; 0 without skin."""
+        """Return how far below each joint its lowest skin is, (frames, joints) [file units]; 0 without skin."""
         heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
         skins = [self._once(self._skin_about, joint) for joint in joints.tolist()]
         known = [column for column, skin in enumerate(skins) if skin is not None]
@@ -97,7 +100,7 @@ class Underside:
         return np.asarray(self.capsules.ends + self.body.skeleton.rest_positions[self.capsules.joints, None])
 
     def _once(self, find: Callable[[int], T], joint: int) -> T:
-        """What one of the functions below finds of a joint, kept."""
+        """What one of the methods below returns for a joint, kept for the next call."""
         key = find.__name__, joint
         if key not in self._found:
             self._found[key] = find(joint)
@@ -180,12 +183,12 @@ class Underside:
         return np.asarray(np.unique(around[around >= 0]))
 
     def _whole_about(self, joint: int) -> Numbers:
-        """The capsules of the segments about a joint on all of whose skin it rests."""
+        """The capsules of those segments about a joint that are in `WHOLE`."""
         segments = [number for number in self._segments_about(joint).tolist() if SEGMENTS[number] in WHOLE]
         return np.flatnonzero(np.isin(self.capsules.segments, segments))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
-        """The vertices that stand for the skin nearer to a joint than `reach`, and for all of a trunk or head there."""
+        """The vertices that stand for the skin nearer to a joint than `reach`, and for all of segments in `WHOLE`."""
         segments, away = self.segments[mesh.carriers], mesh.vertices - self.body.skeleton.rest_positions[joint]
         near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
         for segment in self._segments_about(joint).tolist():
@@ -237,7 +240,7 @@ def _underside(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Unde
 
 @lru_cache(maxsize=8)
 def _outermost(mesh: SkinnedMesh, joints: tuple[int, ...]) -> Numbers:
-    """The vertices that some joints move most, on the convex hull of all of one joint in the rest pose."""
+    """The vertices that some joints move most, of each joint those on their convex hull in the rest pose."""
     groups = [np.flatnonzero(mesh.carriers == joint) for joint in joints]
     return np.concatenate([group[outermost(mesh.vertices[group])] for group in groups])
 

@@ -1,4 +1,4 @@
-"""What of the target follows no joint of the source, by parts of the body."""
+"""Which parts of the target's body no joint of the source drives."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ NAMED = 3  # so many other joints are named
 
 
 def parts_without_source(matching: Matching) -> Iterator[str]:
-    """Lines with the limbs not recognised in the target, if the source has them and the target joints enough, and with
-    the parts of its body that follow nothing, if there are any.
+    """Yield a line on limbs that the source has and that were not recognised in the target, though it has joints enough
+    for them, and a line on the parts of its body that no joint of the source drives.
     """
     still = _still(matching)
     anatomy = matching.target.anatomy

@@ -16,7 +16,7 @@ from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
-from distretarget.measure.hanging import hanging_gaps
+from distretarget.measure.touches import hanging_gaps
 from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import write_nearest
 from distretarget.numerics.moving import largest

@@ -12,8 +12,7 @@ import numpy as np
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching
 from distretarget.measure.skin import Skin
-from distretarget.measure.skin_depths import LIMBS, PARTS, find_depths
-from distretarget.measure.skin_places import PLACE_OF
+from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
 from distretarget.measure.skin_touches import FARTHEST, TOUCHING
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
@@ -150,7 +149,7 @@ class SkinContacts:
 
     @property
     def sentence(self) -> str:
-        """What is told of it."""
+        """The line that the command prints."""
         return (
             f"contacts in {counted(self.frames, 'frame')}: gaps between the skins off by {self.error:.1f} % of "
             f"height on average, worst in frame {self.worst.frame} ({' - '.join(self.worst.parts)})"
@@ -173,7 +172,7 @@ class Overlap:
 
     @property
     def sentence(self) -> str:
-        """What is told of it."""
+        """The line that the command prints."""
         parts = " - ".join(self.parts)
         return f"up to {self.depth:.1f} % of the height in each other, deepest in frame {self.frame} ({parts})"
 

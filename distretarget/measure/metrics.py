@@ -75,7 +75,6 @@ class Limit:
     factor: float = 0.0  # 0 if the limit is the margin alone
     of: Literal["source", "rotation_copy"] = "source"  # the other motion
     reason: str  # what a value above the limit means
-    cause: str  # the usual cause
 
     def value(self, key: str, metrics: Metrics) -> float | None:
         """The limit of the metric with this key; None where the other motion has no such metric."""
@@ -193,7 +192,7 @@ class Metric:
         return int(frame), track.parts[part[0]] if part and track.parts else ""
 
     def _judged_track(self, tracks: Tracks) -> Track:
-        """What was measured, without measurements that do not count."""
+        """The track without measurements that do not count."""
         track = tracks[self.track or self.key]
         return replace(track, counts=middles(track.weights)) if self.touches else track
 

@@ -1,4 +1,4 @@
-"""What a result does that copied rotations do not, and that nothing asks for: parts that turn, and shaking."""
+"""Turns and shaking of a result that copied rotations do not have and that no contact or support explains."""
 
 from __future__ import annotations
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from distretarget.measure.skin_places import PLACE_OF
 from distretarget.measure.solid_depths import (
     Posed,
     Solids,
@@ -21,6 +20,17 @@ from distretarget.measure.solid_depths import (
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import B3, F1, F2, F3, F4, I1, I2, I3, Array, Flags, Numbers
 from distretarget.skin.capsules import SEGMENTS
+
+# (segments,), the place of each: the head, the trunk with the thighs, where bodies differ, the legs, and both arms
+PLACE_OF = np.array(
+    [
+        ("head" in name or "neck" in name)
+        + 2 * ("shin" in name or "foot" in name)
+        + (3 + name.startswith("right")) * ("arm" in name or "hand" in name)
+        for name in SEGMENTS
+    ]
+)
+
 
 PARTS = SEGMENTS[: SEGMENTS.index("head") + 1]  # whose skin may be inside others: arms, legs and head
 LIMBS = PARTS[:4]  # hands and forearms

@@ -10,14 +10,11 @@ import numpy as np
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.measure.hanging import hanging_parts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
-from distretarget.measure.passing import passing, speeds
 from distretarget.measure.skin import OWN_ARM, Skin, are_parts
-from distretarget.measure.skin_depths import LIMBS, PARTS, find_depths
-from distretarget.measure.skin_places import PLACE_OF
-from distretarget.measure.touch_times import around, off_times
+from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
+from distretarget.measure.touches import around, hanging_parts, off_times, passing, speeds
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
@@ -158,8 +155,9 @@ class SourceSkin:
         return seen
 
     def _reach(self, near: Flags, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
-        """How far from each segment parts are looked for in some frames, (frames, parts, segments), and which of these
-        alone; `near`, (frames, limbs, places), are what they may touch, and the others, (touches,), what they should.
+        """How far from each segment to look for each part in some frames, (frames, parts, segments), and for which of
+        these to look apart from others of its place. `near`, (frames, limbs, places), says what may be touched; the
+        other arguments, (touches,), say what is touched in the source.
         """
         skin, count = self.target, len(LIMBS)
         reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (len(near), 1, 1))

@@ -326,7 +326,7 @@ def find_supports(
 
 
 def _least(joint: Array, skin: Array) -> Array:
-    """How far a joint is off, by its own height or its skin's: 0 where one is too high and the other too low."""
+    """The lesser of the errors of a joint's height and of its skin's; 0 where one is too high and the other too low."""
     nearer = np.where(np.abs(joint) < np.abs(skin), joint, skin)
     return np.asarray(np.where(joint * skin > 0.0, nearer, 0.0))
 

@@ -58,7 +58,7 @@ class Surface:
         return heights
 
     def below_sole(self, sole: Sole) -> float:
-        """How far it reaches below the lowest joint of a foot that stands flat [file units]; 0 where it has none."""
+        """How far the skin of a flat foot is below its lowest joint [file units]; 0 for a foot without skin."""
         on = self.on(sole.joints.tolist())
         if not len(on):
             return 0.0

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import Out, compiled
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.quaternions import multiply
@@ -19,25 +18,10 @@ from distretarget.numerics.vectors import F2, F3, I1, Array, Numbers
 ALL = slice(None)
 
 
-def forward_kinematics(parents: Numbers, translations: Array, world: Array) -> Array:
-    """Return the positions of joints in the world, (frames, joints, 3), in the units of `translations`.
-
-    `translations`, (frames, joints, 3), lead from each joint's parent to it, and to the root from the origin; `world`,
-    (frames, joints, 4), are the joints' world rotations.
-
-    Raises:
-        SettingsError: the arrays do not fit each other.
-    """
-    frames, joints = np.shape(translations)[:1], np.shape(parents)
-    if np.shape(translations) != (*frames, *joints, 3) or np.shape(world) != (*frames, *joints, 4):
-        shapes = f"{np.shape(parents)}, {np.shape(translations)} and {np.shape(world)}"
-        raise SettingsError(f"the shapes are {shapes}; expected (joints,), (frames, joints, 3) and (frames, joints, 4)")
-    bones = np.asarray(translations, np.float64)
-    return joint_positions(np.asarray(parents, np.intp), bones[:, 0], bones, np.asarray(world, np.float64))
-
-
 def joint_positions(parents: Numbers, root_positions: Array, bones: Array, world: Array) -> Array:
-    """The same with `root_positions`, (frames, 3), and `bones`, (frames or 1, joints, 3), in place of translations."""
+    """The positions of joints in the world, (frames, joints, 3), from `root_positions`, (frames, 3), and `bones`,
+    (frames or 1, joints, 3), from each joint's parent to it; `world`, (frames, joints, 4), are world rotations.
+    """
     positions = np.empty((len(world), len(parents), 3))
     path, moving, turned = map(np.ascontiguousarray, (root_positions, bones, world))
 

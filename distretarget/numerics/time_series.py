@@ -35,7 +35,7 @@ def widened(values: Array, frames: float) -> Array:
 
 
 def lasting(values: Array, frames: float) -> Array:
-    """Return values, (frames, ...), lowered to what lasts for longer than so many frames; reversal of time commutes."""
+    """Return values, (frames, ...), lowered to what lasts for longer than so many frames; the same in reversed time."""
     reach = round(0.5 * frames)
     return largest(-largest(-values, reach), reach)
 
@@ -113,10 +113,10 @@ def steadied(values: Array, weights: Array, stiffness: Array) -> Array:
 
 
 def find_shots(positions: Array, joints: Numbers, length: float, frame_time: float) -> Shots:
-    """Return the number of each frame's shot, (frames,), counted from 0, by the `joints` of a body among `positions`,
-    (frames, all joints, 3), and a length of the body in the same unit, such as its legs'; `frame_time` is in [s].
-    Frames at the beginning or the end from which the body leaves faster than anybody can, such as a T-pose before the
-    motion, are shots of their own, until the body has slowed down.
+    """Return the number of each frame's shot, (frames,), from 0; a shot ends where the body jumps. `positions`,
+    (frames, all joints, 3), and a `length` of the body, such as its legs', have the same unit; `joints` are those of
+    the body, and `frame_time` is in [s]. Frames at the beginning or the end, such as a T-pose before the motion, from
+    which the body leaves faster than anybody can move are shots of their own, until the body has slowed down.
     """
     steps = steps_along(positions, joints).mean(axis=1)
     around = np.concatenate([[0.0], steps, [0.0]])
@@ -127,7 +127,7 @@ def find_shots(positions: Array, joints: Numbers, length: float, frame_time: flo
 
 
 def _rushed(steps: Array, fastest: float) -> int:
-    """The number of first `steps`, (steps,), that are longer than `fastest`, and of those that slow down from there."""
+    """How many `steps`, (steps,), at the start are longer than `fastest`, and after them part of the slowing down."""
     possible = np.flatnonzero(steps <= fastest)
     count = int(possible[0]) if len(possible) else 0
     while 0 < count < len(steps) - 1 and steps[count + 1] < SLOWS * steps[count]:

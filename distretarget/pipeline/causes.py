@@ -1,4 +1,4 @@
-"""Why a metric of a result is over its limit in a frame: what the run itself shows of it, or nothing."""
+"""Causes of metrics over their limits: named only where the run itself shows them in that frame."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class LimbJoints:
 
 @dataclass(frozen=True, eq=False)
 class Causes:
-    """What a run knows of the causes of what is wrong in its result."""
+    """Finds the causes of faults in a result, in what the run knows."""
 
     motion: Motion
     matching: Matching

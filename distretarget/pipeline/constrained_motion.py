@@ -37,15 +37,15 @@ Offsets = Sequence[Array | None]
 NOTICED = 0.003  # what is farther off than this is told [heights]
 SMOOTHING = 0.1  # what constraints change is averaged over this time before and after [s]
 ROUNDS = 2  # in which what is between parts is found
-# Without skin limbs close what is left, averaged over these times before and after [s], until all is nearer than `MET`
-# [heights], or until what is left does not become less.
+# Without skin, limbs close the distance that is left in rounds, each averaged over such a time before and after [s],
+# until all are nearer than `MET` [heights], or a round brings them no nearer.
 CLOSING = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
 MET = 0.002
-EARLY = 0.3  # with skin motions are blended in the frames in which constraints have less than this share
+EARLY = 0.3  # with skin, the blend is complete where the share of constraints reaches this
 TURNS = 4  # with skin it is solved so many times at most
-GOES_ON = 0.1  # beyond its frames a difference goes on changing as at their end for about this time [s]
-SLOPE = 0.05  # how fast it changes there is measured over this time [s]
-LEAST = 1e-12  # angles are no smaller [rad]
+GOES_ON = 0.1  # beyond its last frame a difference goes on changing at the same speed for about this time [s]
+SLOPE = 0.05  # that speed is measured over this time [s]
+LEAST = 1e-12  # the smallest angle that is divided by [rad]
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
 from distretarget.skeleton import Skeleton
 
-SAME = 1e-9  # bones whose directions differ by less are each other's picture
+SAME = 1e-9  # bones whose directions differ by less are mirror images of each other
 SEAM = 0.3  # a loop is bent for so long before and after its seam, or for a third of it if that is less [s]
-# A body that ends this near to where it began, and facing so, has not gone anywhere: its path closes, too.
+# The path of a loop closes if the body ends this near to where it began, facing about the same way.
 STAYS = 0.5  # [leg lengths]
 FACES = 45.0  # [degrees]
 SAME_TIME = 0.1  # times that differ by less are the same, as files round the time between frames [frames]

@@ -47,7 +47,7 @@ TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the leng
 RESTS_ON_SKIN = np.array([not IS_ARM[number] and "foot" not in name for number, name in enumerate(SEGMENTS)] + [False])
 OVER = 0.3  # a joint is over a prop if the way from there to it has at least this cosine to the vertical ...
 REACHED_WITHIN = 0.5  # and the prop is nearer than this [leg lengths]
-MOVING = 1e-3  # weight of frames in which a joint is still on its way, such as one who sits down
+MOVING = 1e-3  # weight of frames in which a joint still moves, as while somebody sits down
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +181,7 @@ class PropContacts:
     distances: Array  # (frames, joints), of the drivers from the nearest point of the prop [source file units]
     f: Array  # (frames, joints), the activation, 0 to 1
     A: Array  # (frames, joints, 3, 3), the stiffness
-    rises: Array  # (frames, joints, 3), how far a thick body's joints are from where the prop takes the source's
+    rises: Array  # (frames, joints, 3), what is added to the places that the prop gives them, for thicker bodies
 
     def places(self, placement: Placement) -> Array:
         """(frames, joints, 3), where the joints belong on the prop [target file units]."""
@@ -366,8 +366,8 @@ def _contact_points(one: Performer) -> ContactPoints:
 
 
 def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, holders: Sequence[int]) -> PropContacts:
-    """The contacts of a performer with a prop, which draws no standing feet. Where a single joint holds the prop, it
-    does not draw the joint's region; several joints are drawn themselves.
+    """The contacts of a performer with a prop. It does not draw feet that stand, nor the regions of the joints that
+    hold it, since it follows these; of several joints that hold it, each is drawn itself.
     """
     supports = one.supports
     free = np.ones((len(one.clip), len(points.joints)))
@@ -406,9 +406,9 @@ def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) 
 
 
 def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
-    """(frames, joints, 3), how much higher than where the prop takes the source's the joints of `near` belong [target
-    file units]: as much as brings their skin as far over the prop as the source's, or onto it where that is in it; the
-    mean over each rest. 0 for arms and feet, for joints that are beside the prop, and for bodies without thickness.
+    """(frames, joints, 3), the `rises` of the joints of `near` [target file units]: upwards, so that their skin is as
+    high over the prop as the source's skin, or on the prop where the source's sinks in; the mean over each rest. 0 for
+    arms and feet, for joints beside the prop, and for bodies without thickness.
     """
     clip, undersides, rises = one.clip, one.match.undersides, np.zeros(near.source.shape)
     if undersides is None:
@@ -428,7 +428,7 @@ def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
 
 
 def seated(one: Performer, near: PropContacts, prop: PlacedProp) -> Performer:
-    """Return the performer on a path on which its joints are as high over a prop as they belong."""
+    """Return the performer with its path raised or lowered by the mean of what its joints on a prop lack in height."""
     up, copied = one.clip.up, one.clip.copy_on_path(near.joints)
     weights = np.where(near.rises.any(axis=2), near.f, 0.0)
     if not weights.any():

@@ -32,7 +32,7 @@ MOST_PARTS = 60  # into which a side of a triangle is divided
 CANDIDATES = 6  # triangles that are looked at for the nearest place
 LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
 PropScale = Literal["world"] | int | float
-FREE_WEIGHT = 1e-6  # least weight of a prop's free place against the joints that hold it
+FREE_WEIGHT = 1e-6  # least weight of the place that a prop has while nobody holds it, in the fit to those who do
 
 
 @dataclass(frozen=True, eq=False)

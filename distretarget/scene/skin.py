@@ -65,7 +65,7 @@ class PropShape:
 
     @property
     def radius(self) -> float:
-        """That of its balls [body units]."""
+        """The radius of the balls that stand for it [body units]."""
         return WITHIN if self.surface else 0.0
 
 
@@ -76,7 +76,7 @@ class Bodies:
 
     Attributes:
         skins: of each body.
-        sticks: whether each is thick to the others alone; False for all if not given.
+        sticks: whether each has a skin for the others alone, not for itself; False for all if not given.
         shapes: of each prop.
         moved: the motions of all props while the bodies move so.
         unit: the mean of their body units [file units].
@@ -282,7 +282,7 @@ def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[in
 
 
 def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
-    """The performer with supports off the feet that do not hold where they touch props, whose shapes do so."""
+    """The performer with supports, but for feet, let go while they touch a prop: its shape holds them."""
     supports, weights = one.supports, np.array(one.supports.weights)
     for near in touching:
         for support in range(supports.feet, len(supports.joints)):
@@ -384,8 +384,8 @@ def _how_free(one: Performer, body: BodySkin) -> Array:
 def _where_it_helps(
     performers: Sequence[Performer], bodies: Bodies, before: Sequence[Motion], after: Sequence[Motion]
 ) -> Sequence[Motion]:
-    """The motions `after` limbs are bent, with each limb that was in a prop as `before`, from where it leaves its way
-    until it is back, if it is deeper in others meanwhile: between a body and a wall that leave it no room.
+    """The motions `after` limbs are bent, without bends that make it worse: a limb that was in a prop stays as `before`
+    in each span in which it is displaced and then on average deeper in others, as between a body and a wall.
     """
     balls, (limbs, others) = bodies.balls, bodies.balls.pairs.T
     on, of_prop = bodies.displaced.limbs[balls.carriers[balls.of_ball[limbs]]], others >= COUNT * len(after)

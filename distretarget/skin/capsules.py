@@ -10,7 +10,7 @@ import numpy as np
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.quaternions import rotated
-from distretarget.numerics.vectors import F3, F4, I1, Array, Flags, Numbers, cross, normalised
+from distretarget.numerics.vectors import F3, F4, I1, Array, Flags, Numbers
 from distretarget.skeleton import HALF_TURN
 
 if TYPE_CHECKING:  # it needs scipy, which the build does without
@@ -19,7 +19,6 @@ if TYPE_CHECKING:  # it needs scipy, which the build does without
 LEAST = 1e-9  # a shorter axis is a point, and a smaller distance has no direction [any unit of length]
 MOST_TAPER = 0.99  # of the radius per length of the axis; beyond, the larger ball holds the smaller
 HOLDS = 1e9  # stands for the last number of an axis that is a point with the larger radius at its end
-RINGS, AROUND = 5, 16  # of each round end, its pole included, and points of each ring
 
 # The parts of a body whose surfaces can touch.
 LIMB_SEGMENTS = ("hand", "forearm", "upper arm", "thigh", "shin", "foot")
@@ -135,22 +134,3 @@ def may_touch(ball: Array, axis: Array, radii: Array, far: float) -> bool:
     t = max(min((x * axis[3] + y * axis[4] + z * axis[5]) * axis[6], 1.0), 0.0)
     x, y, z = x - t * axis[3], y - t * axis[4], z - t * axis[5]
     return bool(x * x + y * y + z * z < max(max(radii[0], radii[1]) + ball[3] + far, 0.0) ** 2)
-
-
-def surface_of(ends: Array, radii: Array) -> tuple[Array, Numbers]:
-    """Return the points, (points, 3), and triangles, (triangles, 3), of the surface of a tapered capsule, given by the
-    ends of its axis, (2, 3), and the radius at each, (2,).
-    """
-    bone = ends[1] - ends[0]
-    along = normalised(bone) if bone.any() else np.array([0.0, 1.0, 0.0])
-    side = normalised(cross(along, np.eye(3)[np.abs(along).argmin()]))
-    turns = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)[:, None]
-    circle = np.cos(turns) * side + np.sin(turns) * cross(along, side)
-    tilts = np.linspace(0.0, 0.5 * np.pi, RINGS)
-    rings = [(0, -tilt) for tilt in tilts[::-1]] + [(1, tilt) for tilt in tilts]
-    points = [ends[end] + radii[end] * (np.sin(tilt) * along + np.cos(tilt) * circle) for end, tilt in rings]
-    grid = np.arange(2 * RINGS * AROUND).reshape(2 * RINGS, AROUND)
-    a, c = grid[:-1], grid[1:]
-    b, d = np.roll(a, -1, axis=1), np.roll(c, -1, axis=1)
-    triangles = [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (b, d, c))]
-    return np.concatenate(points), np.concatenate(triangles)
