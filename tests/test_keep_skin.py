@@ -62,7 +62,7 @@ def test_capsules_thicker_than_the_mesh_move_no_limb_whose_skin_is_outside(name)
 def test_a_clip_of_the_same_character_keeps_its_arms(name, factor):
     """Skin that touches or is pressed in a little stays so, since both bodies are one."""
     clip = sample_run(name).motion
-    again = retarget(clip.scaled(factor), load_target(HERO))
+    again = retarget(clip.scaled(factor), sample_target("hero"))
     hands = [clip.skeleton.index(f"{side}Hand") for side in SIDES]
     off = again.motion.positions_of(hands) - clip.positions_of(hands)
     assert np.linalg.norm(off, axis=2).max() < 0.002 * again.matching.target.height
