@@ -11,6 +11,7 @@ import zlib
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -93,12 +94,6 @@ def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
 def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
     motion, skeleton, body, turn = actor.motion[::step], actor.motion.skeleton, actor.body, actor.turn
     path = (_turned(turn, motion.root_positions) - [0.0, actor.floor, 0.0]) / actor.unit
-    turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
-    turning = np.union1d(turning, [0])
-    still = np.setdiff1d(np.arange(len(skeleton)), turning)
-    world, fixed = motion.world_rotations[:, turning], motion.rotations[0, still]
-    numbers = np.rint(32767 * continuous(_turned_axes(turn, world))).reshape(len(world), -1).T
-    steps = np.diff(numbers, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)  # sums wrap round at 16 bits
     moving = motion.moving
     roles = body.roles if body else {}
     return {
@@ -111,14 +106,29 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
         "parents": skeleton.parents.tolist(),
         "offsets": encoded(_turned(turn, skeleton.offsets) / actor.unit, "<f4"),
         "path": encoded(path, "<f4"),  # (frames, 3), of the root
-        "turning": turning.tolist(),
-        "rotations": encoded(steps, "<i2"),  # (joints x 4, frames), of `turning`, in the world
-        "still": still.tolist(),
-        "fixed": encoded(_turned_axes(turn, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
+        **_rotations_data(actor.motion, step, tuple(turn.as_quat().tolist())),
         "moving": moving.joints.tolist() if moving else [],
         "translations": encoded(_turned(turn, moving.translations) / actor.unit if moving else [], "<f4"),
         "centre": roles.get("hips", 0) if body is None or body.pelvis_joint is None else body.pelvis_joint,
         "ends": [roles[role] for role in ENDS if role in roles],
+    }
+
+
+@lru_cache(maxsize=4)
+def _rotations_data(motion: Motion, step: int, turn: tuple[float, ...]) -> dict[str, Any]:
+    """The rotations of a motion, turned by a quaternion; kept for other results that have the same source and copy."""
+    motion, by = motion[::step], Rotation.from_quat(turn)
+    turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
+    turning = np.union1d(turning, [0])
+    still = np.setdiff1d(np.arange(len(motion.skeleton)), turning)
+    world, fixed = motion.world_rotations[:, turning], motion.rotations[0, still]
+    numbers = np.rint(32767 * continuous(_turned_axes(by, world))).reshape(len(world), -1).T
+    steps = np.diff(numbers, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)  # sums wrap round at 16 bits
+    return {
+        "turning": turning.tolist(),
+        "rotations": encoded(steps, "<i2"),  # (joints x 4, frames), of `turning`, in the world
+        "still": still.tolist(),
+        "fixed": encoded(_turned_axes(by, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
     }
 
 

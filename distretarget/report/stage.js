@@ -33,28 +33,49 @@ function gridOf(cell, tone) {
 }
 
 /** What of some data needs other bodies on the stage if it changes. */
-const castOf = ({sides, bodies, actors}) => JSON.stringify(
-  [sides, bodies, ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
+const castOf = ({bodies, actors}) => JSON.stringify(
+  [bodies, ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
 
-/** Gives actors their motions in some data, those that have others. */
-const setInMotion = (actors, data) => Promise.all(actors.map(async (actor, k) => {
-  const packed = JSON.stringify([data.actors[k], data.frame_time]);
-  if (packed === actor.packed) return;
-  actor.packed = packed;
-  actor.motion = await Motion.of(data.actors[k], data.frame_time);
-  actor.mesh.bent = -1;
-}));
+const isSame = (one, other = {}) => Object.keys(one).every(key => String(one[key]) === String(other[key]));
+
+/** The actors of some data, not yet in motion; `sides` are how many there are. */
+async function actorsOf(data, sides) {
+  const bodies = await Promise.all(data.bodies.map(bodyOf)), seen = Array(sides).fill(0);
+  return data.actors.map(({name, side, role, body: number, centre, ends}) => {
+    const body = bodies[number], place = seen[side]++;
+    const tone = role === 'other' ? PERFORMERS[place % 4] : COLOURS[role];
+    const plain = role === 'copy' || !body.stated.length;
+    const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
+    materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
+    return {name, side, role, centre, ends, tone, plain, materials, mesh: bendable(body, materials),
+      crown: body.crown};
+  });
+}
+
+/** Frees what the graphics card holds of an object. */
+function freed({geometry, material}) {
+  geometry?.dispose();
+  for (const one of [material ?? []].flat()) {
+    one.map?.dispose();
+    one.normalMap?.dispose();
+    one.dispose();
+  }
+}
 
 class Ground {
-  /** The ground of a scene, lit from the side that looks along `facing`. */
-  constructor(scene, facing) {
-    const light = new THREE.DirectionalLight(0xffffff, 2.1), {x, y, z} = light.position.setFromSphericalCoords(
-      1, 0.51, facing + 0.7);
+  constructor(scene) {
+    this.light = new THREE.DirectionalLight(0xffffff, 2.1);
     this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
     this.grid = new THREE.Group().add(gridOf(CELL, 'line-floor'), gridOf(BLOCK, 'line-strong'));
     this.dark = new THREE.MeshBasicMaterial({fog: false});
-    this.flat = new THREE.Matrix4().set(1, -x / y, 0, 0, 0, 0, 0, LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
-    scene.add(light, light.target, this.sky, this.grid);
+    this.flat = new THREE.Matrix4();
+    scene.add(this.light, this.light.target, this.sky, this.grid);
+  }
+
+  /** Lights it from the side that looks along `facing`. */
+  face(facing) {
+    const {x, y, z} = this.light.position.setFromSphericalCoords(1, 0.51, facing + 0.7);
+    this.flat.set(1, -x / y, 0, 0, 0, 0, 0, LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
   }
 
   /** The shadow of a mesh: the mesh pressed flat along the light. */
@@ -76,38 +97,15 @@ class Ground {
 }
 
 export class Stage {
-  /** A stage with the actors of a page; `repaint` is called when the camera moves. */
-  static async of(canvas, data, repaint) {
-    const bodies = await Promise.all(data.bodies.map(bodyOf));
-    const sides = data.sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
-    const actors = data.actors.map(actor => {
-      const side = sides[actor.side], body = bodies[actor.body];
-      const tone = actor.role === 'other' ? PERFORMERS[side.actors.length % 4] : COLOURS[actor.role];
-      const plain = actor.role === 'copy' || !body.stated.length;
-      const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
-      materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
-      const made = {...actor, tone, plain, materials, mesh: bendable(body, materials), crown: body.crown};
-      side.actors.push(made);
-      side.group.add(made.mesh);
-      return made;
-    });
-    await setInMotion(actors, data);
-    if (canvas.clientWidth < NARROW && sides.length === 3) sides[1].shown = false;
-    if (sides.length > MOST_VIEWS) sides.forEach((side, k) => { side.shown = k === (data.first || 0); });
-    return new Stage({canvas, sides, actors, repaint, facing: data.facing, frames: data.frames, cast: castOf(data)});
-  }
-
-  /** Takes the motions of other data for its own actors, and returns whether the data has these. */
-  async take(data) {
-    if (castOf(data) !== this.cast) return false;
-    await setInMotion(this.actors, data);
-    this.frames = data.frames;
-    for (const side of this.sides) side.room = this.measured(side);
-    return true;
-  }
-
-  constructor(given) {
-    Object.assign(this, given, {overlaid: false, follow: true, framed: '', drawn: -Infinity});
+  /** A stage for sides with these titles, still empty, the `first` alone if they are many; `repaint` is called when the
+   * camera moves.
+   */
+  constructor(canvas, {sides, first = 0}, repaint) {
+    this.sides = sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
+    if (canvas.clientWidth < NARROW && sides.length === 3) this.sides[1].shown = false;
+    if (sides.length > MOST_VIEWS) this.sides.forEach((side, k) => { side.shown = k === first; });
+    Object.assign(this, {canvas, repaint, actors: [], facing: 0, overlaid: false, follow: true, framed: '',
+      drawn: -Infinity});
     this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE});
     this.renderer.setScissorTest(true);
     this.scene = new THREE.Scene();
@@ -115,14 +113,52 @@ export class Stage {
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     Object.assign(this.controls, {minDistance: 0.15, maxDistance: 40, maxPolarAngle: 1.75});
     this.controls.addEventListener('change', this.repaint);
-    this.ground = new Ground(this.scene, this.facing);
-    for (const side of this.sides) {
-      side.room = this.measured(side);
-      side.group.add(...side.actors.map(({mesh}) => this.ground.shadowOf(mesh)));
-      this.scene.add(side.group);
-    }
-    this.look(0.5, 0.2);
+    this.ground = new Ground(this.scene);
+    this.scene.add(...this.sides.map(({group}) => group));
     onTheme(() => this.paint());
+  }
+
+  /** Shows the motions of some data, and its actors in place of those before where they are others; returns whether
+   * they are. What is shown stays until all is there, and the camera where it is, seen from the actors.
+   */
+  async take(data) {
+    const cast = castOf(data), isNew = cast !== this.cast, turned = data.facing - this.facing;
+    const actors = isNew ? await actorsOf(data, this.sides.length) : this.actors;
+    const given = data.actors.map(one => ({...one, time: data.frame_time}));
+    const motions = await Promise.all(given.map((one, k) => (
+      isSame(one, actors[k].given) ? actors[k].motion : Motion.of(one, data.frame_time))));
+    actors.forEach((actor, k) => {
+      if (actor.motion !== motions[k]) actor.mesh.bent = -1;
+      Object.assign(actor, {motion: motions[k], given: given[k]});
+    });
+    Object.assign(this, {frames: data.frames, facing: data.facing});
+    if (isNew) this.engage(actors);
+    for (const side of this.sides) side.room = this.measured(side);
+    if (!this.cast) this.look(0.5, 0.2);
+    else if (isNew) this.turn(turned);
+    this.cast = cast;
+    return isNew;
+  }
+
+  /** Puts actors on the stage in place of those that are there. */
+  engage(actors) {
+    this.ground.face(this.facing);
+    for (const side of this.sides) {
+      side.group.traverse(freed);
+      side.group.clear();
+      side.actors = actors.filter(actor => this.sides[actor.side] === side);
+      side.group.add(...side.actors.map(({mesh}) => mesh), ...side.actors.map(({mesh}) => this.ground.shadowOf(mesh)));
+      side.veiled = undefined;
+    }
+    this.actors = actors;
+    this.paint();
+  }
+
+  /** Turns the camera about its target, from above to the left [rad]. */
+  turn(angle) {
+    const {camera: {position}, controls} = this;
+    position.sub(controls.target).applyAxisAngle(this.camera.up, angle).add(controls.target);
+    controls.update();
   }
 
   /** Takes the colours of the page. */

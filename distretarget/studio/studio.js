@@ -14,7 +14,8 @@ const left = new Map(); // the last order of each clip, by its key
 let order = structuredClone(START);
 let past = [];
 let future = [];
-let done = null;
+let moving = null; // what the player shows in motion
+let done = null; // what else is known of it
 let asked = 0;
 let saved = true;
 let ready = false; // the player is there
@@ -70,7 +71,11 @@ async function solve() {
   if (!order.clip || !order.character) return;
   state("solving");
   try {
-    const found = await (await ask("solve", JSON.stringify(order))).json();
+    const given = JSON.stringify(order);
+    const motions = await (await ask("solve", given)).json();
+    if (turn !== asked) return;
+    showMotions(motions);
+    const found = await (await ask("judge", given, { "X-Tab": `${TAB}-judge` })).json(); // a change does not overtake it
     if (turn !== asked) return;
     done = found;
     trouble("");
@@ -206,13 +211,17 @@ function show() {
   $("save").disabled = !order.clip || !order.character;
 }
 
+function showMotions(motions) {
+  moving = motions;
+  $("empty").hidden = true;
+  $("player").hidden = $("taking").hidden = false;
+  if (ready) tell({ motions });
+}
+
 function showDone() {
+  if (ready) tell({ timeline: done.timeline });
   $("verdict").replaceChildren(...linked(done.verdict));
   $("warnings").replaceChildren(...done.warnings.map(warning));
-  $("empty").hidden = true;
-  $("player").hidden = false;
-  if (ready) tell({ stage: done.stage });
-  $("taking").hidden = false;
   $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
   $("command").textContent = done.command;
   $("parts").replaceChildren(...done.parts.map((part) => new Option(part)));
@@ -424,7 +433,8 @@ addEventListener("message", (event) => {
   if (event.source !== $("player").contentWindow) return;
   if (event.data?.ready) {
     ready = true;
-    if (done) tell({ stage: done.stage });
+    if (moving) tell({ motions: moving });
+    if (done) tell({ timeline: done.timeline });
   }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
   const { joint = -1, role } = event.data ?? {};
