@@ -32,6 +32,7 @@ from distretarget.io.input_file import load_file
 from distretarget.io.map_json import rest_pose_in
 from distretarget.io.motion_file import read_motion
 from distretarget.io.target_file import load_target
+from distretarget.report.actors import without_known
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
 from distretarget.studio.server import SAMPLES as OFFERED
@@ -187,6 +188,16 @@ def test_orders_that_go_on_from_others_give_the_same_to_the_bit(bench):
         assert done.conversion is bench.ordered().conversion
         assert done.file("glb") == other.file("glb")
         assert (done.motions, done.as_data) == (other.motions, other.as_data)
+
+
+def test_a_page_gets_only_actors_and_bodies_that_it_does_not_have(bench):
+    first = bench.ordered().motions
+    known = {one["hash"] for key in ("actors", "bodies") for one in first[key]}
+    changed = bench.ordered(contacts=[{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}]).motions
+    short = without_known(changed, known)
+    assert short["bodies"] == [one["hash"] for one in changed["bodies"]]
+    assert (short["actors"][0], short["actors"][-1]) == (changed["actors"][0]["hash"], changed["actors"][-1])
+    assert without_known(changed, ()) == changed
 
 
 def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, bench):

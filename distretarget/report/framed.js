@@ -6,7 +6,7 @@ import {showMotions, showTimeline} from './player.js';
 
 const STILL = 4; // a pointer that moves less clicks [pixels]
 const tell = message => window.parent.postMessage(message, '*');
-let queue = Promise.resolve(), asked = 0, from = [];
+let queue = Promise.resolve(), asked = 0, from = [], held = new Map(); // actors and bodies, by their hashes
 
 /** Takes a message from the page; motions that others follow already are left out. */
 async function take({motions, timeline, frame, pair}, turn) {
@@ -19,8 +19,15 @@ async function take({motions, timeline, frame, pair}, turn) {
   }
 }
 
+/** Puts what is here already in the place of hashes. */
+function complete(motions) {
+  for (const key of ['actors', 'bodies']) motions[key] = motions[key].map(one => held.get(one) ?? one);
+  held = new Map([...motions.actors, ...motions.bodies].map(one => [one.hash, one]));
+}
+
 addEventListener('message', ({source, data}) => {
   if (source !== window.parent) return;
+  if (data.motions) complete(data.motions);
   const turn = data.motions ? ++asked : asked;
   queue = queue.then(() => take(data, turn)).catch(reportError); // one after the other, so that none is lost
 });

@@ -34,9 +34,7 @@ function gridOf(cell, tone) {
 
 /** What of some data needs other bodies on the stage if it changes. */
 const castOf = ({bodies, actors}) => JSON.stringify(
-  [bodies, ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
-
-const isSame = (one, other = {}) => Object.keys(one).every(key => String(one[key]) === String(other[key]));
+  [bodies.map(({hash}) => hash), ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
 
 /** The actors of some data, not yet in motion; `sides` are how many there are. */
 async function actorsOf(data, sides) {
@@ -124,12 +122,12 @@ export class Stage {
   async take(data) {
     const cast = castOf(data), isNew = cast !== this.cast, turned = data.facing - this.facing;
     const actors = isNew ? await actorsOf(data, this.sides.length) : this.actors;
-    const given = data.actors.map(one => ({...one, time: data.frame_time}));
-    const motions = await Promise.all(given.map((one, k) => (
-      isSame(one, actors[k].given) ? actors[k].motion : Motion.of(one, data.frame_time))));
+    const keys = data.actors.map(({hash}) => `${hash} ${data.frame_time}`);
+    const motions = await Promise.all(data.actors.map((one, k) => (
+      keys[k] === actors[k].key ? actors[k].motion : Motion.of(one, data.frame_time))));
     actors.forEach((actor, k) => {
       if (actor.motion !== motions[k]) actor.mesh.bent = -1;
-      Object.assign(actor, {motion: motions[k], given: given[k]});
+      Object.assign(actor, {motion: motions[k], key: keys[k]});
     });
     Object.assign(this, {frames: data.frames, facing: data.facing});
     if (isNew) this.engage(actors);

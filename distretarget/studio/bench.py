@@ -33,7 +33,7 @@ from distretarget.skeleton import Skeleton
 from distretarget.studio.order import Names, Order, project_to_json
 
 MOST = 2_000_000_000  # of all files that were dropped [bytes]
-KEPT = 4  # so many results are kept, so that undo shows them at once
+KEPT = 3  # so many results are kept, so that undo shows them at once
 
 
 class OvertakenError(Exception):

@@ -19,6 +19,7 @@ from starlette.routing import Route
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import rest_pose_in
+from distretarget.report.actors import without_known
 from distretarget.report.page import asset, html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
@@ -129,7 +130,8 @@ class _Studio:
 
     async def solve(self, request: Request) -> Response:
         done = await self._done(request)
-        return await anyio.to_thread.run_sync(lambda: JSONResponse(done.motions))
+        known = request.headers.get("x-has", "").split(",")
+        return await anyio.to_thread.run_sync(lambda: JSONResponse(without_known(done.motions, known)))
 
     async def judge(self, request: Request) -> Response:
         done = await self._done(request)

@@ -14,7 +14,8 @@ const left = new Map(); // the last order of each clip, by its key
 let order = structuredClone(START);
 let past = [];
 let future = [];
-let moving = null; // what the player shows in motion
+let moving = null; // what the player is to show in motion, until it is there
+let has = []; // the hashes of the bodies in motion that it has
 let done = null; // what else is known of it
 let asked = 0;
 let saved = true;
@@ -72,7 +73,7 @@ async function solve() {
   state("solving");
   try {
     const given = JSON.stringify(order);
-    const motions = await (await ask("solve", given)).json();
+    const motions = await (await ask("solve", given, { "X-Has": has.join() })).json();
     if (turn !== asked) return;
     showMotions(motions);
     const found = await (await ask("judge", given, { "X-Tab": `${TAB}-judge` })).json(); // a change does not overtake it
@@ -212,10 +213,11 @@ function show() {
 }
 
 function showMotions(motions) {
-  moving = motions;
+  has = [...motions.actors, ...motions.bodies].map((one) => one.hash ?? one);
   $("empty").hidden = true;
   $("player").hidden = $("taking").hidden = false;
   if (ready) tell({ motions });
+  else moving = motions;
 }
 
 function showDone() {
