@@ -521,11 +521,13 @@ def test_each_clip_keeps_its_own_changes_and_all_are_taken_together(solved, tmp_
         assert (folder / output.name).read_bytes() == output.read_bytes()
 
 
-WHERE = """([view, joint]) => {
-  const { stage } = app, side = stage.sides[view], views = stage.views.length;
-  const { positions } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
-  const place = new THREE.Vector3().fromArray(positions, 3 * joint).add(side.group.position).project(stage.camera);
-  return [box.left + ((place.x + 1) / 2 + view) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
+WHERE = """([view, joint, share]) => {
+  const { stage } = app, side = stage.sides[view], views = stage.views.length, column = stage.overlaid ? 0 : view;
+  const { positions, parents } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
+  const at = (number) => new THREE.Vector3().fromArray(positions, 3 * number), child = parents.indexOf(joint);
+  const place = at(joint).lerp(at(child < 0 ? joint : child), share);
+  place.add(side.group.position).project(stage.camera);
+  return [box.left + ((place.x + 1) / 2 + column) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
 }"""
 
 
@@ -664,13 +666,13 @@ def test_a_gap_a_firmness_a_plant_and_a_direction_are_set_and_go_through_a_file(
     assert {**whole[0], "gap": 1} in entries_of(tab)
 
 
-def click_joint(tab, stage, view, joint):
-    """Click a joint of the body in a view."""
+def click_joint(tab, stage, view, joint, share=0.0):
+    """Click a joint of the body in a view, or that far on the way to the next."""
     box = tab.locator("#player").bounding_box()
     while stage.evaluate("innerHeight") != round(box["height"]) - 2:  # its border; it hears of its size a little later
         tab.wait_for_timeout(20)
     settle(stage)
-    x, y = stage.evaluate(WHERE, [view, joint])
+    x, y = stage.evaluate(WHERE, [view, joint, share])
     tab.mouse.click(box["x"] + x, box["y"] + y)
 
 
@@ -712,13 +714,36 @@ def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
     tab, wait = solved
     keys = load_target(HERO).skeleton.keys
     stage = drawn(tab)
+    tab.get_by_test_id("gap").fill("3")
     tab.get_by_test_id("pick").click()
-    for joint in (keys.index("LeftHand"), keys.index("Head")):
-        click_joint(tab, stage, 2, joint)
+    for part in ("LeftForeArm", "Head"):
+        click_joint(tab, stage, 2, keys.index(part), 0.5)
     wait(" --contacts clap.contacts.json")
     (entry,) = entries_of(tab)
-    assert entry["between"] == ["LeftHand", "Head"]
-    assert entry["frames"][0] == 0
+    assert entry == {"between": ["LeftForeArm", "Head"], "gap": 3, "frames": [0, 15]}
+    assert "met in part" not in tab.get_by_test_id("verdict").inner_text()
+
+
+@pytest.mark.parametrize("overlaid", [False, True])
+def test_a_click_means_the_part_whose_skin_is_there(solved, overlaid):
+    tab, _ = solved
+    stage, keys = drawn(tab), load_target(HERO).skeleton.keys
+    if overlaid:
+        stage.press("#player", "o")
+        settle(stage)
+    for part in ("LeftUpLeg", "LeftLeg", "RightArm", "RightForeArm", "Head"):
+        place = stage.evaluate(WHERE, [2, keys.index(part), 0.5])
+        found = stage.evaluate(
+            "([x, y]) => { const { left, top } = $('player').getBoundingClientRect(); "
+            "return app.stage.jointAt(x - left, y - top); }",
+            place,
+        )
+        assert keys[found["skin"]] == part
+    assert stage.evaluate("app.stage.jointAt(2, 2)") == {
+        "role": "result" if overlaid else "source",
+        "joint": -1,
+        "skin": -1,
+    }
 
 
 def test_a_project_is_saved_and_opened_again(solved, tmp_path, expect):

@@ -50,6 +50,23 @@ async function actorsOf(data, sides) {
   });
 }
 
+/** The joint that moves a mesh most where it is seen at [0, 0], -1 where it is not; `seen` are its vertices. */
+function carrierAt({geometry: {index: {array: corners}}, body}, seen) {
+  const cross = ([x, y], [u, v]) => x * v - y * u, each = body.joints.length / seen.length;
+  let carrier = -1, front = Infinity;
+  for (let t = 0; t < corners.length; t += 3) {
+    const [a, b, c] = [seen[corners[t]], seen[corners[t + 1]], seen[corners[t + 2]]];
+    const parts = [cross(b, c), cross(c, a), cross(a, b)], sum = parts[0] + parts[1] + parts[2];
+    if (!sum || parts.some(part => part * sum < 0)) continue;
+    const depth = (parts[0] * a[2] + parts[1] * b[2] + parts[2] * c[2]) / sum;
+    if (depth >= front) continue;
+    front = depth;
+    const most = Math.max(...parts.map(Math.abs));
+    carrier = body.joints[each * corners[t + parts.findIndex(part => Math.abs(part) === most)]];
+  }
+  return carrier;
+}
+
 /** Frees what the graphics card holds of an object. */
 function freed({geometry, material}) {
   geometry?.dispose();
@@ -249,20 +266,21 @@ export class Stage {
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
   }
 
-  /** The number of the joint that is nearest to a place on the canvas, -1 if none is near, and the role of its body; of
-   * bodies over each other it is the last.
+  /** What is at a place on the canvas: the number of the nearest joint, that of the joint which moves the skin there, -1
+   * for none, and the role of their body; of bodies over each other it is the last.
    */
   jointAt(left, top) {
     const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
     const view = Math.min(Math.floor(left / share), this.views.length - 1);
-    const side = this.views[view].at(-1), [{role, motion: {positions}}] = side.actors, place = new THREE.Vector3();
-    const away = Array.from({length: positions.length / 3}, (_, joint) => {
-      place.fromArray(positions, 3 * joint).add(side.group.position).project(this.camera);
-      const x = (place.x + 1) / 2 * share + view * share, y = (1 - place.y) / 2 * clientHeight;
-      return Math.hypot(x - left, y - top) + place.z; // of those at one place the nearer
+    const side = this.views[view].at(-1), [{role, motion: {positions}, mesh}] = side.actors, place = new THREE.Vector3();
+    const seen = places => Array.from({length: places.length / 3}, (_, k) => { // from the place, and how far away
+      place.fromArray(places, 3 * k).add(side.group.position).project(this.camera);
+      return [(place.x + 1) / 2 * share + view * share - left, (1 - place.y) / 2 * clientHeight - top, place.z];
     });
+    const away = seen(positions).map(([x, y, z]) => Math.hypot(x, y) + z); // of those at one place the nearer
     const nearest = Math.min(...away);
-    return {role, joint: nearest < NEAR ? away.indexOf(nearest) : -1};
+    return {role, joint: nearest < NEAR ? away.indexOf(nearest) : -1,
+      skin: carrierAt(mesh, seen(mesh.geometry.attributes.position.array))};
   }
 
   /** Draws sides into a box of the canvas, through a camera that looks at a place. */

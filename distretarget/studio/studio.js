@@ -439,11 +439,10 @@ addEventListener("message", (event) => {
     if (done) tell({ timeline: done.timeline });
   }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
-  const { joint = -1, role } = event.data ?? {};
-  if (joint < 0) return;
-  if ($("pick").getAttribute("aria-pressed") !== "true") {
-    if ($("who").open) paired(joint, role === "source");
-  } else if (role !== "source") picked(joint);
+  const { joint = -1, skin, role } = event.data ?? {};
+  if ($("pick").getAttribute("aria-pressed") === "true") {
+    if (role !== "source" && Math.max(joint, skin) >= 0) picked(skin < 0 ? joint : skin);
+  } else if ($("who").open && joint >= 0) paired(joint, role === "source");
 });
 $("order").onsubmit = (event) => event.preventDefault();
 for (const about of await (await ask("files")).json()) take(about);
