@@ -10,6 +10,7 @@ const SAMPLES = 24; // frames from which the size of the view is found
 const PERFORMERS = ['result', 'amber', 'violet', 'green'];
 const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
 const RESTS = 200; // a picture that has been the same for so long rests [ms]
+const LABELS = 56; // that titles of views take above bodies, and as much below [pixels]
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
 const NEAR = 50; // a joint that is farther from a click is not meant [pixels]
@@ -235,7 +236,7 @@ export class Stage {
     if (this.framed === aspect.toFixed(2)) return;
     this.framed = aspect.toFixed(2);
     const {room: {high, across}, controls: {target}} = this;
-    const away = Math.max(1.1 * high, across / aspect) / SLOPE + 0.3 * across;
+    const away = Math.max((1 + LABELS / this.canvas.clientHeight) * high, across / aspect) / SLOPE + 0.3 * across;
     this.camera.position.sub(target).setLength(away).add(target);
     this.controls.update();
   }

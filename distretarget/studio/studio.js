@@ -215,7 +215,7 @@ function show() {
 function showMotions(motions) {
   has = [...motions.actors, ...motions.bodies].map((one) => one.hash ?? one);
   $("empty").hidden = true;
-  $("player").hidden = $("taking").hidden = false;
+  for (const name of ["verdict", "player", "taking", "touching"]) $(name).hidden = false;
   if (ready) tell({ motions });
   else moving = motions;
 }
@@ -303,7 +303,7 @@ function picked(joint) {
   pick(!complete);
   if (!complete) return;
   const around = Math.round(AROUND / done.frame_time);
-  if (!$("frames").value) $("frames").value = `${Math.max(frame - around, 0)}-${Math.min(frame + around, done.frames - 1)}`;
+  $("frames").value = `${Math.max(frame - around, 0)}-${Math.min(frame + around, done.frames - 1)}`;
   change([...order.contacts, written()]);
 }
 
@@ -364,6 +364,7 @@ $("undo").onclick = () => step(past, future);
 $("redo").onclick = () => step(future, past);
 $("who").ontoggle = () => {
   if (done) showPair();
+  if ($("who").open) pick(false);
   $("who").scrollIntoView({ block: "nearest" });
 };
 $("format").onchange = (event) => set({ format: event.target.value });
