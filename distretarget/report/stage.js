@@ -34,8 +34,8 @@ function gridOf(cell, tone) {
 }
 
 /** What of some data needs other bodies on the stage if it changes. */
-const castOf = ({bodies, actors}) => JSON.stringify(
-  [bodies.map(({hash}) => hash), ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
+const castOf = ({bodies, actors}) => JSON.stringify([bodies.map(({hash}) => hash), actors.map(
+  ({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
 
 /** The actors of some data, not yet in motion; `sides` are how many there are. */
 async function actorsOf(data, sides) {
@@ -267,13 +267,14 @@ export class Stage {
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
   }
 
-  /** What is at a place on the canvas: the number of the nearest joint, that of the joint which moves the skin there, -1
-   * for none, and the role of their body; of bodies over each other it is the last.
+  /** What is at a place on the canvas: the number of the nearest joint, that of the joint which moves the skin there
+   * (-1 for none), and the role of their body; of bodies over each other it is the last.
    */
   jointAt(left, top) {
     const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
     const view = Math.min(Math.floor(left / share), this.views.length - 1);
-    const side = this.views[view].at(-1), [{role, motion: {positions}, mesh}] = side.actors, place = new THREE.Vector3();
+    const side = this.views[view].at(-1), [{role, motion: {positions}, mesh}] = side.actors;
+    const place = new THREE.Vector3();
     const seen = places => Array.from({length: places.length / 3}, (_, k) => { // from the place, and how far away
       place.fromArray(places, 3 * k).add(side.group.position).project(this.camera);
       return [(place.x + 1) / 2 * share + view * share - left, (1 - place.y) / 2 * clientHeight - top, place.z];
