@@ -679,7 +679,11 @@ def click_joint(tab, stage, view, joint, share=0.0):
 def test_two_clicks_on_bodies_pair_their_joints(solved, expect):
     tab, wait = solved
     stage, pairing = drawn(tab), tab.get_by_test_id("pairing")
+    how = tab.locator("details", has_text="Objective")
+    how.locator("summary").click()
+    expect(how).to_have_attribute("open", "")
     tab.get_by_text("Who drives whom").click()
+    expect(how).not_to_have_attribute("open", "")  # one panel at a time
     row = tab.locator("[data-driven=RightForeArm]")
     expect(row.locator("select")).to_have_value("RightElbow")
     click_joint(tab, stage, 2, load_target(HERO).skeleton.keys.index("Head"))  # nothing is to drive it yet
@@ -710,17 +714,23 @@ def test_a_rest_pose_is_given_and_taken_back(solved, expect):
     expect(tab.locator("#trouble")).to_contain_text("bad.bvh")
 
 
-def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
+def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved, expect):
     tab, wait = solved
     keys = load_target(HERO).skeleton.keys
     stage = drawn(tab)
     tab.get_by_test_id("gap").fill("3")
-    tab.get_by_test_id("pick").click()
-    for part in ("LeftForeArm", "Head"):
-        click_joint(tab, stage, 2, keys.index(part), 0.5)
+    for frame, parts, count in ((0, ("LeftForeArm", "Head"), 1), (255, ("RightHand", "RightUpLeg"), 2)):
+        stage.evaluate("(frame) => goTo(frame)", frame)
+        settle(stage)
+        tab.get_by_test_id("pick").click()
+        for part in parts:
+            click_joint(tab, stage, 2, keys.index(part), 0.5)
+        expect(tab.locator("[data-testid=contact][data-mark=added]")).to_have_count(count, timeout=30_000)
     wait(" --contacts clap.contacts.json")
-    (entry,) = entries_of(tab)
-    assert entry == {"between": ["LeftForeArm", "Head"], "gap": 3, "frames": [0, 15]}
+    assert entries_of(tab) == [
+        {"between": ["LeftForeArm", "Head"], "gap": 3, "frames": [0, 15]},
+        {"between": ["RightHand", "RightUpLeg"], "gap": 3, "frames": [240, 270]},
+    ]
     assert "met in part" not in tab.get_by_test_id("verdict").inner_text()
 
 
