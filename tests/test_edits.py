@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from distretarget import (
     write_bvh,
 )
 from distretarget.cli import cli
+from distretarget.pipeline.edits import carry_of
 from distretarget.skeleton import Skeleton
 
 SIDES = re.compile("Left|Right")
@@ -203,6 +205,89 @@ def test_a_batch_retargets_again_what_is_edited_otherwise(tmp_path, walk):
         ran = CliRunner().invoke(cli, [*command, *edits])
         assert ran.exit_code == 0, ran.output
         assert f"{converted} converted" in ran.output, json.dumps(ran.output)
+
+
+@pytest.fixture(scope="module")
+def waltz():
+    """Two dancers, the second of whom has the axes of her rest pose turned, so that she faces elsewhere in it."""
+    lead, follower = (read_bvh(SAMPLES / "scenes" / "waltz" / f"{name}.bvh") for name in ("lead", "follower"))
+    turn, skeleton = Rotation.from_euler("y", 70, degrees=True), follower.skeleton
+    rotations = (Rotation.from_quat(follower.rotations.reshape(-1, 4)) * turn.inv()).as_quat()
+    local = (turn * Rotation.from_quat(rotations)).as_quat().reshape(follower.rotations.shape)
+    local[:, 0] = rotations.reshape(local.shape)[:, 0]
+    turned_rest = replace(skeleton, offsets=turn.apply(np.array(skeleton.offsets)))
+    same = replace(follower, skeleton=turned_rest, rotations=local)
+    np.testing.assert_allclose(same.positions, follower.positions, atol=1e-6 * size(follower))
+    return lead, same
+
+
+def apart(one, other):
+    """(frames, joints, joints), how far the joints of two dancers are apart."""
+    return np.linalg.norm(one.positions[:, :, None] - other.positions[:, None], axis=3)
+
+
+def test_dancers_that_are_turned_or_mirrored_stay_as_far_apart(waltz):
+    before = apart(*waltz)
+    turned_by = Rotation.from_euler("y", 40, degrees=True)
+    for one, motion in zip(Edits(turn=40.0).together(waltz), waltz, strict=True):
+        np.testing.assert_allclose(
+            one.positions,
+            turned_by.apply(motion.positions.reshape(-1, 3)).reshape(one.positions.shape),
+            atol=1e-6 * size(motion),
+        )
+    mirror = Edits(mirror=True)
+    sides = [other_side(motion.skeleton) for motion in waltz]
+    np.testing.assert_allclose(
+        apart(*mirror.together(waltz)), before[:, sides[0]][:, :, sides[1]], atol=0.01 * size(waltz[0])
+    )
+    for again, motion in zip(mirror.together(mirror.together(waltz)), waltz, strict=True):
+        np.testing.assert_allclose(again.positions, motion.positions, atol=1e-6 * size(motion))
+
+
+def test_dancers_are_cut_and_sped_up_alike_and_go_on_from_round_to_round_together(waltz):
+    lead, follower = Edits(end="60f", speed=2.0).together(waltz)
+    assert len(lead) == len(follower) == 31
+    np.testing.assert_allclose(apart(lead, follower)[5], apart(*waltz)[10], atol=1e-6 * size(waltz[0]))
+    part = Edits(end="60f").together(waltz)
+    turn, shift = carry_of(part[0])
+    for dancer, motion in zip(Edits(end="60f", loop=True).together(waltz), part, strict=True):
+        ahead = turn.apply(dancer.positions[0]) + shift
+        steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=2).max()
+        assert np.linalg.norm(ahead - dancer.positions[-1], axis=1).max() < 1.5 * steps
+
+
+def test_props_turn_with_their_performers_and_are_not_mirrored(waltz):
+    staff, table = (tree_of([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]) for _ in range(2))
+    moving, still = swaying(staff, len(waltz[0])), swaying(table, 1)
+    before = np.linalg.norm(waltz[0].positions - moving.positions[:, :1], axis=2)
+    *dancers, staff, table = Edits(turn=90.0, end="9f", loop=True).together(waltz, [moving, still])
+    assert [len(each) for each in (*dancers, staff, table)] == [10, 10, 10, 1]
+    middle = np.linalg.norm(dancers[0].positions - staff.positions[:, :1], axis=2)[5]
+    assert middle == pytest.approx(before[5], abs=0.02 * size(waltz[0]))
+    np.testing.assert_allclose(
+        table.positions[0, 0], Rotation.from_euler("y", 90, degrees=True).apply(still.positions[0, 0])
+    )
+    with pytest.raises(SettingsError, match="props have no left and right"):
+        Edits(mirror=True).together(waltz, [still])
+
+
+def test_a_scene_is_edited_by_its_options_and_by_its_file(tmp_path):
+    folder = SAMPLES / "scenes" / "waltz"
+    scene = json.loads((folder / "scene.json").read_text())
+    for performer in scene["performers"]:
+        for key in ("source", "target"):
+            performer[key] = str((folder / performer[key]).resolve())
+    how = {"end": "50f", "speed": 2, "mirror": True, "turn": 30, "loop": True}
+    (tmp_path / "scene.json").write_text(json.dumps(scene | how))
+    files = [each["source"] for each in scene["performers"]]
+    targets = [word for each in scene["performers"] for word in ("-t", each["target"])]
+    options = ["--end", "50f", "--speed", "2", "--mirror", "--turn", "30", "--loop"]
+    for name, words in (("file", [str(tmp_path / "scene.json")]), ("options", [*files, *targets, *options])):
+        ran = CliRunner().invoke(cli, ["scene", *words, "-o", str(tmp_path / name)])
+        assert ran.exit_code == 0, ran.output
+    results = [sorted(path.read_bytes() for path in (tmp_path / name).iterdir()) for name in ("file", "options")]
+    assert results[0] == results[1]
+    assert len(read_bvh(next((tmp_path / "file").glob("*.bvh")))) == 26
 
 
 @pytest.mark.parametrize("given", ["x", "-1", "f", "nan"])

@@ -32,11 +32,10 @@ from distretarget.io.input_file import load_file
 from distretarget.measure.diff import diff
 from distretarget.measure.metrics import METRICS, NOT_RUN, metrics_at
 from distretarget.pipeline.found_contacts import contacts_of, marked_contacts
-from distretarget.report.actors import encoded
+from distretarget.report.actors import encoded, thinned
 from distretarget.report.clip_page import diff_page, run_diff, run_page
 from distretarget.report.diff_document import About, document
 from distretarget.report.page import script_json
-from distretarget.report.stage import stage_data
 
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{stage}} __proto__ \u202e" + 10_000 * "x"
 
@@ -119,7 +118,7 @@ def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():
 
 
 def test_a_long_clip_is_thinned(monkeypatch):
-    monkeypatch.setattr(stage_data, "__defaults__", (50_000, ()))
+    monkeypatch.setattr(thinned, "__defaults__", (50_000,))
     motion = swaying(PERSON, 2000)
     one, _ = stage_of(motion, motion)["actors"]
     assert one["step"] > 1

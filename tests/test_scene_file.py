@@ -9,7 +9,16 @@ from bodies import SAMPLES, person, swaying
 from program import run
 from schemas import validator
 
-from distretarget import MotionError, SkeletonFileError, diff, read_bvh, read_motion, retarget_scene, write_bvh
+from distretarget import (
+    Edits,
+    MotionError,
+    SkeletonFileError,
+    diff,
+    read_bvh,
+    read_motion,
+    retarget_scene,
+    write_bvh,
+)
 from distretarget.scene.props import Grip
 from distretarget.scene.scene_file import load_scene, started, synchronised
 
@@ -55,6 +64,11 @@ def test_everything_that_a_scene_may_say(tmp_path):
         "skin": "none",
         "cut": True,
         "resample": True,
+        "end": "90f",
+        "speed": 2,
+        "mirror": False,
+        "turn": -30,
+        "loop": True,
     }
     assert validator("io/scene").is_valid(document)
     setup = load_scene(written(tmp_path, document))
@@ -74,6 +88,7 @@ def test_everything_that_a_scene_may_say(tmp_path):
         1,
     )
     assert setup.skin == "none"
+    assert setup.edits == Edits(end="90f", speed=2.0, turn=-30.0, loop=True)
     lead, follower = setup.performers
     assert lead.start == 0.5
     assert (lead.skin, lead.source_skin) == (tmp_path / "fat.glb", tmp_path / "actor.glb")
@@ -105,6 +120,7 @@ BAD = {
     "name with an end": ({**HEAD, "performers": [{**ONE, "name": "x."}]}, "performers[0].name", "that a file can have"),
     "name of a path": ({**HEAD, "performers": [{**ONE, "name": "../x"}]}, "performers[0].name", "without slashes"),
     "other supports": ({**HEAD, "performers": [ONE], "supports": "all"}, "supports", "one of"),
+    "no speed": ({**HEAD, "performers": [ONE], "speed": 0}, "speed", "above 0"),
     "no flag": ({**HEAD, "performers": [ONE], "cut": 1}, "cut", "true or false"),
     "no skin": (
         {**HEAD, "performers": [{**ONE, "skin": "avrage"}]},

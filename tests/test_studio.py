@@ -24,6 +24,7 @@ import pytest
 from bodies import HERO, SAMPLES, person
 from click.testing import CliRunner
 from fbx_text import Node, fbx
+from pages import settle
 
 from distretarget.cli import cli
 from distretarget.errors import DistretargetError, FileError, SettingsError
@@ -31,6 +32,7 @@ from distretarget.io.input_file import load_file
 from distretarget.io.map_json import rest_pose_in
 from distretarget.io.motion_file import read_motion
 from distretarget.io.target_file import load_target
+from distretarget.report.actors import without_known
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
 from distretarget.studio.server import SAMPLES as OFFERED
@@ -185,7 +187,17 @@ def test_orders_that_go_on_from_others_give_the_same_to_the_bit(bench):
         done, other = bench.ordered(contacts=entries), Dropped().ordered(contacts=entries)
         assert done.conversion is bench.ordered().conversion
         assert done.file("glb") == other.file("glb")
-        assert done.as_data == other.as_data
+        assert (done.motions, done.as_data) == (other.motions, other.as_data)
+
+
+def test_a_page_gets_only_actors_and_bodies_that_it_does_not_have(bench):
+    first = bench.ordered().motions
+    known = {one["hash"] for key in ("actors", "bodies") for one in first[key]}
+    changed = bench.ordered(contacts=[{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}]).motions
+    short = without_known(changed, known)
+    assert short["bodies"] == [one["hash"] for one in changed["bodies"]]
+    assert (short["actors"][0], short["actors"][-1]) == (changed["actors"][0]["hash"], changed["actors"][-1])
+    assert without_known(changed, ()) == changed
 
 
 def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, bench):
@@ -509,11 +521,13 @@ def test_each_clip_keeps_its_own_changes_and_all_are_taken_together(solved, tmp_
         assert (folder / output.name).read_bytes() == output.read_bytes()
 
 
-WHERE = """([view, joint]) => {
-  const { stage } = app, side = stage.sides[view], views = stage.views.length;
-  const { positions } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
-  const place = new THREE.Vector3().fromArray(positions, 3 * joint).add(side.group.position).project(stage.camera);
-  return [box.left + ((place.x + 1) / 2 + view) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
+WHERE = """([view, joint, share]) => {
+  const { stage } = app, side = stage.sides[view], views = stage.views.length, column = stage.overlaid ? 0 : view;
+  const { positions, parents } = side.actors[0].motion, box = stage.canvas.getBoundingClientRect();
+  const at = (number) => new THREE.Vector3().fromArray(positions, 3 * number), child = parents.indexOf(joint);
+  const place = at(joint).lerp(at(child < 0 ? joint : child), share);
+  place.add(side.group.position).project(stage.camera);
+  return [box.left + ((place.x + 1) / 2 + column) * box.width / views, box.top + (1 - place.y) / 2 * box.height];
 }"""
 
 
@@ -652,17 +666,24 @@ def test_a_gap_a_firmness_a_plant_and_a_direction_are_set_and_go_through_a_file(
     assert {**whole[0], "gap": 1} in entries_of(tab)
 
 
-def click_joint(tab, stage, view, joint):
-    """Click a joint of the body in a view."""
+def click_joint(tab, stage, view, joint, share=0.0):
+    """Click a joint of the body in a view, or that far on the way to the next."""
     box = tab.locator("#player").bounding_box()
-    x, y = stage.evaluate(WHERE, [view, joint])
+    while stage.evaluate("innerHeight") != round(box["height"]) - 2:  # its border; it hears of its size a little later
+        tab.wait_for_timeout(20)
+    settle(stage)
+    x, y = stage.evaluate(WHERE, [view, joint, share])
     tab.mouse.click(box["x"] + x, box["y"] + y)
 
 
 def test_two_clicks_on_bodies_pair_their_joints(solved, expect):
     tab, wait = solved
     stage, pairing = drawn(tab), tab.get_by_test_id("pairing")
+    how = tab.locator("details", has_text="Objective")
+    how.locator("summary").click()
+    expect(how).to_have_attribute("open", "")
     tab.get_by_text("Who drives whom").click()
+    expect(how).not_to_have_attribute("open", "")  # one panel at a time
     row = tab.locator("[data-driven=RightForeArm]")
     expect(row.locator("select")).to_have_value("RightElbow")
     click_joint(tab, stage, 2, load_target(HERO).skeleton.keys.index("Head"))  # nothing is to drive it yet
@@ -693,17 +714,46 @@ def test_a_rest_pose_is_given_and_taken_back(solved, expect):
     expect(tab.locator("#trouble")).to_contain_text("bad.bvh")
 
 
-def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved):
+def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved, expect):
     tab, wait = solved
     keys = load_target(HERO).skeleton.keys
     stage = drawn(tab)
-    tab.get_by_test_id("pick").click()
-    for joint in (keys.index("LeftHand"), keys.index("Head")):
-        click_joint(tab, stage, 2, joint)
+    tab.get_by_test_id("gap").fill("3")
+    for frame, parts, count in ((0, ("LeftForeArm", "Head"), 1), (255, ("RightHand", "RightUpLeg"), 2)):
+        stage.evaluate("(frame) => goTo(frame)", frame)
+        settle(stage)
+        tab.get_by_test_id("pick").click()
+        for part in parts:
+            click_joint(tab, stage, 2, keys.index(part), 0.5)
+        expect(tab.locator("[data-testid=contact][data-mark=added]")).to_have_count(count, timeout=30_000)
     wait(" --contacts clap.contacts.json")
-    (entry,) = entries_of(tab)
-    assert entry["between"] == ["LeftHand", "Head"]
-    assert entry["frames"][0] == 0
+    assert entries_of(tab) == [
+        {"between": ["LeftForeArm", "Head"], "gap": 3, "frames": [0, 15]},
+        {"between": ["RightHand", "RightUpLeg"], "gap": 3, "frames": [240, 270]},
+    ]
+    assert "met in part" not in tab.get_by_test_id("verdict").inner_text()
+
+
+@pytest.mark.parametrize("overlaid", [False, True])
+def test_a_click_means_the_part_whose_skin_is_there(solved, overlaid):
+    tab, _ = solved
+    stage, keys = drawn(tab), load_target(HERO).skeleton.keys
+    if overlaid:
+        stage.press("#player", "o")
+        settle(stage)
+    for part in ("LeftUpLeg", "LeftLeg", "RightArm", "RightForeArm", "Head"):
+        place = stage.evaluate(WHERE, [2, keys.index(part), 0.5])
+        found = stage.evaluate(
+            "([x, y]) => { const { left, top } = $('player').getBoundingClientRect(); "
+            "return app.stage.jointAt(x - left, y - top); }",
+            place,
+        )
+        assert keys[found["skin"]] == part
+    assert stage.evaluate("app.stage.jointAt(2, 2)") == {
+        "role": "result" if overlaid else "source",
+        "joint": -1,
+        "skin": -1,
+    }
 
 
 def test_a_project_is_saved_and_opened_again(solved, tmp_path, expect):
@@ -816,18 +866,44 @@ def test_files_that_do_not_fit_together_are_refused(monkeypatch):
     assert len(full.dropped) == 2
 
 
-def test_a_frame_in_the_verdict_leads_there(solved):
+def test_a_frame_in_the_verdict_leads_there(solved, expect):
     tab, _ = solved
-    stage = drawn(tab)
     link = tab.get_by_test_id("verdict").get_by_role("button").first
-    frame = int(link.inner_text().split()[-1])
-    assert frame > 0
-    for _ in range(100):  # a click while the player is built anew is lost
-        link.click()
-        tab.wait_for_timeout(50)
-        if stage.evaluate("app.clock.frame") == frame:
-            return
-    pytest.fail(f"frame {stage.evaluate('app.clock.frame')} is shown, not {frame}")
+    frame = link.inner_text().split()[-1]
+    assert int(frame) > 0
+    link.click()  # even before the player is there
+    expect(tab.frame_locator("#player").locator("#now")).to_contain_text(f"{frame} / 276")
+
+
+SEEN = """[app.clock.frame, app.clock.loop, app.stage.camera.position.toArray(), app.stage.controls.target.toArray(),
+  app.stage.sides.map(({ shown }) => shown), app.stage.overlaid, app.marks.trails, app.marks.pair]"""
+BODY = "app.stage.actors[2].mesh.geometry.attributes.position.count"
+
+
+def test_frame_view_and_selection_stay_while_contacts_and_bodies_change(solved, expect):
+    tab, wait = solved
+    stage = drawn(tab)
+    tab.get_by_text("Who drives whom").click()
+    click_joint(tab, stage, 0, read_motion(SAMPLES / "clap.bvh").skeleton.keys.index("LeftElbow"))
+    for key in ("l", "End", "l", "ArrowLeft", "t", "o", "Shift+d", "d", "+"):
+        stage.press("#player", key)
+    stage.get_by_role("button", name="Copied rotations").click()
+    settle(stage)
+    seen, corners = stage.evaluate(SEEN), stage.evaluate(BODY)
+    assert (seen[0], seen[1], seen[4:7]) == (275, [0, 276], [[True, False, True], True, True])
+    assert seen[-1][0] > 0
+    tab.get_by_test_id("drop-contact").last.click()
+    wait(" --contacts clap.contacts.json")
+    expect(tab.frame_locator("#player").locator("#entry")).to_contain_text("dropped: ")
+    assert (stage.evaluate(SEEN), stage.evaluate(BODY)) == (seen, corners)
+    tab.set_input_files("[data-testid=character]", SAMPLES / "child.json")
+    expect(tab.get_by_test_id("command")).to_contain_text("clap_child.bvh", timeout=30_000)
+    settle(stage)
+    other = stage.evaluate(SEEN)
+    assert stage.evaluate(BODY) != corners
+    assert other[:2] + other[4:7] == seen[:2] + seen[4:7]
+    apart = [np.linalg.norm(np.subtract(*each[2:4])) for each in (seen, other)]
+    assert apart[0] == pytest.approx(apart[1])
 
 
 def test_a_second_tab_has_the_files_and_orders_of_its_own(solved, browser, expect):

@@ -333,6 +333,11 @@ def converting(*between: Decorator) -> Decorator:
     return decorate
 
 
+def editing_together(command: Command) -> Command:
+    """Add the options that edit all clips of a scene together to a command."""
+    return _with(EDITING[1:], command)
+
+
 def _taken(kind: type[Any], given: dict[str, Any]) -> Any:
     """Some settings, from their fields, which are taken out of what is given."""
     return kind(**{field.name: given.pop(field.name) for field in fields(kind)})

@@ -22,6 +22,7 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     PATH,
     SUPPORTS_OPTION,
+    editing_together,
     file_option,
     of_skin,
     positive,
@@ -44,10 +45,11 @@ from distretarget.io.formats import MOTION_SUFFIXES, OUTPUTS
 from distretarget.io.input_file import load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, as_written, content_of, suffix_of
 from distretarget.io.target_file import TargetFile
+from distretarget.pipeline.edits import Edits
 from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.retargeting import SceneResult
-from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
+from distretarget.scene.scene_file import EDITS, SCENE_NAME, PerformerFiles, SceneSetup, load_scene
 
 TOLD_DEPTH = 0.5  # performers that are less deep in each other are not told to be [% of height]
 EACH = {  # what is given once for all performers or once for each, as in `PerformerFiles`; and how errors call it
@@ -84,6 +86,7 @@ EACH = {  # what is given once for all performers or once for each, as in `Perfo
     metavar="SECONDS",
     help="The time to leave out at the beginning of a clip: once for all, or once for each clip in order. Default: 0.",
 )
+@editing_together
 @click.option(
     "--world-scale",
     type=positive,
@@ -173,7 +176,8 @@ def _setup(sources: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
         PerformerFiles(name=file.stem, file=file, **dict(zip(given, each, strict=True)))
         for file, *each in zip(sources, *map(cycle, given.values()), strict=False)
     )
-    return SceneSetup(performers=performers, **options)
+    edits = Edits(**{name: options.pop(name) for name in EDITS})
+    return SceneSetup(performers=performers, **options, edits=edits)
 
 
 def _retarget_folder(path: Path, results: Results, report: Path | None) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import secrets
 import socket
+import sys
 import webbrowser
 from pathlib import Path
 from types import FrameType
@@ -18,6 +20,7 @@ from distretarget.io.files import read_bytes
 
 NEEDED = ("starlette", "uvicorn")
 HOST = "127.0.0.1"
+M_ARENA_MAX, ARENAS = -8, 2  # glibc's number of the setting, and how many heaps threads share
 
 
 @click.command("studio")
@@ -38,6 +41,7 @@ def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None
     """  # noqa: D301
     if any(importlib.util.find_spec(name) is None for name in NEEDED):
         raise MissingPackageError("the studio needs starlette and uvicorn; pip install 'distretarget[studio]'")
+    _share_heaps()
     import uvicorn
 
     from distretarget.studio.bench import Bench
@@ -66,3 +70,10 @@ def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None
     if not no_browser:
         webbrowser.open(address)
     server.run(sockets=[listening])
+
+
+def _share_heaps() -> None:
+    """Let threads share heaps where the C library is glibc, so that each does not keep what it has freed."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt:
+        mallopt(M_ARENA_MAX, ARENAS)

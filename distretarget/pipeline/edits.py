@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -31,8 +32,11 @@ Time = float | str
 """A time of a clip [s], or the number of a frame, from 0 on, as in "90f"."""
 
 
-def mirrored(motion: Motion) -> Motion:
+def mirrored(motion: Motion, across: Array | None = None) -> Motion:
     """Return a motion as in an upright mirror through the origin: each joint moves as its partner on the other side.
+
+    `across`, (3,), is the unit vector along which the world is mirrored; that to the left of the body's rest pose by
+    default.
 
     Partners are found by the anatomy, and all others by where they are in the rest pose. What has no partner keeps its
     rotations. On bodies whose sides differ, bones point where those of their partners do in the mirror. Mirrored twice,
@@ -46,9 +50,8 @@ def mirrored(motion: Motion) -> Motion:
         return motion
     roles = _roles(body, skeleton)
     left = _left(skeleton, roles)
-    if left is None:
-        raise MotionError("shows no human body, so that there is no left and right to exchange")
-    in_rest, in_world = _reflection(left), _reflection(normalised(perpendicular(left, body.up_vector)))
+    across = normalised(perpendicular(left, body.up_vector)) if across is None else across
+    in_rest, in_world = _reflection(left), _reflection(across)
     partners = find_partners(skeleton, roles, in_rest)
     before, local = _matrices(motion.world_rotations), _matrices(motion.rotations)
     world = np.zeros_like(before)
@@ -118,16 +121,16 @@ def _other_side(role: str) -> str:
     return role
 
 
-def _left(skeleton: Skeleton, roles: Mapping[str, int]) -> Array | None:
-    """(3,), the unit vector to the left of a body in its rest pose, by all that it has on both sides; None if that is
-    nothing.
+def _left(skeleton: Skeleton, roles: Mapping[str, int]) -> Array:
+    """(3,), the unit vector to the left of a body in its rest pose, by all that it has on both sides; a MotionError if
+    that is nothing.
     """
     rest, across = skeleton.rest_positions, np.zeros(3)
     for role, joint in roles.items():
         if role.startswith(SIDES[0]) and _other_side(role) in roles:
             across += rest[joint] - rest[roles[_other_side(role)]]
     if not across.any():
-        return None
+        raise MotionError("shows no human body, so that there is no left and right to exchange")
     axis, cosine = nearest_axis(normalised(across))
     return axis_vector(axis) if cosine > AHEAD else normalised(across)
 
@@ -186,11 +189,37 @@ class Edits:
 
     def of(self, motion: Motion) -> Motion:
         """Return the edited motion; errors as in the functions."""
-        motion = trimmed(motion, self.start, self.end)
-        motion = motion if self.speed == 1.0 else at_speed(motion, self.speed)
-        motion = mirrored(motion) if self.mirror else motion
-        motion = turned(motion, self.turn) if self.turn else motion
-        return looped(motion) if self.loop else motion
+        return self.together([motion])[0]
+
+    def together(self, performers: Sequence[Motion], props: Sequence[Motion] = ()) -> list[Motion]:
+        """Return the edited motions of performers, and of props after them, in one world: mirrored, turned and carried
+        from round to round as the first performer. Props of one frame only turn.
+
+        Raises:
+            SettingsError: props are to be mirrored, which have no left and right.
+            MotionError: as in the functions.
+        """
+        if self.mirror and props:
+            raise SettingsError("props have no left and right to mirror; leave out mirror, or the props")
+        motions = [*performers, *props]
+        moving = [k < len(performers) or len(motion) > 1 for k, motion in enumerate(motions)]
+
+        def over_time(edit: Callable[[Motion], Motion]) -> list[Motion]:
+            return [edit(motion) if moves else motion for motion, moves in zip(motions, moving, strict=True)]
+
+        motions = over_time(partial(trimmed, start=self.start, end=self.end))
+        if self.speed != 1.0:
+            motions = over_time(partial(at_speed, factor=self.speed))
+        if self.mirror:
+            body, skeleton = Body.of_motion(motions[0]), motions[0].skeleton
+            left = _left(skeleton, _roles(body, skeleton))
+            motions = over_time(partial(mirrored, across=normalised(perpendicular(left, body.up_vector))))
+        if self.turn:
+            up = Body.of_motion(motions[0]).up_vector
+            motions = [turned(motion, self.turn, up) for motion in motions]
+        if self.loop:
+            motions = over_time(partial(looped, carry=carry_of(motions[0])))
+        return motions
 
     def of_values(self, values_at: Callable[[Array], Array], frames: int, frame_time: float) -> Array:
         """Return values, (frames, n), beside an edited motion of so many frames; `values_at` returns those at times of
@@ -254,31 +283,36 @@ def at_speed(motion: Motion, factor: float) -> Motion:
     return faster.resampled(motion.frame_time_text)
 
 
-def turned(motion: Motion, degrees: float) -> Motion:
-    """Return a motion turned to the left about the vertical through the origin."""
-    return motion.in_turned_world(Rotation.from_rotvec(np.radians(degrees) * Body.of_motion(motion).up_vector))
+def turned(motion: Motion, degrees: float, up: Array | None = None) -> Motion:
+    """Return a motion turned to the left about the vertical through the origin: about `up`, (3,), or the body's own."""
+    up = Body.of_motion(motion).up_vector if up is None else up
+    return motion.in_turned_world(Rotation.from_rotvec(np.radians(degrees) * up))
 
 
-def looped(motion: Motion) -> Motion:
+Carry = tuple[Rotation, Array]
+"""The turn and the shift, (3,), that carry one round of a loop to the next: about the vertical, and along the floor."""
+
+
+def looped(motion: Motion, carry: Carry | None = None) -> Motion:
     """Return a motion whose last frame leads to its first without a jump: poses and speeds about the seam are bent to
     what is between them.
 
-    The path along the floor and the heading go on from round to round, unless the body ends about where it began.
+    The path along the floor and the heading go on from round to round by the `carry` of another motion, or by its own,
+    unless the body ends about where it began.
 
     Raises:
         MotionError: it has under four frames.
     """
     if len(motion) < 4:
         raise MotionError(f"has {len(motion)} frames; a loop takes at least 4")
-    body = Body.of_motion(motion)
-    on = _carry(motion, body)
+    on = carry_of(motion) if carry is None else carry
     count = len(motion)
     seam = _seam(count, motion.frame_time)
     rotations = [Rotation.from_quat(motion.rotations[:, joint]) for joint in range(len(motion.skeleton))]
     translations = np.swapaxes(motion.translations, 0, 1).copy()
     for joint, turns in enumerate(rotations):
-        carry = on[0] if joint == 0 else Rotation.identity()
-        ahead = carry * turns[[0, 1]]  # the next round
+        turn = on[0] if joint == 0 else Rotation.identity()
+        ahead = turn * turns[[0, 1]]  # the next round
         off = (turns[-1].inv() * ahead[0]).as_rotvec()
         speeds = np.stack([(turns[-2].inv() * turns[-1]).as_rotvec(), (ahead[0].inv() * ahead[1]).as_rotvec()])
         bend = _bends(off, speeds, seam, count)
@@ -317,8 +351,9 @@ def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
     return bends
 
 
-def _carry(motion: Motion, body: Body) -> tuple[Rotation, Array]:
-    """The turn and the shift that carry one round of a loop to the next: about the vertical, and along the floor."""
+def carry_of(motion: Motion) -> Carry:
+    """Return what carries one round of a motion to the next; nothing does if it ends about where it began."""
+    body = Body.of_motion(motion)
     up = body.up_vector
     first, last = (Rotation.from_quat(motion.rotations[frame, 0]) for frame in (0, -1))
     vector = (last * first.inv()).as_rotvec()

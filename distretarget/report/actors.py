@@ -7,10 +7,13 @@ body of 1.7 m. Rows of numbers that change little from frame to frame are stored
 
 from __future__ import annotations
 
+import json
 import zlib
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from hashlib import sha256
 from typing import Any, Literal
 
 import numpy as np
@@ -25,6 +28,7 @@ from distretarget.numerics.vectors import Array
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 
+Quaternion = tuple[float, ...]
 Role = Literal["source", "copy", "result", "other", "prop"]
 
 BUDGET = 8_000_000  # most characters for the rotations of all actors; of longer clips some frames are shown
@@ -35,6 +39,7 @@ FLOOR_PERCENTILE = 10.0  # percentile of the lowest heights of the skin that is 
 STICK = 0.009  # radius of bones without skin [body units]
 STILL = 1e-7  # joints whose rotations relative to their parents change by less do not turn [quaternions]
 INFLUENCES = 4  # joints that move a vertex, at most
+HASH = 32  # digits of a hash
 ENDS = ("leftHand", "rightHand", "leftFoot", "rightFoot")  # whose paths can be shown
 
 
@@ -76,7 +81,7 @@ def thinned(actors: Sequence[Actor], budget: int = BUDGET) -> dict[str, Any]:
 
 
 def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
-    """Return the actors of a page, and their bodies, each once; one frame in `step` is in it."""
+    """Return the actors of a page, and their bodies, each once and with a hash; one frame in `step` is in it."""
     bodies: list[dict[str, Any]] = []
     known: dict[tuple[int, bytes, bytes, float], int] = {}
     data = []
@@ -85,20 +90,24 @@ def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
         key = id(actor.mesh or actor.capsules or skeleton), skeleton.rest_positions.tobytes(), turn, actor.unit
         if key not in known:
             known[key] = len(bodies)
-            bodies.append(_body_data(actor))
-        data.append({**_actor_data(actor, step), "body": known[key]})
+            bodies.append(_hashed(_body_data(actor)))
+        data.append(_hashed({**_actor_data(actor, step), "body": known[key]}))
     return {"actors": data, "bodies": bodies}
+
+
+def without_known(data: Mapping[str, Any], hashes: Collection[str]) -> dict[str, Any]:
+    """Return what a player shows with only the hashes of the actors and bodies that it has."""
+    short = {key: [one["hash"] if one["hash"] in hashes else one for one in data[key]] for key in ("actors", "bodies")}
+    return {**data, **short}
+
+
+def _hashed(data: dict[str, Any]) -> dict[str, Any]:
+    return {**data, "hash": sha256(json.dumps(data).encode()).hexdigest()[:HASH]}
 
 
 def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
     motion, skeleton, body, turn = actor.motion[::step], actor.motion.skeleton, actor.body, actor.turn
     path = (_turned(turn, motion.root_positions) - [0.0, actor.floor, 0.0]) / actor.unit
-    turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
-    turning = np.union1d(turning, [0])
-    still = np.setdiff1d(np.arange(len(skeleton)), turning)
-    world, fixed = motion.world_rotations[:, turning], motion.rotations[0, still]
-    numbers = np.rint(32767 * continuous(_turned_axes(turn, world))).reshape(len(world), -1).T
-    steps = np.diff(numbers, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)  # sums wrap round at 16 bits
     moving = motion.moving
     roles = body.roles if body else {}
     return {
@@ -111,14 +120,29 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
         "parents": skeleton.parents.tolist(),
         "offsets": encoded(_turned(turn, skeleton.offsets) / actor.unit, "<f4"),
         "path": encoded(path, "<f4"),  # (frames, 3), of the root
-        "turning": turning.tolist(),
-        "rotations": encoded(steps, "<i2"),  # (joints x 4, frames), of `turning`, in the world
-        "still": still.tolist(),
-        "fixed": encoded(_turned_axes(turn, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
+        **_rotations_data(actor.motion, step, _key(turn)),
         "moving": moving.joints.tolist() if moving else [],
         "translations": encoded(_turned(turn, moving.translations) / actor.unit if moving else [], "<f4"),
         "centre": roles.get("hips", 0) if body is None or body.pelvis_joint is None else body.pelvis_joint,
         "ends": [roles[role] for role in ENDS if role in roles],
+    }
+
+
+@lru_cache(maxsize=4)
+def _rotations_data(motion: Motion, step: int, turn: Quaternion) -> dict[str, Any]:
+    """The rotations of a motion, turned by a quaternion; kept for other results that have the same source and copy."""
+    motion, by = motion[::step], Rotation.from_quat(turn)
+    turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
+    turning = np.union1d(turning, [0])
+    still = np.setdiff1d(np.arange(len(motion.skeleton)), turning)
+    world, fixed = motion.world_rotations[:, turning], motion.rotations[0, still]
+    numbers = np.rint(32767 * continuous(_turned_axes(by, world))).reshape(len(world), -1).T
+    steps = np.diff(numbers, axis=1, prepend=0.0).astype(np.int64).astype(np.int16)  # sums wrap round at 16 bits
+    return {
+        "turning": turning.tolist(),
+        "rotations": encoded(steps, "<i2"),  # (joints x 4, frames), of `turning`, in the world
+        "still": still.tolist(),
+        "fixed": encoded(_turned_axes(by, fixed), "<f4"),  # (joints, 4), of `still`, relative to their parents
     }
 
 
@@ -127,7 +151,7 @@ def _body_data(actor: Actor) -> dict[str, Any]:
     rest, unit, turn = actor.motion.skeleton.rest_positions, actor.unit, actor.turn
     bind = encoded(_turned(turn, rest) / unit, "<f4")  # (joints, 3)
     if actor.mesh is not None:
-        return {"bind": bind, "mesh": _mesh_data(actor.mesh.whole or actor.mesh, turn, unit)}
+        return {"bind": bind, "mesh": _mesh_data(actor.mesh.whole or actor.mesh, _key(turn), unit)}
     solid = [] if actor.capsules is None else [(actor.capsules.joints, actor.capsules.ends, actor.capsules.radii)]
     bones = _bones(actor, solid[0][0] if solid else np.zeros(0, np.intp))
     joints, ends, radii = (np.concatenate(parts) for parts in zip(*solid, bones, strict=True))
@@ -152,11 +176,12 @@ def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], A
     return skeleton.parents[lower], ends, np.full((len(lower), 2), STICK * actor.unit)
 
 
-def _mesh_data(mesh: SkinnedMesh, turn: Rotation, unit: float) -> dict[str, Any]:
+@lru_cache(maxsize=2)
+def _mesh_data(mesh: SkinnedMesh, turn: Quaternion, unit: float) -> dict[str, Any]:
     """The mesh with 16-bit places, 8-bit normals, and the joints that move each vertex most; its triangles in the order
-    of its materials.
+    of its materials. It is kept for other results that are shown in it.
     """
-    vertices = _turned(turn, mesh.vertices) / unit
+    vertices = _turned(Rotation.from_quat(turn), mesh.vertices) / unit
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     scale = float((high - low).max() / 65535) or 1.0
     order = np.argsort(-mesh.weights, axis=1, kind="stable")[:, :INFLUENCES]
@@ -222,6 +247,11 @@ def _normals(vertices: Array, triangles: NDArray[np.intp]) -> Array:
 def to_y_up(up: Array) -> Rotation:
     """The rotation that turns `up`, (3,), to y."""
     return Rotation.from_quat(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
+
+
+def _key(turn: Rotation) -> Quaternion:
+    """A rotation as what results can be kept by."""
+    return tuple(turn.as_quat().tolist())
 
 
 def _turned(turn: Rotation, places: Array) -> Array:

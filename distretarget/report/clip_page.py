@@ -15,19 +15,23 @@ from distretarget.errors import DistretargetError
 from distretarget.io.files import write_whole
 from distretarget.io.input_file import InputFile
 from distretarget.io.target_file import parse_full_target
+from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, encoded
 from distretarget.report.diff_document import About, DiffDocument, Table, document
 from distretarget.report.page import html_page
-from distretarget.report.stage import Jump, ShownBody, facing, stage_of_bodies
+from distretarget.report.stage import Jump, ShownBody, bodies_in_motion, facing, rows_of_body, timeline
+from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import LoadedTarget, Target
 
+Meshes = tuple[SkinnedMesh | None, SkinnedMesh | None]
 TOUCHING = (
     "Two regions of the body, such as a hand and the head, touch if D of their nearest joints is below "
     f"{CONTACT_DISTANCE:g} and at least {FAR_ALONG} joints lie on the path between them. Regions joined by a bone do "
@@ -68,43 +72,51 @@ def run_page(
     """
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
-    body = _in_meshes(shown_performer("", diff, result), result, target, source)
-    return _page(diff, document(diff, about), body)
+    body = shown_result("", result, meshes_of(result, target, source))
+    return _page(diff, document(diff, about), body, contacts_in(result))
 
 
-def run_stage(
-    result: RetargetResult, target: LoadedTarget, source: InputFile, marked: Sequence[MarkedContact]
-) -> dict[str, object]:
-    """Return what the player of `run_page` shows, but for its worst frames; `marked` are the contacts of the result."""
-    diff = run_diff(result)
-    body = _in_meshes(shown_performer("", diff, result, marked), result, target, source)
-    return _stage(diff, body, _cuts(diff))
+def run_motions(result: RetargetResult, meshes: Meshes) -> dict[str, object]:
+    """Return what the player of `run_page` shows in motion, in `meshes_of` the result."""
+    return _motions(shown_result("", result, meshes), result.world.up_vector)
 
 
-def _in_meshes(
-    body: ShownBody, result: RetargetResult, target: LoadedTarget | None, source: InputFile | None
-) -> ShownBody:
+def run_timeline(result: RetargetResult, marked: Sequence[MarkedContact]) -> dict[str, object]:
+    """Return what its timeline shows, but for the worst frames; `marked` are the contacts of the result."""
+    return _timeline(run_diff(result), shown_result("", result), marked)
+
+
+def meshes_of(result: RetargetResult, target: LoadedTarget | None, source: InputFile | None) -> Meshes:
+    """Return the meshes in which source and target are shown; None for one without."""
     mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
-    return replace(body, meshes=(_mesh_of(source, result.source), mesh))
+    return _mesh_of(source, result.source), mesh
 
 
-def shown_performer(
-    name: str, measured: Diff, result: RetargetResult | None = None, marked: Sequence[MarkedContact] | None = None
-) -> ShownBody:
-    """Return a performer of a diff; as its result, and the contacts of that, show it, if it was made here."""
-    matching, frames = measured.matching, len(measured)
-    if result and result.skins:
-        skins = result.skins.source.capsules, result.skins.target.capsules
-    else:
-        skins = capsules_of(matching.source), capsules_of(matching.target)
+def shown_result(name: str, result: RetargetResult, meshes: Meshes | None = None) -> ShownBody:
+    """Return the performer of a result, with its rotation copy, in meshes or in the result's own."""
+    skins = result.skins and (result.skins.source.capsules, result.skins.target.capsules)
     return ShownBody(
         name=name,
-        motions=(measured.a[:frames], *([result.rotation_copy] if result else []), measured.b[:frames]),
-        measured=measured,
-        skins=skins,
-        meshes=(None, result.mesh if result else None),
-        marked=marked_contacts(result, contacts_of(result.baseline)) if result and marked is None else marked or (),
+        motions=(result.source, result.rotation_copy, result.motion),
+        matching=result.matching,
+        skins=skins or _capsules(result.matching),
+        meshes=meshes or (None, result.mesh),
     )
+
+
+def shown_diff(name: str, diff: Diff) -> ShownBody:
+    """Return the performer of a diff."""
+    motions = diff.a[: len(diff)], diff.b
+    return ShownBody(name=name, motions=motions, matching=diff.matching, skins=_capsules(diff.matching))
+
+
+def contacts_in(result: RetargetResult) -> tuple[MarkedContact, ...]:
+    """Return the contacts of a result: found, dropped and added."""
+    return marked_contacts(result, contacts_of(result.baseline))
+
+
+def _capsules(matching: Matching) -> tuple[Capsules, Capsules]:
+    return capsules_of(matching.source), capsules_of(matching.target)
 
 
 def _mesh_of(file: InputFile | None, motion: Motion) -> SkinnedMesh | None:
@@ -138,10 +150,10 @@ def run_diff(result: RetargetResult) -> Diff:
 
 def diff_page(diff: Diff, document: DiffDocument) -> str:
     """The HTML of the report on a diff, from its document."""
-    return _page(diff, document, shown_performer("", diff))
+    return _page(diff, document, shown_diff("", diff))
 
 
-def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
+def _page(diff: Diff, document: DiffDocument, body: ShownBody, marked: Sequence[MarkedContact] = ()) -> str:
     """The page on a diff that plays motions of a body, first that of A; the others are those of B's body."""
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
@@ -152,19 +164,26 @@ def _page(diff: Diff, document: DiffDocument, body: ShownBody) -> str:
         "contact-table": contact_table(document),
         "columns": {key: encoded([np.nan if row[key] is None else row[key] for row in frames], "<f4") for key in keys},
         "registry": as_data("A", "B"),
-        "stage": _stage(diff, body, [*_worst(document), *_cuts(diff)]),
+        "stage": {**_motions(body, diff.up), **_timeline(diff, body, marked, _worst(document))},
     }
     return html_page("clip", title, data)
 
 
-def _stage(diff: Diff, body: ShownBody, jumps: Iterable[Jump]) -> dict[str, object]:
+def _timeline(
+    diff: Diff, body: ShownBody, marked: Sequence[MarkedContact], jumps: Iterable[Jump] = ()
+) -> dict[str, object]:
+    return timeline(rows_of_body(body, diff, marked), [*jumps, *_cuts(diff)])
+
+
+def _motions(body: ShownBody, up: Array) -> dict[str, object]:
     sides: dict[str, Role] = {"A": "source", "B": "result"}
     if len(body.motions) > len(sides):
         sides = {"Source": "source", "Copied rotations": "copy", "Result": "result"}
-    a, b = (2.0 * leg for leg in diff.matching.leg_lengths)
-    units = a or diff.matching.source.unit or 1.0, b or diff.matching.target.unit or 1.0
-    front = facing(diff.matching.target, diff.b, diff.up)
-    return stage_of_bodies([body], sides, diff.up, units, front, jumps=[*jumps])
+    matching = body.matching
+    assert matching
+    a, b = (2.0 * leg for leg in matching.leg_lengths)
+    units = a or matching.source.unit or 1.0, b or matching.target.unit or 1.0
+    return bodies_in_motion([body], sides, up, units, facing(matching.target, body.motions[-1], up))
 
 
 def contact_table(document: DiffDocument) -> Table:

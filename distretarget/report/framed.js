@@ -1,34 +1,40 @@
 // The player in the page of the studio, which sends what is to be shown, and hears of the frame and of clicks.
 
 import {$, followTheme} from './dom.js';
-import {clock, goTo, onFrame, repaint} from './playback.js';
-import {buildPlayer} from './player.js';
+import {goTo, onFrame, repaint} from './playback.js';
+import {showMotions, showTimeline} from './player.js';
 
 const STILL = 4; // a pointer that moves less clicks [pixels]
 const tell = message => window.parent.postMessage(message, '*');
-let building = Promise.resolve(), asked = 0, from = [];
+let queue = Promise.resolve(), asked = 0, from = [], held = new Map(); // actors and bodies, by their hashes
 
-async function take(data, turn) {
-  if (turn !== asked) return; // later data has come
-  await buildPlayer(data);
-  onFrame(frame => tell({frame}));
-  requestAnimationFrame(() => tell({drawn: turn, frame: clock.frame}));
+/** Takes a message from the page; motions that others follow already are left out. */
+async function take({motions, timeline, frame, pair}, turn) {
+  if (motions && turn === asked) await showMotions(motions);
+  if (timeline && turn === asked) await showTimeline(timeline);
+  if (Number.isInteger(frame)) goTo(frame);
+  if (pair && globalThis.app && String(app.marks.pair) !== String(pair)) {
+    app.marks.pair = pair;
+    repaint();
+  }
+}
+
+/** Puts what is here already in the place of hashes. */
+function complete(motions) {
+  for (const key of ['actors', 'bodies']) motions[key] = motions[key].map(one => held.get(one) ?? one);
+  held = new Map([...motions.actors, ...motions.bodies].map(one => [one.hash, one]));
 }
 
 addEventListener('message', ({source, data}) => {
   if (source !== window.parent) return;
-  if (Number.isInteger(data.frame)) goTo(data.frame);
-  if (data.pair && globalThis.app && String(app.marks.pair) !== String(data.pair)) {
-    app.marks.pair = data.pair;
-    repaint();
-  }
-  if (!data.stage) return;
-  const turn = ++asked;
-  building = building.then(() => take(data.stage, turn));
+  if (data.motions) complete(data.motions);
+  const turn = data.motions ? ++asked : asked;
+  queue = queue.then(() => take(data, turn)).catch(reportError); // one after the other, so that none is lost
 });
+onFrame(frame => tell({frame}));
 addEventListener('pointerdown', ({clientX, clientY}) => { from = [clientX, clientY]; }, true);
 addEventListener('click', ({target, offsetX, offsetY, clientX, clientY}) => {
-  if (target !== $('player') || Math.hypot(clientX - from[0], clientY - from[1]) > STILL) return;
+  if (target !== $('player') || !globalThis.app || Math.hypot(clientX - from[0], clientY - from[1]) > STILL) return;
   tell(app.stage.jointAt(offsetX, offsetY));
 });
 followTheme();

@@ -2,6 +2,7 @@
 
 import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms, total} from './dom.js';
 import {cardOf, metricsAt, nameOf} from './metrics.js';
+import {goTo} from './playback.js';
 import {buildPlayer} from './player.js';
 
 const batch = embedded('batch');
@@ -99,6 +100,10 @@ async function watch(clip) {
   $('watched').hidden = false;
   $('watched-name').replaceChildren(nameOfClip(clip));
   await buildPlayer(embedded(`stage-${clip.stage}`));
+  if (view.watched) {
+    $('reset').click();
+    goTo(0);
+  }
   view.watched = clip;
   for (const one of document.querySelectorAll('.watch')) one.ariaPressed = one.dataset.stage === String(clip.stage);
 }

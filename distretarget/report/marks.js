@@ -33,7 +33,11 @@ export class Marks {
   constructor(stage) {
     Object.assign(this, {stage, rows: [], shown: true, trails: false, pair: []});
     Object.assign(this, {ring: spotTexture(RING), glow: spotTexture(GLOW)});
-    const flat = new THREE.PlaneGeometry(1, 1).rotateX(-Math.PI / 2);
+  }
+
+  /** Puts marks beside the actors of the stage, which are others than before. */
+  build() {
+    const {stage} = this, flat = new THREE.PlaneGeometry(1, 1).rotateX(-Math.PI / 2);
     const many = made => Array.from({length: MOST}, () => Object.assign(made(), {visible: false, renderOrder: 2}));
     for (const side of stage.sides) {
       side.spots = many(() => new THREE.Sprite(new THREE.SpriteMaterial({depthTest: false, fog: false})));

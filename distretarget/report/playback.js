@@ -3,7 +3,7 @@
 import {$, clamp, element} from './dom.js';
 
 export const clock = {frame: 0, count: 1, frameTime: 1 / 30, playing: false, speed: 1, loop: null, jumps: []};
-export const watchers = [];
+const watchers = [];
 let seconds = 0, before = 0, waiting = false;
 
 /** Calls `watch` with the frame for each picture, those watching first at first; during playback only while `place`, an
@@ -85,20 +85,25 @@ export function followLink() {
 
 addEventListener('hashchange', followLink);
 
-/** Takes the frames of a clip; `jumps` are frames with a kind and a text. A loop goes on in as many frames alone. */
-export function setClip(count, frameTime, jumps) {
+/** Takes the frames of a clip, at the time that was shown. A loop goes on in as many frames alone. */
+export function setClip(count, frameTime) {
   while (clock.loop && count !== clock.count) markLoop();
-  Object.assign(clock, {count, frameTime, jumps});
+  Object.assign(clock, {count, frameTime, frame: clamp(Math.round(seconds / frameTime), 0, count - 1)});
   for (const id of ['slider', 'play', 'loop', 'speed']) $(id).disabled = count < 2;
   $('slider').max = count - 1;
+  setPlaying(clock.playing);
+}
+
+/** Takes frames to go to, each with a kind and a text. */
+export function setJumps(jumps) {
+  clock.jumps = jumps;
   $('jump').replaceChildren($('jump').options[0], ...Object.entries(Object.groupBy(jumps, ({kind}) => kind)).map(
     ([label, some]) => element('optgroup', {label}, ...some.map(({frame, text}) => new Option(text, frame)))));
   $('jump').hidden = !jumps.length;
 }
 
-/** Connects slider, buttons and links, from the first frame on. */
+/** Connects slider and buttons. */
 export function buildTransport() {
-  Object.assign(clock, {frame: 0, playing: false, speed: 1, loop: null});
   element($('slider'), {on: {input: ({target}) => goTo(Number(target.value))}});
   $('play').addEventListener('click', () => setPlaying(!clock.playing));
   $('back').addEventListener('click', () => goTo(clock.frame - 1));

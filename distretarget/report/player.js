@@ -1,9 +1,9 @@
 // The player: the stage with its buttons and keys.
 
-import {$, button, element, embedded, themed} from './dom.js';
-import {buildTimeline} from './timeline.js';
-import {buildTransport, clock, followLink, goTo, jump, markLoop, onFrame, repaint, setClip, setPlaying,
-  watchers} from './playback.js';
+import {$, button, element, embedded} from './dom.js';
+import {buildTimeline, showRows} from './timeline.js';
+import {buildTransport, clock, followLink, goTo, jump, markLoop, onFrame, repaint, setClip, setJumps,
+  setPlaying} from './playback.js';
 import {filmOf} from './film.js';
 import {Marks} from './marks.js';
 import {MOST_VIEWS, Stage} from './stage.js';
@@ -58,14 +58,19 @@ function toggle(id, owner, name, then = repaint) {
   }}});
 }
 
-/** Frames the views anew, and writes the names of the sides above them. */
-function relabel(stage) {
+/** Writes the names of the sides above their views. */
+function label(stage) {
   const tone = actor => element('i', {class: `tone ${actor.tone}`});
   const names = ({title, actors}) => (actors.length === 1 ? [element('span', {}, tone(actors[0]), title)] : [
     element('span', {}, title), ...actors.map(actor => element('span', {class: 'one'}, tone(actor), actor.name))]);
-  stage.framed = '';
   $('labels').replaceChildren(...stage.views.map(sides => element('div', {}, ...sides.flatMap(names))));
   repaint();
+}
+
+/** The same for other sides, in views that are framed anew. */
+function relabel(stage) {
+  stage.framed = '';
+  label(stage);
 }
 
 /** Buttons that show and hide the sides, of which one stays, or a list to choose one of many. */
@@ -144,37 +149,20 @@ function buildKeys() {
 let filming = false;
 addEventListener('keydown', onKey);
 addEventListener('beforeprint', copyView);
-const untouched = $('stage-box').cloneNode(true);
 
-/** Shows data in the player that is there if its bodies are in it, else in a new one; `app` in the console of the
- * browser drives it.
- */
-export async function buildPlayer(data = embedded('stage')) {
-  if (await globalThis.app?.stage.take(data)) {
-    showData(data, await buildRows(data));
-    setPlaying(clock.playing);
-    return;
-  }
-  if (globalThis.app) {
-    app.stage.renderer.dispose();
-    app.stage.renderer.forceContextLoss();
-    history.replaceState(null, '', '#');
-    delete globalThis.app;
-  }
-  $('stage-box').replaceWith(untouched.cloneNode(true));
-  themed.length = 0;
-  const canvas = $('player');
+/** Builds the player for sides, still without actors; `app` in the console of the browser drives it. */
+function build(data) {
   buildTransport();
+  buildTimeline();
   buildKeys();
-  const bodies = Stage.of(canvas, data, repaint).catch(() => null);
-  const [stage, rows] = await Promise.all([bodies, buildRows(data)]);
-  followLink();
-  if (!stage) {
+  let stage;
+  try {
+    stage = new Stage($('player'), data, repaint);
+  } catch {
     $('labels').replaceChildren(element('div', {}, 'No bodies are shown: this browser draws no WebGL.'));
-    return;
+    return null;
   }
   const marks = new Marks(stage);
-  globalThis.app = {stage, clock, marks, goTo, setPlaying};
   buildSides(stage);
   toggle('overlaid', stage, 'overlaid', () => relabel(stage));
   toggle('follow', stage, 'follow');
@@ -188,28 +176,59 @@ export async function buildPlayer(data = embedded('stage')) {
   element($('film'), {on: {click: saveFilm}}).hidden = !globalThis.VideoEncoder;
   $('full').addEventListener('click', () => (
     document.fullscreenElement ? document.exitFullscreen() : $('stage-box').requestFullscreen()));
-  relabel(stage);
-  new ResizeObserver(repaint).observe(canvas);
-  showData(data, rows);
+  new ResizeObserver(repaint).observe(stage.canvas);
+  return {stage, clock, marks, goTo, setPlaying};
 }
 
-/** Builds what goes with the motions of some data, and returns the rows of its timeline. */
-async function buildRows({frames, frame_time: time, jumps, rows}) {
-  watchers.length = 0;
-  setClip(frames, time, jumps);
-  return buildTimeline(rows);
+/** Draws a frame, and tells screen readers what is seen. */
+function drawFrame(frame) {
+  const {stage, marks} = app;
+  marks.update(frame, clock.frameTime);
+  stage.draw(frame, clock.playing);
+  const touching = marks.rows.filter(row => row.kind === 'contact' && row.codes[frame]).map(row => row.name);
+  stage.canvas.setAttribute('aria-label', `${stage.sides.map(({title}) => title).join(', ')} at frame ${frame}`
+    + `${touching.length ? `; touching: ${touching.join(', ')}` : ''}`);
 }
 
-/** Shows the motions and the rows of some data. */
-function showData(data, rows) {
-  const {stage, marks} = app, {canvas} = stage;
-  marks.rows = rows;
-  $('marks').hidden = !rows.length;
-  onFrame(frame => {
-    marks.update(frame, data.frame_time);
-    stage.draw(frame, clock.playing);
-    const touching = rows.filter(row => row.kind === 'contact' && row.codes[frame]).map(row => row.name);
-    canvas.setAttribute('aria-label', `${stage.sides.map(({title}) => title).join(', ')} at frame ${frame}`
-      + `${touching.length ? `; touching: ${touching.join(', ')}` : ''}`);
-  });
+/** Waits until an element has a size. */
+const laidOut = place => new Promise(go => {
+  new ResizeObserver(([{contentRect}], observer) => {
+    if (!contentRect.width) return;
+    observer.disconnect();
+    go();
+  }).observe(place);
+});
+
+let built;
+
+/** Shows motions in place of those that are there, at the same time and in the same view; all data has the same sides.
+ */
+export async function showMotions(data) {
+  if (!$('player').clientWidth) await laidOut($('player'));
+  built ??= {app: build(data)};
+  const isNew = await built.app?.stage.take(data);
+  setClip(data.frames, data.frame_time);
+  if (isNew) {
+    built.app.marks.build();
+    label(built.app.stage);
+  }
+  if (!built.app || globalThis.app) return;
+  globalThis.app = built.app;
+  onFrame(drawFrame);
+}
+
+/** Shows rows of the timeline, and frames to go to, in place of those that are there. */
+export async function showTimeline({rows, jumps}) {
+  setJumps(jumps);
+  const shown = await showRows(rows);
+  if (!built.app) return;
+  built.app.marks.rows = shown;
+  $('marks').hidden = !shown.length;
+}
+
+/** Shows all of the data of a page, at the frame of its link. */
+export async function buildPlayer(data = embedded('stage')) {
+  await showMotions(data);
+  await showTimeline(data);
+  followLink();
 }

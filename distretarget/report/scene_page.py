@@ -24,12 +24,12 @@ from distretarget.measure.diff import Diff, SceneDiff
 from distretarget.measure.gaps import TOUCH_DISTANCE, SkinContact, SkinContacts
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.numerics.vectors import Array, lengths
-from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.found_contacts import MarkedContact
 from distretarget.report.actors import Role, to_y_up
-from distretarget.report.clip_page import run_diff, shown_performer
+from distretarget.report.clip_page import contacts_in, run_diff, shown_diff, shown_result
 from distretarget.report.diff_document import About, DiffDocument, Table, Values, csv_text, document, judged, rounded
 from distretarget.report.page import VERSION, html_page
-from distretarget.report.stage import Row, ShownBody, margin_of, stage_of_bodies
+from distretarget.report.stage import Row, ShownBody, bodies_in_motion, margin_of, rows_of_body, timeline
 from distretarget.scene.retargeting import SceneResult
 from distretarget.skin.capsules import SEGMENTS
 
@@ -75,21 +75,22 @@ def write_scene_report(
 
 def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     """The HTML of the report on a scene: its source and its result; `names` are as in `write_scene_report`."""
-    bodies = [shown_performer(name, run_diff(one), one) for name, one in zip(names, result.results, strict=False)]
+    bodies = [shown_result(name, one) for name, one in zip(names, result.results, strict=False)]
+    measured = [(run_diff(one), contacts_in(one)) for one in result.results]
     props = zip(names[len(bodies) :], result.props, strict=True)
     bodies += [ShownBody(name=name, motions=(prop.source, prop.copy, prop.motion)) for name, prop in props]
     tables = [table for table in (_skin_gaps_of(result, names), _gaps_of(result, names)) if table["rows"]]
     sides, title = ("Source", "Copied rotations", "Result"), " and ".join(names)
-    return _player_page(title, sides, bodies, result.results[0], result.world_scale, tables, result.skin_gaps)
+    return _player_page(title, sides, bodies, measured, result.world_scale, tables, result.skin_gaps)
 
 
 def scene_diff_page(diff: SceneDiff, document: Values) -> str:
     """The HTML of the report on the diff of two scenes, A and B."""
-    bodies = [shown_performer(name, one) for name, one in zip(document["performers"], diff.performers, strict=True)]
+    bodies = [shown_diff(name, one) for name, one in zip(document["performers"], diff.performers, strict=True)]
     bodies += [ShownBody(name=name, motions=pair) for name, pair in zip(document["props"], diff.props, strict=True)]
     title, sides = f"{document['b']} against {document['a']}", (f"A: {document['a']}", f"B: {document['b']}")
     tables = [gap_table(document), metric_table(document)]
-    return _player_page(title, sides, bodies, diff.performers[0], diff.world_scale, tables, {})
+    return _player_page(title, sides, bodies, [(one, ()) for one in diff.performers], diff.world_scale, tables, {})
 
 
 def _skin_gaps_of(result: SceneResult, names: Sequence[str]) -> Table:
@@ -124,32 +125,35 @@ def _player_page(
     title: str,
     sides: tuple[str, ...],
     bodies: Sequence[ShownBody],
-    first: RetargetResult | Diff,
+    measured: Sequence[tuple[Diff, Sequence[MarkedContact]]],
     scale: float,
     tables: Sequence[Table],
     skin_gaps: Mapping[tuple[int, int], SkinContacts | None],
 ) -> str:
-    """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props; `skin_gaps`
-    are those of two performers with skins.
+    """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props; `measured` is
+    what is measured of each performer, with its contacts, and `skin_gaps` are those of two performers with skins.
 
-    All sides are shown in units of twice the leg length that the `first` performer has on the first; `scale` is in
+    All sides are shown in units of twice the leg length that the first performer has on the first; `scale` is in
     units of the other sides per unit of the first, along the floor.
     """
-    leg, up = first.matching.source.leg, first.world.up_vector
+    first, _ = measured[0]
+    leg, up = first.matching.source.leg, first.up
     rows: list[Row] = []
     for pair in combinations(range(len(bodies)), 2):
         if pair in skin_gaps:
             rows += _skins(pair, bodies, skin_gaps[pair])
-        elif bodies[pair[0]].measured:
+        elif bodies[pair[0]].matching:
             rows += _touching(pair, bodies, leg, scale)
     units, roles = (2.0 * leg, 2.0 * leg * scale), dict.fromkeys(sides, OTHER)
-    stage = stage_of_bodies(bodies, roles, up, units, _facing(bodies, up), rows)
+    for number, (diff, marked) in enumerate(measured):
+        rows += rows_of_body(bodies[number], diff, marked, number, len(bodies))
+    stage = {**bodies_in_motion(bodies, roles, up, units, _facing(bodies, up)), **timeline(rows)}
     return html_page("scene", title, {"stage": stage, "numbers": tables})
 
 
 def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
     """The angle about y that shows the first two performers side by side [rad]."""
-    if len(bodies) < 2 or not bodies[1].measured:
+    if len(bodies) < 2 or not bodies[1].matching:
         return 0.0
     middles = [body.motions[0].positions.mean(axis=(0, 1)) for body in bodies[:2]]
     x, _, z = to_y_up(up).apply(middles[1] - middles[0])
@@ -172,8 +176,8 @@ def _skins(pair: Pair, bodies: Sequence[ShownBody], gap: SkinContacts | None) ->
 
 def _joint_of(body: ShownBody, part: str) -> Iterator[tuple[int, int]]:
     """The first joint of a performer's segment, on the first side and on the others; none if nothing drives it."""
-    assert body.measured
-    matching = body.measured.matching
+    matching = body.matching
+    assert matching
     joints = matching.body_joints
     for joint in joints[find_segments(matching.target).of_joint[joints] == SEGMENTS.index(part)][:1].tolist():
         yield int(matching.drivers[joint]), joint
@@ -212,16 +216,15 @@ def _touching(pair: Pair, bodies: Sequence[ShownBody], leg: float, scale: float)
 
 def _joints(body: ShownBody) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The joints that may touch others, on the first side and on the others: the driven ones, and all of a prop."""
-    if body.measured is None:
+    if body.matching is None:
         joints = np.arange(len(body.motions[0].skeleton))
         return joints, joints
-    matching = body.measured.matching
-    return matching.drivers[matching.body_joints], matching.body_joints
+    return body.matching.drivers[body.matching.body_joints], body.matching.body_joints
 
 
 def _region(body: ShownBody, joint: int) -> str:
     """The name of a body's region that one of the joints of B is in; only the body's for a prop."""
-    regions = body.measured.matching.regions if body.measured else None
+    regions = body.matching.regions if body.matching else None
     return f"{body.name}'s {regions.names[regions.of_joint[joint]]}" if regions else body.name
 
 

@@ -10,6 +10,7 @@ const SAMPLES = 24; // frames from which the size of the view is found
 const PERFORMERS = ['result', 'amber', 'violet', 'green'];
 const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
 const RESTS = 200; // a picture that has been the same for so long rests [ms]
+const LABELS = 56; // that titles of views take above bodies, and as much below [pixels]
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
 const NEAR = 50; // a joint that is farther from a click is not meant [pixels]
@@ -33,28 +34,64 @@ function gridOf(cell, tone) {
 }
 
 /** What of some data needs other bodies on the stage if it changes. */
-const castOf = ({sides, bodies, actors}) => JSON.stringify(
-  [sides, bodies, ...actors.map(({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
+const castOf = ({bodies, actors}) => JSON.stringify([bodies.map(({hash}) => hash), actors.map(
+  ({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
 
-/** Gives actors their motions in some data, those that have others. */
-const setInMotion = (actors, data) => Promise.all(actors.map(async (actor, k) => {
-  const packed = JSON.stringify([data.actors[k], data.frame_time]);
-  if (packed === actor.packed) return;
-  actor.packed = packed;
-  actor.motion = await Motion.of(data.actors[k], data.frame_time);
-  actor.mesh.bent = -1;
-}));
+/** The actors of some data, not yet in motion; `sides` are how many there are. */
+async function actorsOf(data, sides) {
+  const bodies = await Promise.all(data.bodies.map(bodyOf)), seen = Array(sides).fill(0);
+  return data.actors.map(({name, side, role, body: number, centre, ends}) => {
+    const body = bodies[number], place = seen[side]++;
+    const tone = role === 'other' ? PERFORMERS[place % 4] : COLOURS[role];
+    const plain = role === 'copy' || !body.stated.length;
+    const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
+    materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
+    return {name, side, role, centre, ends, tone, plain, materials, mesh: bendable(body, materials),
+      crown: body.crown};
+  });
+}
+
+/** The joint that moves a mesh most where it is seen at [0, 0], -1 where it is not; `seen` are its vertices. */
+function carrierAt({geometry: {index: {array: corners}}, body}, seen) {
+  const cross = ([x, y], [u, v]) => x * v - y * u, each = body.joints.length / seen.length;
+  let carrier = -1, front = Infinity;
+  for (let t = 0; t < corners.length; t += 3) {
+    const [a, b, c] = [seen[corners[t]], seen[corners[t + 1]], seen[corners[t + 2]]];
+    const parts = [cross(b, c), cross(c, a), cross(a, b)], sum = parts[0] + parts[1] + parts[2];
+    if (!sum || parts.some(part => part * sum < 0)) continue;
+    const depth = (parts[0] * a[2] + parts[1] * b[2] + parts[2] * c[2]) / sum;
+    if (depth >= front) continue;
+    front = depth;
+    const most = Math.max(...parts.map(Math.abs));
+    carrier = body.joints[each * corners[t + parts.findIndex(part => Math.abs(part) === most)]];
+  }
+  return carrier;
+}
+
+/** Frees what the graphics card holds of an object. */
+function freed({geometry, material}) {
+  geometry?.dispose();
+  for (const one of [material ?? []].flat()) {
+    one.map?.dispose();
+    one.normalMap?.dispose();
+    one.dispose();
+  }
+}
 
 class Ground {
-  /** The ground of a scene, lit from the side that looks along `facing`. */
-  constructor(scene, facing) {
-    const light = new THREE.DirectionalLight(0xffffff, 2.1), {x, y, z} = light.position.setFromSphericalCoords(
-      1, 0.51, facing + 0.7);
+  constructor(scene) {
+    this.light = new THREE.DirectionalLight(0xffffff, 2.1);
     this.sky = new THREE.HemisphereLight(0xffffff, 0xffffff, 1.7);
     this.grid = new THREE.Group().add(gridOf(CELL, 'line-floor'), gridOf(BLOCK, 'line-strong'));
     this.dark = new THREE.MeshBasicMaterial({fog: false});
-    this.flat = new THREE.Matrix4().set(1, -x / y, 0, 0, 0, 0, 0, LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
-    scene.add(light, light.target, this.sky, this.grid);
+    this.flat = new THREE.Matrix4();
+    scene.add(this.light, this.light.target, this.sky, this.grid);
+  }
+
+  /** Lights it from the side that looks along `facing`. */
+  face(facing) {
+    const {x, y, z} = this.light.position.setFromSphericalCoords(1, 0.51, facing + 0.7);
+    this.flat.set(1, -x / y, 0, 0, 0, 0, 0, LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
   }
 
   /** The shadow of a mesh: the mesh pressed flat along the light. */
@@ -76,38 +113,15 @@ class Ground {
 }
 
 export class Stage {
-  /** A stage with the actors of a page; `repaint` is called when the camera moves. */
-  static async of(canvas, data, repaint) {
-    const bodies = await Promise.all(data.bodies.map(bodyOf));
-    const sides = data.sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
-    const actors = data.actors.map(actor => {
-      const side = sides[actor.side], body = bodies[actor.body];
-      const tone = actor.role === 'other' ? PERFORMERS[side.actors.length % 4] : COLOURS[actor.role];
-      const plain = actor.role === 'copy' || !body.stated.length;
-      const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
-      materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
-      const made = {...actor, tone, plain, materials, mesh: bendable(body, materials), crown: body.crown};
-      side.actors.push(made);
-      side.group.add(made.mesh);
-      return made;
-    });
-    await setInMotion(actors, data);
-    if (canvas.clientWidth < NARROW && sides.length === 3) sides[1].shown = false;
-    if (sides.length > MOST_VIEWS) sides.forEach((side, k) => { side.shown = k === (data.first || 0); });
-    return new Stage({canvas, sides, actors, repaint, facing: data.facing, frames: data.frames, cast: castOf(data)});
-  }
-
-  /** Takes the motions of other data for its own actors, and returns whether the data has these. */
-  async take(data) {
-    if (castOf(data) !== this.cast) return false;
-    await setInMotion(this.actors, data);
-    this.frames = data.frames;
-    for (const side of this.sides) side.room = this.measured(side);
-    return true;
-  }
-
-  constructor(given) {
-    Object.assign(this, given, {overlaid: false, follow: true, framed: '', drawn: -Infinity});
+  /** A stage for sides with these titles, still empty, the `first` alone if they are many; `repaint` is called when the
+   * camera moves.
+   */
+  constructor(canvas, {sides, first = 0}, repaint) {
+    this.sides = sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
+    if (canvas.clientWidth < NARROW && sides.length === 3) this.sides[1].shown = false;
+    if (sides.length > MOST_VIEWS) this.sides.forEach((side, k) => { side.shown = k === first; });
+    Object.assign(this, {canvas, repaint, actors: [], facing: 0, overlaid: false, follow: true, framed: '',
+      drawn: -Infinity});
     this.renderer = new THREE.WebGLRenderer({canvas: this.canvas, antialias: !SOFTWARE});
     this.renderer.setScissorTest(true);
     this.scene = new THREE.Scene();
@@ -115,14 +129,52 @@ export class Stage {
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     Object.assign(this.controls, {minDistance: 0.15, maxDistance: 40, maxPolarAngle: 1.75});
     this.controls.addEventListener('change', this.repaint);
-    this.ground = new Ground(this.scene, this.facing);
-    for (const side of this.sides) {
-      side.room = this.measured(side);
-      side.group.add(...side.actors.map(({mesh}) => this.ground.shadowOf(mesh)));
-      this.scene.add(side.group);
-    }
-    this.look(0.5, 0.2);
+    this.ground = new Ground(this.scene);
+    this.scene.add(...this.sides.map(({group}) => group));
     onTheme(() => this.paint());
+  }
+
+  /** Shows the motions of some data, and its actors in place of those before where they are others; returns whether
+   * they are. What is shown stays until all is there, and the camera where it is, seen from the actors.
+   */
+  async take(data) {
+    const cast = castOf(data), isNew = cast !== this.cast, turned = data.facing - this.facing;
+    const actors = isNew ? await actorsOf(data, this.sides.length) : this.actors;
+    const keys = data.actors.map(({hash}) => `${hash} ${data.frame_time}`);
+    const motions = await Promise.all(data.actors.map((one, k) => (
+      keys[k] === actors[k].key ? actors[k].motion : Motion.of(one, data.frame_time))));
+    actors.forEach((actor, k) => {
+      if (actor.motion !== motions[k]) actor.mesh.bent = -1;
+      Object.assign(actor, {motion: motions[k], key: keys[k]});
+    });
+    Object.assign(this, {frames: data.frames, facing: data.facing});
+    if (isNew) this.engage(actors);
+    for (const side of this.sides) side.room = this.measured(side);
+    if (!this.cast) this.look(0.5, 0.2);
+    else if (isNew) this.turn(turned);
+    this.cast = cast;
+    return isNew;
+  }
+
+  /** Puts actors on the stage in place of those that are there. */
+  engage(actors) {
+    this.ground.face(this.facing);
+    for (const side of this.sides) {
+      side.group.traverse(freed);
+      side.group.clear();
+      side.actors = actors.filter(actor => this.sides[actor.side] === side);
+      side.group.add(...side.actors.map(({mesh}) => mesh), ...side.actors.map(({mesh}) => this.ground.shadowOf(mesh)));
+      side.veiled = undefined;
+    }
+    this.actors = actors;
+    this.paint();
+  }
+
+  /** Turns the camera about its target, from above to the left [rad]. */
+  turn(angle) {
+    const {camera: {position}, controls} = this;
+    position.sub(controls.target).applyAxisAngle(this.camera.up, angle).add(controls.target);
+    controls.update();
   }
 
   /** Takes the colours of the page. */
@@ -184,7 +236,7 @@ export class Stage {
     if (this.framed === aspect.toFixed(2)) return;
     this.framed = aspect.toFixed(2);
     const {room: {high, across}, controls: {target}} = this;
-    const away = Math.max(1.1 * high, across / aspect) / SLOPE + 0.3 * across;
+    const away = Math.max((1 + LABELS / this.canvas.clientHeight) * high, across / aspect) / SLOPE + 0.3 * across;
     this.camera.position.sub(target).setLength(away).add(target);
     this.controls.update();
   }
@@ -215,20 +267,22 @@ export class Stage {
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
   }
 
-  /** The number of the joint that is nearest to a place on the canvas, -1 if none is near, and the role of its body; of
-   * bodies over each other it is the last.
+  /** What is at a place on the canvas: the number of the nearest joint, that of the joint which moves the skin there
+   * (-1 for none), and the role of their body; of bodies over each other it is the last.
    */
   jointAt(left, top) {
     const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
     const view = Math.min(Math.floor(left / share), this.views.length - 1);
-    const side = this.views[view].at(-1), [{role, motion: {positions}}] = side.actors, place = new THREE.Vector3();
-    const away = Array.from({length: positions.length / 3}, (_, joint) => {
-      place.fromArray(positions, 3 * joint).add(side.group.position).project(this.camera);
-      const x = (place.x + 1) / 2 * share + view * share, y = (1 - place.y) / 2 * clientHeight;
-      return Math.hypot(x - left, y - top) + place.z; // of those at one place the nearer
+    const side = this.views[view].at(-1), [{role, motion: {positions}, mesh}] = side.actors;
+    const place = new THREE.Vector3();
+    const seen = places => Array.from({length: places.length / 3}, (_, k) => { // from the place, and how far away
+      place.fromArray(places, 3 * k).add(side.group.position).project(this.camera);
+      return [(place.x + 1) / 2 * share + view * share - left, (1 - place.y) / 2 * clientHeight - top, place.z];
     });
+    const away = seen(positions).map(([x, y, z]) => Math.hypot(x, y) + z); // of those at one place the nearer
     const nearest = Math.min(...away);
-    return {role, joint: nearest < NEAR ? away.indexOf(nearest) : -1};
+    return {role, joint: nearest < NEAR ? away.indexOf(nearest) : -1,
+      skin: carrierAt(mesh, seen(mesh.geometry.attributes.position.array))};
   }
 
   /** Draws sides into a box of the canvas, through a camera that looks at a place. */

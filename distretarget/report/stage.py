@@ -21,6 +21,7 @@ from distretarget.io.contacts_file import entry_to_json
 from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import animations_in, parse_full_target
+from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import CONTACT_DISTANCE
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.metrics import BY_KEY
@@ -243,14 +244,13 @@ class ShownBody:
 
     name: str
     motions: Sequence[Motion]  # on each side of the page, first in A or the source
-    measured: Diff | None = None  # a performer's last motion against its first; None for a prop
+    matching: Matching | None = None  # of a performer's first motion to the others; None for a prop
     skins: tuple[Capsules | None, Capsules | None] = (None, None)  # its surface on the first side and on the others
     meshes: tuple[SkinnedMesh | None, SkinnedMesh | None] = (None, None)  # the same as meshes
-    marked: Sequence[MarkedContact] = ()  # a performer's contacts that were found, dropped and added
 
     def actor(self, side: int, role: Role, turn: Rotation, unit: float, floor: float) -> Actor:
         """Return the body as it moves on a side, where performers have a role; others as in `Actor`."""
-        matching, other = self.measured and self.measured.matching, min(side, 1)
+        matching, other = self.matching, min(side, 1)
         return Actor(
             name=self.name,
             side=side,
@@ -265,28 +265,16 @@ class ShownBody:
         )
 
 
-def stage_of_bodies(
-    bodies: Sequence[ShownBody],
-    sides: Mapping[str, Role],
-    up: Array,
-    units: tuple[float, float],
-    facing: float,
-    rows: Sequence[Row] = (),
-    jumps: Sequence[Jump] = (),
+def bodies_in_motion(
+    bodies: Sequence[ShownBody], sides: Mapping[str, Role], up: Array, units: tuple[float, float], facing: float
 ) -> dict[str, object]:
     """Return what the player shows of bodies in one world, on sides with these titles and roles of performers.
 
     `units` are the lengths that the first side and the others count in, `facing` is the direction seen from in front,
-    an angle from z about y; `rows` and `jumps` come before those of the bodies.
+    an angle from z about y.
     """
-    rows = [*rows]
-    for number, body in enumerate(bodies):
-        if body.measured:
-            numbers = range(number, len(sides) * len(bodies), len(bodies))
-            prefix = f"{body.name}: " if len(bodies) > 1 else ""
-            rows += rows_of(body.measured, body.skins[1], numbers, prefix, body.marked)
     floors = [
-        min(lowest_skin(one.motions[-other], one.skins[other], one.meshes[other], up) for one in bodies if one.measured)
+        min(lowest_skin(one.motions[-other], one.skins[other], one.meshes[other], up) for one in bodies if one.matching)
         for other in (0, 1)
     ]  # all that stand in one world have one floor, that of its last side
     actors = [
@@ -295,34 +283,14 @@ def stage_of_bodies(
         for body in bodies
     ]
     length, time = len(bodies[0].motions[0]), bodies[0].motions[-1].frame_time
-    return stage_data([*sides], length, time, actors, rows, jumps=jumps, facing=facing)
+    return {"sides": [*sides], "frames": length, "frame_time": time, "facing": facing, **thinned(actors)}
 
 
-def stage_data(
-    sides: Sequence[str],
-    frames: int,
-    frame_time: float,
-    actors: Sequence[Actor],
-    rows: Sequence[Row],
-    budget: int = BUDGET,
-    jumps: Sequence[Jump] = (),
-    **others: float,
-) -> dict[str, Any]:
-    """Return the values that the player reads, with as many frames as fit in a budget; `others` go with them.
-
-    The beginnings of the first contacts follow the `jumps`.
-    """
+def timeline(rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> dict[str, Any]:
+    """Return what the timeline of the player shows; the beginnings of the first contacts follow the `jumps`."""
     starts = sorted((row.spans[0][0], row.name) for row in rows if row.kind == "contact" and row.spans)
     contacts = [{"frame": at, "kind": "Contacts", "text": f"{name} \u00b7 {at}"} for at, name in starts[:JUMPS]]
-    return {
-        "sides": sides,
-        "frames": frames,
-        "frame_time": frame_time,
-        "rows": [row.data for row in rows],
-        "jumps": [*jumps, *contacts],
-        **others,
-        **thinned(actors, budget),
-    }
+    return {"rows": [row.data for row in rows], "jumps": [*jumps, *contacts]}
 
 
 def facing(body: Body, motion: Motion, up: Array) -> float:
@@ -332,6 +300,14 @@ def facing(body: Body, motion: Motion, up: Array) -> float:
     left, right = (motion.positions[0, leg.hip] for leg in body.legs)
     front = to_y_up(up).apply(np.cross(left - right, up))
     return float(np.arctan2(front[0], front[2]))
+
+
+def rows_of_body(
+    body: ShownBody, diff: Diff, marked: Sequence[MarkedContact] = (), number: int = 0, among: int = 1
+) -> list[Row]:
+    """Return the rows of a performer that is the `number`-th of some on a page; `marked` as for `rows_of`."""
+    numbers = range(number, len(body.motions) * among, among)
+    return rows_of(diff, body.skins[1], numbers, f"{body.name}: " if among > 1 else "", marked)
 
 
 def view_page(actors: Sequence[Actor], title: str, first: int = 0) -> str:
@@ -347,7 +323,8 @@ def stage_of(actors: Sequence[Actor], first: int = 0, budget: int = BUDGET) -> d
     seconds = max(len(actor.motion) * actor.motion.frame_time for actor in actors)
     rows = _rows(actors[0]) if len(actors) == 1 else []
     names, frames = [actor.name for actor in actors], max(round(seconds / frame_time), 1)
-    return stage_data(names, frames, frame_time, actors, rows, budget, facing=0.0, first=first)
+    motions = {"sides": names, "frames": frames, "frame_time": frame_time, "facing": 0.0, "first": first}
+    return {**motions, **timeline(rows), **thinned(actors, budget)}
 
 
 def _rows(actor: Actor) -> list[Row]:

@@ -53,35 +53,37 @@ function entryAt({marked}, frame) {
   return marked.toSorted((one, other) => away(one) - away(other))[0] || {};
 }
 
-/** Shows the entry of the row that was pointed at or focused last, with a button that copies it. */
-function buildCopying(parts) {
-  let chosen = parts.find(({row}) => row.marked.length), copied = '';
-  $('copying').hidden = !chosen;
-  if (!chosen) return;
-  for (const part of parts) {
-    const choose = () => {
-      chosen = part;
-      repaint();
-    };
-    element(part.name, {on: {focus: choose, pointerenter: choose}});
-    element(part.track, {on: {pointerenter: choose}});
-  }
+let parts = [], line = null, chosen = null, copied = ''; // rows with their elements, and the line of the frame
+
+/** Shows the entry of the row that was pointed at or focused last. */
+function showEntry(frame) {
+  const {json, mark} = entryAt(chosen.row, frame);
+  $('entry').textContent = json ? `${json === copied ? 'copied' : mark}: ${json}` : `no entry for ${chosen.row.name}`;
+  $('copy').disabled = !json;
+  for (const {name, row} of parts) name.classList.toggle('chosen', row === chosen.row);
+}
+
+/** Makes the timeline follow the frame, and its button copy the entry. */
+export function buildTimeline() {
   $('copy').onclick = async () => {
     copied = entryAt(chosen.row, clock.frame).json;
     await navigator.clipboard?.writeText(copied).catch(() => null);
     repaint();
   };
   onFrame(frame => {
-    const {json, mark} = entryAt(chosen.row, frame);
-    $('entry').textContent = json ? `${json === copied ? 'copied' : mark}: ${json}` : `no entry for ${chosen.row.name}`;
-    $('copy').disabled = !json;
-    for (const {name, row} of parts) name.classList.toggle('chosen', row === chosen.row);
+    if (chosen) showEntry(frame);
+    for (const {row, value} of parts) {
+      const code = row.codes[frame], text = code && row.unit ? `${shown(offAt(row, frame))} ${row.unit}` : '';
+      if (value.textContent !== text) value.textContent = text;
+      value.className = `value ${code ? levelAt(row, frame) : ''}`;
+    }
+    if (line) line.style.left = `${(frame + 0.5) / clock.count * 100}%`;
   });
 }
 
-/** Builds the rows of the timeline and returns them with their codes unpacked: 0, or how far off they are. */
-export async function buildTimeline(rows) {
-  const parts = await Promise.all(rows.map(async data => {
+/** Shows other rows and returns them with their codes unpacked: 0, or how far off they are. */
+export async function showRows(rows) {
+  parts = await Promise.all(rows.map(async data => {
     const row = {...data, codes: await unpacked(data.codes, Uint8Array),
       spots: data.spots && await unpacked(data.spots, Uint16Array)};
     const worst = row.codes.indexOf(row.codes.reduce((p, q) => Math.max(p, q))), told = `${row.name}: ${row.account}`;
@@ -89,19 +91,20 @@ export async function buildTimeline(rows) {
     const track = element('div', {class: 'track', role: 'img', 'aria-label': told}), value = element('span');
     track.style.background = backgrounds(row);
     dragFrames(track);
-    return {row, track, name, value};
+    const part = {row, track, name, value}, choose = () => {
+      chosen = part;
+      repaint();
+    };
+    element(name, {on: {focus: choose, pointerenter: choose}});
+    element(track, {on: {pointerenter: choose}});
+    return part;
   }));
+  chosen = parts.find(({row}) => row.marked.length);
+  $('copying').hidden = !chosen;
   $('timeline').hidden = !parts.length;
-  const line = element('i', {class: 'line'}), overlay = element('div', {class: 'overlay'}, line);
+  line = element('i', {class: 'line'});
+  const overlay = element('div', {class: 'overlay'}, line);
   $('timeline').replaceChildren(...parts.flatMap(({name, track, value}) => [name, track, value]), overlay);
-  buildCopying(parts);
-  onFrame(frame => {
-    line.style.left = `${(frame + 0.5) / clock.count * 100}%`;
-    for (const {row, value} of parts) {
-      const code = row.codes[frame], text = code && row.unit ? `${shown(offAt(row, frame))} ${row.unit}` : '';
-      if (value.textContent !== text) value.textContent = text;
-      value.className = `value ${code ? levelAt(row, frame) : ''}`;
-    }
-  });
+  repaint();
   return parts.map(({row}) => row);
 }

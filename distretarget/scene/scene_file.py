@@ -22,6 +22,7 @@ from distretarget.io.target_file import load_build, load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.conversion import Recipe
+from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.scene.props import Grip, Prop, PropScale, PropSurface, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_transfers
@@ -35,6 +36,13 @@ OPTIONS: dict[str, Callable[[Node], object]] = {
     "skin": lambda node: node.one_of(get_args(SkinMode)),
     "cut": Node.flag,
     "resample": Node.flag,
+}
+EDITS: dict[str, Callable[[Node], object]] = {
+    "end": lambda node: node.text() if isinstance(node.value, str) else node.number(),
+    "speed": Node.positive,
+    "mirror": Node.flag,
+    "turn": Node.number,
+    "loop": Node.flag,
 }
 
 
@@ -100,6 +108,7 @@ class SceneSetup:
         world_scale, supports, environment, skin: as in `retarget_scene`.
         cut: cut all clips to the length of the shortest.
         resample: give all clips the frame time of the first.
+        edits: of all clips together, after that.
     """
 
     performers: tuple[PerformerFiles, ...]
@@ -110,6 +119,7 @@ class SceneSetup:
     skin: SkinMode = "auto"
     cut: bool = False
     resample: bool = False
+    edits: Edits = NO_EDITS
 
     @property
     def clips(self) -> list[SceneClip]:
@@ -139,6 +149,9 @@ class SceneSetup:
         moving += [prop for prop in own if len(motions[prop]) != 1]
         clips = synchronised([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
         motions |= zip(moving, clips, strict=True)
+        with in_file(self.performers[0].file):
+            edited = self.edits.together([motions[each] for each in self.performers], [motions[each] for each in own])
+        motions = dict(zip((*self.performers, *own), edited, strict=True))
         sources = [motions[performer] for performer in self.performers]
         surfaces = {clip: surface for clip, (_, surface) in read.items()}
         return sources, [_made(prop, motions, surfaces.get(prop), sources) for prop in self.props]
@@ -224,7 +237,7 @@ def load_scene(path: str | Path) -> SceneSetup:
         SkeletonFileError: it breaks the format.
     """
     document = parse_json(path, read_text(path))
-    fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS))
+    fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS, *EDITS))
     document.check_header(**HEADER)
     folder = Path(path).parent
     performers = [_performer(node, folder) for node in fields["performers"].items()]
@@ -235,7 +248,9 @@ def load_scene(path: str | Path) -> SceneSetup:
     if doubled := [name for number, name in enumerate(names) if name in names[:number]]:
         fields["performers"].fail(f"{doubled[0]!r} is the name of two performers or props; give one of them another")
     options: dict[str, Any] = {key: read(fields[key]) for key, read in OPTIONS.items() if key in fields}
-    return SceneSetup(performers=tuple(performers), props=tuple(props), **options)
+    edits: dict[str, Any] = {key: read(fields[key]) for key, read in EDITS.items() if key in fields}
+    with in_file(path):
+        return SceneSetup(performers=tuple(performers), props=tuple(props), **options, edits=Edits(**edits))
 
 
 def _performer(node: Node, folder: Path) -> PerformerFiles:

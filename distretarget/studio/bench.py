@@ -27,13 +27,13 @@ from distretarget.io.target_file import CharacterTarget, TargetFile, animations_
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Conversion, Converted, Recipe
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
-from distretarget.report.clip_page import run_page, run_stage
+from distretarget.report.clip_page import Meshes, meshes_of, run_motions, run_page, run_timeline
 from distretarget.report.diff_document import About
 from distretarget.skeleton import Skeleton
 from distretarget.studio.order import Names, Order, project_to_json
 
 MOST = 2_000_000_000  # of all files that were dropped [bytes]
-KEPT = 4  # so many results are kept, so that undo shows them at once
+KEPT = 3  # so many results are kept, so that undo shows them at once
 
 
 class OvertakenError(Exception):
@@ -47,6 +47,7 @@ class Done:
     order: Order
     conversion: Conversion  # that orders with other contacts begin with
     found: ContactList  # in the clip
+    meshes: Meshes  # that clip and character are shown in
     converted: Converted
     format: str
 
@@ -72,12 +73,17 @@ class Done:
         return marked_contacts(self.converted.result, self.found)
 
     @cached_property
+    def motions(self) -> dict[str, object]:
+        """What the player shows of it in motion."""
+        return run_motions(self.converted.result, self.meshes)
+
+    @cached_property
     def as_data(self) -> dict[str, object]:
-        """What the page shows of it."""
+        """What else the page shows of it."""
         result = self.converted.result
         regions = result.matching.target.regions.names
         return {
-            "stage": run_stage(result, self.target.target, self.source, self.contacts),
+            "timeline": run_timeline(result, self.contacts),
             "verdict": result.verdict,
             "warnings": list(result.warnings),
             "frames": len(result.motion),
@@ -271,8 +277,10 @@ class Bench:
         converted = conversion.converted(
             recipe.name_of(source), (OUTPUTS[f".{form}"],), contacts=order.contacts, progress=go_on
         )
-        found = before.found if before else contacts_of(converted.result.baseline)
-        return Done(order, conversion, found, converted, form)
+        if before:
+            return replace(before, order=order, converted=converted, format=form)
+        found, meshes = contacts_of(converted.result.baseline), meshes_of(converted.result, target.target, source)
+        return Done(order, conversion, found, meshes, converted, form)
 
     @staticmethod
     def _conversion(source: InputFile, target: TargetFile, recipe: Recipe, go_on: Callable[[int], None]) -> Conversion:

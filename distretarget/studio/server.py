@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import secrets
-import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from importlib.resources import files
@@ -20,6 +19,7 @@ from starlette.routing import Route
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import rest_pose_in
+from distretarget.report.actors import without_known
 from distretarget.report.page import asset, html_page
 from distretarget.studio.bench import Bench, Done, OvertakenError
 from distretarget.studio.order import Order
@@ -71,6 +71,7 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         ("samples/{name}", studio.try_sample, "POST"),
         ("rest", studio.rest_pose, "POST"),
         ("solve", studio.solve, "POST"),
+        ("judge", studio.judge, "POST"),
         ("player", studio.player, "GET"),
         ("take/{kind}", studio.take, "POST"),
     ]
@@ -128,17 +129,13 @@ class _Studio:
         return JSONResponse(dict((await anyio.to_thread.run_sync(rest_pose_in, file)).rotations))
 
     async def solve(self, request: Request) -> Response:
-        times = [time.perf_counter()]
         done = await self._done(request)
-        times.append(time.perf_counter())
-        await anyio.to_thread.run_sync(lambda: done.converted.result.verdict)
-        times.append(time.perf_counter())
-        response = await anyio.to_thread.run_sync(lambda: JSONResponse(done.as_data))
-        times.append(time.perf_counter())
-        steps = zip(("solve", "verdict", "stage"), times, times[1:], strict=False)
-        taken = (f"{name};dur={1000 * (end - start):.0f}" for name, start, end in steps)
-        response.headers["Server-Timing"] = ", ".join(taken)  # [ms]
-        return response
+        known = request.headers.get("x-has", "").split(",")
+        return await anyio.to_thread.run_sync(lambda: JSONResponse(without_known(done.motions, known)))
+
+    async def judge(self, request: Request) -> Response:
+        done = await self._done(request)
+        return await anyio.to_thread.run_sync(lambda: JSONResponse(done.as_data))
 
     async def dropped(self, _request: Request) -> Response:
         return JSONResponse(self.bench.dropped)

@@ -14,7 +14,9 @@ const left = new Map(); // the last order of each clip, by its key
 let order = structuredClone(START);
 let past = [];
 let future = [];
-let done = null;
+let moving = null; // what the player is to show in motion, until it is there
+let has = []; // the hashes of the bodies in motion that it has
+let done = null; // what else is known of it
 let asked = 0;
 let saved = true;
 let ready = false; // the player is there
@@ -70,7 +72,11 @@ async function solve() {
   if (!order.clip || !order.character) return;
   state("solving");
   try {
-    const found = await (await ask("solve", JSON.stringify(order))).json();
+    const given = JSON.stringify(order);
+    const motions = await (await ask("solve", given, { "X-Has": has.join() })).json();
+    if (turn !== asked) return;
+    showMotions(motions);
+    const found = await (await ask("judge", given, { "X-Tab": `${TAB}-judge` })).json(); // a change does not overtake it
     if (turn !== asked) return;
     done = found;
     trouble("");
@@ -206,13 +212,18 @@ function show() {
   $("save").disabled = !order.clip || !order.character;
 }
 
+function showMotions(motions) {
+  has = [...motions.actors, ...motions.bodies].map((one) => one.hash ?? one);
+  $("empty").hidden = true;
+  for (const name of ["verdict", "player", "taking", "touching"]) $(name).hidden = false;
+  if (ready) tell({ motions });
+  else moving = motions;
+}
+
 function showDone() {
+  if (ready) tell({ timeline: done.timeline });
   $("verdict").replaceChildren(...linked(done.verdict));
   $("warnings").replaceChildren(...done.warnings.map(warning));
-  $("empty").hidden = true;
-  $("player").hidden = false;
-  if (ready) tell({ stage: done.stage });
-  $("taking").hidden = false;
   $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
   $("command").textContent = done.command;
   $("parts").replaceChildren(...done.parts.map((part) => new Option(part)));
@@ -292,7 +303,7 @@ function picked(joint) {
   pick(!complete);
   if (!complete) return;
   const around = Math.round(AROUND / done.frame_time);
-  if (!$("frames").value) $("frames").value = `${Math.max(frame - around, 0)}-${Math.min(frame + around, done.frames - 1)}`;
+  $("frames").value = `${Math.max(frame - around, 0)}-${Math.min(frame + around, done.frames - 1)}`;
   change([...order.contacts, written()]);
 }
 
@@ -353,6 +364,7 @@ $("undo").onclick = () => step(past, future);
 $("redo").onclick = () => step(future, past);
 $("who").ontoggle = () => {
   if (done) showPair();
+  if ($("who").open) pick(false);
   $("who").scrollIntoView({ block: "nearest" });
 };
 $("format").onchange = (event) => set({ format: event.target.value });
@@ -424,14 +436,14 @@ addEventListener("message", (event) => {
   if (event.source !== $("player").contentWindow) return;
   if (event.data?.ready) {
     ready = true;
-    if (done) tell({ stage: done.stage });
+    if (moving) tell({ motions: moving });
+    if (done) tell({ timeline: done.timeline });
   }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
-  const { joint = -1, role } = event.data ?? {};
-  if (joint < 0) return;
-  if ($("pick").getAttribute("aria-pressed") !== "true") {
-    if ($("who").open) paired(joint, role === "source");
-  } else if (role !== "source") picked(joint);
+  const { joint = -1, skin, role } = event.data ?? {};
+  if ($("pick").getAttribute("aria-pressed") === "true") {
+    if (role !== "source" && Math.max(joint, skin) >= 0) picked(skin < 0 ? joint : skin);
+  } else if ($("who").open && joint >= 0) paired(joint, role === "source");
 });
 $("order").onsubmit = (event) => event.preventDefault();
 for (const about of await (await ask("files")).json()) take(about);
