@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, cross, halves, lengths
+from distretarget.numerics.vectors import Array, Flags, Numbers, cross, halves, lengths, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -42,8 +42,8 @@ class SurfaceSamples:
         triangles, radii, segments = _spread(mesh, skeleton, of_joint, capsules)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
         corners = np.where((triangles > 0)[:, None], corners, corners[:, ::-1])
-        one, other = (mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2))
-        are_large = 0.5 * lengths(cross(one, other)) > np.pi * radii**2
+        edges = [mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2)]
+        are_large = 0.5 * lengths(cross(*edges)) > np.pi * radii**2
         shares = _shares(triangles, are_large)
         groups = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
         order = np.concatenate([segments[:0], *groups])
@@ -55,7 +55,8 @@ class SurfaceSamples:
             _rows(csr_array((np.transpose(each).ravel(), (rows, corners.ravel())), size) @ vertices)
             for each in (shares, [-one, one, none], [-one, none, one])
         )
-        runs = _runs(places, np.cumsum([0, *map(len, groups)]), segments)
+        dipoles = (np.pi * radii**2)[:, None] * normalised(cross(*edges)[order])
+        runs = _runs(places, dipoles, np.cumsum([0, *map(len, groups)]), segments)
         return cls(Points(places, first, second, radii, np.ascontiguousarray(shares[1:].T), are_large, runs))
 
     def gaps(self, motion: Motion, parts: Sequence[tuple[int, Part]], wanted: Flags, farthest: float) -> Array:
@@ -134,13 +135,14 @@ def _by_neighbours(places: Array, segments: Numbers) -> list[Numbers]:
     return [run for group in groups for run in halves(places, group, RUN)]
 
 
-def _runs(places: Bound, first: Numbers, segments: Numbers) -> Runs:
-    """Runs of points that begin with the `first`, in the order of their `segments`, (points,).
+def _runs(places: Bound, dipoles: Array, first: Numbers, segments: Numbers) -> Runs:
+    """Runs of points that begin with the `first`, in the order of their `segments`, (points,); `dipoles`, (points, 3),
+    are their normals times areas.
 
     A point is the sum of w q over joints, with weights w and places q that move with one joint each. The centre c of a
     run is that of the means w' and q', so a point is off it by the sum of w (q - q') + (w - w') (q' - c).
     """
-    bounds, joints, means, radii, spread = [0], [], [], [], []
+    bounds, joints, means, radii, spread, sums = [0], [], [], [], [], [np.zeros((0, 3))]
     for begin, end in pairwise(first):
         rows, count = slice(places.first[begin], places.first[end]), np.diff(places.first[begin : end + 1])
         own, column = np.unique(places.joints[rows], return_inverse=True)
@@ -151,12 +153,14 @@ def _runs(places: Bound, first: Numbers, segments: Numbers) -> Runs:
         radii.append(lengths(b[..., :3] - shares * mean[:, :3]).sum(axis=1).max())
         spread.append(np.abs(shares - 1.0).max(axis=(0, 2)))
         means.append(mean)
+        sums.append(b[..., 3].T @ dipoles[begin:end])
         joints.append(own)
         bounds.append(bounds[-1] + len(own))
     middles = Bound(np.array(bounds), np.concatenate([first[:0], *joints]), np.concatenate([np.zeros((0, 4)), *means]))
     more = np.concatenate([np.zeros(0), *spread])
     of_segment = np.searchsorted(segments[first[:-1]], np.arange(len(SEGMENTS) + 1))
-    return Runs(first, of_segment, middles, np.array(radii), np.where(more < SAME_SHARE, 0.0, more))
+    more = np.where(more < SAME_SHARE, 0.0, more)
+    return Runs(first, of_segment, middles, np.array(radii), np.concatenate(sums), more)
 
 
 def _nearest_on(ends: Array, points: Array) -> Array:

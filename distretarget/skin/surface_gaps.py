@@ -7,8 +7,8 @@ before, are left out.
 
 Parts are open where others begin, and skin folds, so that what lies behind the nearest piece of a surface may be
 outside. What is deeper than this piece is wide is inside only where the winding number of the part is more than a half
-(Barill, Dickson, Schmidt, Levin and Jacobson, "Fast winding numbers for soups and clouds", 2018): points stand for
-dipoles, and far runs for the sum of theirs.
+(Barill, Dickson, Schmidt, Levin and Jacobson, "Fast winding numbers for soups and clouds", 2018): points are dipoles,
+and far runs the sum of theirs, turned as joints turn.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ class Runs(NamedTuple):
     of_segment: I1  # (segments + 1,), the first run of each segment; the last is their end
     middles: Bound  # the centres of the balls
     radii: F1  # (runs,), of the balls, but for what follows
+    dipoles: F2  # (rows of the middles, 3), the normals at rest times the areas of what each joint moves of it
     # (rows of the middles,), how far the weights of a joint are off their mean, in shares of that: a radius grows by so
     # much of each row's way from the centre
     spread: F1
@@ -65,8 +66,8 @@ class GapWorkspace(NamedTuple):
     have_balls: I1  # (segments,), whether the balls of its runs are known ...
     are_placed: I1  # (runs,), ... whether its points are ...
     have_sides: I1  # (points,), ... whether its triangle is ...
-    have_dipoles: I1  # (runs,), ... and whether the sum of its dipoles is
-    dipoles: F2  # (runs, 3), the normals of its points, times the areas of their pieces
+    have_dipoles: I1  # (runs,), ... and whether its dipole is
+    dipoles: F2  # (runs, 3)
     near: I1  # (runs,), those of a part that are near a limb ...
     around: F2  # (4, runs), ... their balls ...
     beyond: F1  # (runs,), ... and more than 0 for those that are not near a run of the limb
@@ -269,28 +270,29 @@ def _winding(points, moved, p, part, room):  # type: ignore[no-untyped-def]
     for segment in range(len(part)):
         if part[segment]:
             for run in range(runs.of_segment[segment], runs.of_segment[segment + 1]):
-                _sum_dipoles(points, moved, run, room)
                 if _square(p, room.balls[run]) > (FAR * room.balls[run, 3]) ** 2:
+                    _write_dipole(runs, moved, run, room)
                     angle += _angle(p, room.balls[run], room.dipoles[run])
                 else:
+                    _place(points, moved, run, room)
                     for point in range(runs.first[run], runs.first[run + 1]):
+                        _face(points, moved, point, room)
                         area = np.pi * points.radii[point] ** 2
                         angle += area * _angle(p, room.placed[point], room.sides[point, 2])
     return angle / (4.0 * np.pi)
 
 
 @inlined(fastmath=True)
-def _sum_dipoles(points, moved, run, room):  # type: ignore[no-untyped-def]
-    """Write the dipole of a run, and those of its points, once in a frame."""
+def _write_dipole(runs, moved, run, room):  # type: ignore[no-untyped-def]
+    """Write the dipole of a run once in a frame."""
     if room.have_dipoles[run] == 0:
         room.have_dipoles[run] = 1
-        _place(points, moved, run, room)
-        sum_ = room.dipoles[run]
-        sum_[0], sum_[1], sum_[2] = 0.0, 0.0, 0.0
-        for point in range(points.runs.first[run], points.runs.first[run + 1]):
-            _face(points, moved, point, room)
+        dipole = room.dipoles[run]
+        dipole[0], dipole[1], dipole[2] = 0.0, 0.0, 0.0
+        for n in range(runs.middles.first[run], runs.middles.first[run + 1]):
+            m, d = moved[runs.middles.joints[n]], runs.dipoles[n]
             for i in range(3):
-                sum_[i] += np.pi * points.radii[point] ** 2 * room.sides[point, 2, i]
+                dipole[i] += m[i, 0] * d[0] + m[i, 1] * d[1] + m[i, 2] * d[2]
 
 
 @inlined(fastmath=True)
