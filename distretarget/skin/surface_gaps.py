@@ -73,6 +73,7 @@ class GapWorkspace(NamedTuple):
     beyond: F1  # (runs,), ... and more than 0 for those that are not near a run of the limb
     nearer: I1  # (runs,), those that are
     lowest: I1  # (pairs,), the run that was lowest in the frame before, counted from the first of the limb
+    deepest: I1  # (2,), the point of a limb that is lowest, and what is nearest to it
     ball: F1  # (4,), around a limb
 
     @classmethod
@@ -82,11 +83,11 @@ class GapWorkspace(NamedTuple):
         placed, sides, ball, balls, around = (
             np.zeros(shape) for shape in ((count, 3), (count, 3, 3), 4, (runs, 4), (4, runs))
         )
-        have_balls, have_sides, lowest, are_placed, near, nearer, have_dipoles = (
-            np.zeros(size, np.intp) for size in (segments, count, pairs, runs, runs, runs, runs)
+        have_balls, have_sides, lowest, are_placed, near, nearer, have_dipoles, deepest = (
+            np.zeros(size, np.intp) for size in (segments, count, pairs, runs, runs, runs, runs, 2)
         )
         known = balls, have_balls, are_placed, have_sides, have_dipoles, np.zeros((runs, 3))
-        return cls(placed, sides, *known, near, around, np.zeros(runs), nearer, lowest, ball)
+        return cls(placed, sides, *known, near, around, np.zeros(runs), nearer, lowest, deepest, ball)
 
 
 @compiled(fastmath=True)
@@ -107,8 +108,7 @@ def write_gaps(
                     if parts[pair, segment] or segment == limbs[pair]:
                         _enclose(points.runs, moved[frame], segment, room)
                 count = _find_near(points.runs, limbs[pair], parts[pair], farthest, room)
-                part = parts[pair]
-                gaps[frame, pair] = _least_height(points, moved[frame], limbs[pair], part, pair, count, farthest, room)
+                gaps[frame, pair] = _gap(points, moved[frame], limbs[pair], parts[pair], pair, count, farthest, room)
 
 
 @inlined(fastmath=True)
@@ -184,8 +184,29 @@ def _find_near(runs, limb, part, farthest, room):  # type: ignore[no-untyped-def
 
 
 @inlined(fastmath=True)
-def _least_height(points, moved, limb, part, pair, count, farthest, room):  # type: ignore[no-untyped-def]
-    """The least height of the points of a limb over runs that were found, or `farthest`."""
+def _gap(points, moved, limb, part, pair, count, farthest, room):  # type: ignore[no-untyped-def]
+    """The least height of the points of a limb over runs that were found, or `farthest`. If the deepest is not inside,
+    all that seem to be are looked at.
+    """
+    height = _least_height(points, moved, limb, part, pair, count, farthest, False, room)
+    point, nearest = room.deepest
+    if height < 0.0 and _only_seems_inside(points, moved, point, nearest, height, part, room):
+        return _least_height(points, moved, limb, part, pair, count, farthest, True, room)
+    return height
+
+
+@inlined(fastmath=True)
+def _only_seems_inside(points, moved, point, nearest, height, part, room):  # type: ignore[no-untyped-def]
+    """Whether a point beneath the piece of a surface that is nearest is outside of the part all the same."""
+    deep = height < -points.radii[nearest]
+    return deep and _winding(points, moved, room.placed[point], part, room) < INSIDE
+
+
+@inlined(fastmath=True)
+def _least_height(points, moved, limb, part, pair, count, farthest, checked, room):  # type: ignore[no-untyped-def]
+    """The least height of the points of a limb over runs that were found, or `farthest`; if it is `checked`, of points
+    that only seem to be inside their distance.
+    """
     least, runs, first = farthest, points.runs, points.runs.of_segment[limb]
     size, start = runs.of_segment[limb + 1] - first, room.lowest[pair]
     before, lowest, nearest = -1, farthest, -1  # the point before, if its height is known, and what is lowest around it
@@ -206,11 +227,11 @@ def _least_height(points, moved, limb, part, pair, count, farthest, room):  # ty
             before = -1
             if found >= 0:
                 height = _height(points, moved, point, found, square, room)
-                if height < -points.radii[found] and _winding(points, moved, p, part, room) < INSIDE:
+                if checked and height < least and _only_seems_inside(points, moved, point, found, height, part, room):
                     height = np.sqrt(square)
                 before, nearest, lowest = point, found, height - 0.5 * points.radii[found]
                 if height < least:
-                    least, room.lowest[pair] = height, run - first
+                    least, room.lowest[pair], room.deepest[0], room.deepest[1] = height, run - first, point, found
     return least
 
 
