@@ -531,10 +531,15 @@ WHERE = """([view, joint, share]) => {
 }"""
 
 
-DRAWN = """async () => {
-  const drawn = () => globalThis.app?.stage.sides.at(-1).actors[0].mesh.bent >= 0;
-  while (!drawn()) await new Promise(requestAnimationFrame);
+UNTIL = """async function until(holds, what) {
+  for (let tries = 0; !holds(); tries++) {
+    if (tries > 600) throw new Error(`after 30 s not ${what()}`);
+    await new Promise((go) => setTimeout(go, 50));
+  }
 }"""
+DRAWN = f"""async () => {{ {UNTIL}
+  await until(() => globalThis.app?.stage.sides.at(-1).actors[0].mesh.bent >= 0, () => "drawn");
+}}"""
 
 
 @pytest.fixture
@@ -774,12 +779,13 @@ def test_a_project_is_saved_and_opened_again(solved, tmp_path, expect):
     expect(tab.get_by_role("alert")).to_contain_text("the clap.bvh that was dropped is not the one of the project")
 
 
-SHOWN = """async ([count]) => {
-  while (globalThis.app?.clock.count !== count) await new Promise(requestAnimationFrame);
-  const [{ motion }] = app.stage.sides.at(-1).actors;
-  const pose = (frame) => { motion.place(frame); return Array.from(motion.positions); };
+SHOWN = f"""async ([count]) => {{ {UNTIL}
+  const shown = () => globalThis.app?.clock.count;
+  await until(() => shown() === count, () => `${{count}} frames, but ${{shown()}}`);
+  const [{{ motion }}] = app.stage.sides.at(-1).actors;
+  const pose = (frame) => {{ motion.place(frame); return Array.from(motion.positions); }};
   return [pose(0), pose(count - 1)];
-}"""
+}}"""
 
 
 def ends(tab, count):

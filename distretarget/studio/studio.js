@@ -14,7 +14,7 @@ const left = new Map(); // the last order of each clip, by its key
 let order = structuredClone(START);
 let past = [];
 let future = [];
-let moving = null; // what the player is to show in motion, until it is there
+const waiting = []; // what the player is to show in motion, until it is there; what follows builds on it
 let has = []; // the hashes of the bodies in motion that it has
 let done = null; // what else is known of it
 let asked = 0;
@@ -217,7 +217,7 @@ function showMotions(motions) {
   $("empty").hidden = true;
   for (const name of ["verdict", "player", "taking", "touching"]) $(name).hidden = false;
   if (ready) tell({ motions });
-  else moving = motions;
+  else waiting.push({ motions });
 }
 
 function showDone() {
@@ -436,7 +436,7 @@ addEventListener("message", (event) => {
   if (event.source !== $("player").contentWindow) return;
   if (event.data?.ready) {
     ready = true;
-    if (moving) tell({ motions: moving });
+    waiting.splice(0).forEach(tell);
     if (done) tell({ timeline: done.timeline });
   }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
