@@ -215,7 +215,8 @@ function show() {
 function showMotions(motions) {
   has = [...motions.actors, ...motions.bodies].map((one) => one.hash ?? one);
   $("empty").hidden = true;
-  for (const name of ["verdict", "player", "taking", "touching"]) $(name).hidden = false;
+  for (const name of ["verdict", "taking", "touching"]) $(name).hidden = false;
+  $("player").inert = false;
   if (ready) tell({ motions });
   else waiting.push({ motions });
 }
