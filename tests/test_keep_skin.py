@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import sample, sample_run, sample_target
+from bodies import sample, sample_run, sample_target, tree_of
+from capsule_bodies import capsule_surface, mesh_of
 
-from distretarget import Options, retarget
+from distretarget import Motion, Options, Target, retarget
 from distretarget.pipeline.performer import target_capsules
 
 BONES_ALONE = Options(skin="none")
@@ -66,6 +67,15 @@ def test_a_clip_of_the_same_character_keeps_its_arms(name, factor):
     hands = [clip.skeleton.index(f"{side}Hand") for side in SIDES]
     off = again.motion.positions_of(hands) - clip.positions_of(hands)
     assert np.linalg.norm(off, axis=2).max() < 0.002 * again.matching.target.height
+
+
+def test_a_mesh_of_no_human_has_no_thickness():
+    skeleton = tree_of([[0, 1, 0]] * 3)
+    mesh = mesh_of([(1, capsule_surface(skeleton.rest_positions[1:], (0.1, 0.1)))])
+    still = Motion(skeleton, np.zeros((2, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (2, 3, 1)), "0.1")
+    run = retarget(still, Target(skeleton, {}, "", mesh=lambda: mesh))
+    assert run.skins is None
+    np.testing.assert_allclose(run.motion.rotations, still.rotations, atol=1e-9)
 
 
 def test_a_target_without_mesh_or_radii_has_no_thickness():

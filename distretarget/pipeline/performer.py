@@ -175,9 +175,9 @@ def _find_skins(matching: Matching, goal: Target, source_build: Build | None, tr
 
 @lru_cache(maxsize=4)
 def _bare(target: Target) -> SkinnedMesh | None:
-    """The mesh of a target without what its hands hold, cached for a batch of clips with the same target."""
-    mesh = target.mesh()
-    return mesh and bare_mesh(Body.of(target.skeleton, target.motion), mesh)
+    """The mesh of a human target without what its hands hold, cached for a batch of clips with the same target."""
+    mesh, body = target.mesh(), Body.of(target.skeleton, target.motion)
+    return bare_mesh(body, mesh) if mesh and body.anatomy else None
 
 
 @lru_cache(maxsize=4)
