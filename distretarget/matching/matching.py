@@ -252,8 +252,10 @@ class Matching:
 
     @property
     def on_resting_soles(self) -> Matching:
-        """The same matching, with the source's soles as they rest on the floor in its motion."""
-        if self.legs is None:
+        """The same matching, with the source's soles as they rest on the floor in its motion; those of one rig are its
+        target's anyway.
+        """
+        if self.legs is None or self.is_one_rig:
             return self
         soles = tuple(sole for sole, _ in self.soles)
         normals = resting_normals(self.source_motion, self.legs[0], soles, self.source.up_vector)

@@ -148,7 +148,7 @@ def match_performer(transfer: Transfer) -> Match:
     matching = matching.on_mesh_soles(mesh)
     hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()
     found = Match(world, matching, skins, mesh, source_mesh, goal.skeleton if hangs_otherwise else None, hips)
-    if found.undersides is not None and found.undersides.feet_have_mesh and not matching.is_one_rig:
+    if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
 
