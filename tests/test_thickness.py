@@ -54,6 +54,15 @@ def mesh(dressed):
     return dressed[0]
 
 
+def wearing(mesh, joint, surface):
+    """A mesh with one more piece, which moves with a joint."""
+    over = mesh_of([(joint, surface)])
+    return SkinnedMesh(
+        *(np.concatenate([getattr(mesh, name), getattr(over, name)]) for name in ("vertices", "joints", "weights")),
+        np.concatenate([mesh.triangles, over.triangles + len(mesh.vertices)]),
+    )
+
+
 def in_world(capsules, skeleton):
     return capsules.ends + skeleton.rest_positions[capsules.joints][:, None]
 
@@ -71,14 +80,29 @@ def test_a_skirt_does_not_make_thick_legs(dressed):
     mesh, radii = dressed
     hip, knee = (BODY.anatomy.roles[f"left{part}"] for part in ("UpperLeg", "LowerLeg"))
     skirt = capsule_surface(PERSON.rest_positions[[hip, knee]], [0.2, 0.25])
-    under, over = mesh, mesh_of([(hip, skirt)])
-    both = SkinnedMesh(
-        *(np.concatenate([getattr(under, name), getattr(over, name)]) for name in ("vertices", "joints", "weights")),
-        np.concatenate([under.triangles, over.triangles + len(under.vertices)]),
-    )
-    capsules = capsules_of(BODY, both)
+    capsules = capsules_of(BODY, wearing(mesh, hip, skirt))
     on = capsules.segments == SEGMENTS.index("left thigh")
     assert capsules.radii[on].max() < 1.3 * radii["left thigh"].max()
+
+
+@pytest.mark.parametrize(
+    ("role", "at", "sizes"),
+    [
+        ("head", (0.0, 0.18, 0.0), (0.35, 0.02, 0.35)),  # the brim of a hat
+        ("hips", (0.25, -0.4, -0.1), (0.02, 0.5, 0.04)),  # a scabbard
+        ("upperChest", (0.0, -0.4, -0.3), (0.3, 0.7, 0.02)),  # a cape
+    ],
+)
+def test_what_stands_off_trunk_and_head_does_not_make_them_thick(mesh, role, at, sizes):
+    rest, joint = PERSON.rest_positions, BODY.anatomy.roles[role]
+    sphere = np.array([[0.0, -1e-6, 0.0], [0.0, 1e-6, 0.0]])
+    skull = capsule_surface(rest[BODY.anatomy.roles["head"]] + [0.0, 0.1, 0.0] + sphere, [0.12, 0.12])
+    head = wearing(mesh, BODY.anatomy.roles["head"], skull)
+    points, triangles = capsule_surface(sphere, [1.0, 1.0])
+    dressed = wearing(head, joint, (rest[joint] + at + points * sizes, triangles))
+    both = [capsules_of(BODY, each) for each in (head, dressed)]
+    away = [distances(head.vertices, in_world(each, PERSON), each.radii)[0] for each in both]
+    np.testing.assert_allclose(away[1], away[0], atol=0.04)
 
 
 def test_the_trunk_is_wider_than_deep(mesh):

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments, frames
@@ -21,7 +19,7 @@ def bare_mesh(body: Body, mesh: SkinnedMesh) -> SkinnedMesh:
     """Return a mesh without the pieces that hands carry: those that are joined to nothing else, move with one hand and
     its forearm alone, and reach farther from its wrist than a hand can. `whole` keeps them.
     """
-    skeleton, of_vertex, pieces = body.skeleton, find_segments(body).of_joint[mesh.carriers], _pieces(mesh)
+    skeleton, of_vertex, pieces = body.skeleton, find_segments(body).of_joint[mesh.carriers], mesh.pieces
     prop = np.zeros(len(mesh.vertices), bool)
     for part, palm in frames(body):
         side, _, name = part.partition(" ")
@@ -32,16 +30,6 @@ def bare_mesh(body: Body, mesh: SkinnedMesh) -> SkinnedMesh:
             of_hand, of_arm = of_vertex == arm[0], np.isin(of_vertex, arm)
             prop |= _any(pieces, of_hand & far) & ~_any(pieces, ~of_arm)
     return _without(mesh, prop) if prop.any() else mesh
-
-
-def _pieces(mesh: SkinnedMesh) -> Numbers:
-    """(vertices,), the number of the piece of the mesh that each vertex belongs to; triangles that share a corner are
-    in one piece.
-    """
-    firsts, count = mesh.firsts, len(mesh.vertices)
-    a, b = firsts[mesh.triangles[:, [0, 1]]].ravel(), firsts[mesh.triangles[:, [1, 2]]].ravel()
-    joined = coo_array((np.ones(len(a)), (a, b)), shape=(count, count))
-    return np.asarray(connected_components(joined, directed=False)[1][firsts], np.intp)
 
 
 def _any(pieces: Numbers, chosen: Flags) -> Flags:

@@ -219,9 +219,10 @@ def _form(body: Body, carrier: int, segment: str) -> dict[str, Any]:
     role = next((role for role, joint in roles.items() if joint == carrier), "")
     side, _, limb = segment.partition(" ")
     if carrier in trunk:
-        return {"axis": up, "across": left, "closed": (carrier == trunk[0], carrier == trunk[-1])}
+        closed = carrier == trunk[0], carrier == trunk[-1]
+        return {"axis": up, "across": left, "closed": closed, "is_dressed": True}
     if segment == "head":
-        return {"axis": up, "covered": COVERED_HARD}
+        return {"axis": up, "covered": COVERED_HARD, "is_dressed": True}
     if limb == "foot":
         is_toes = role.endswith("Toes")
         return {"axis": _foot_axis(body, side), "level": up, "closed": (not is_toes, True), "most": 4 if is_toes else 2}

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
@@ -27,6 +28,10 @@ ROUND = 1.25  # of most parts, see `Part`
 DENT = 0.25  # how deep the dents between capsules side by side may be [radii]
 SIDES_OF_LEG, LEVELS_OF_LEG = 12, 8  # in which skin is compared with cloth
 CLOTH = 1.6  # what is farther than this from a leg's bone is cloth [distance of the skin there]
+# What rigid pieces have farther than `OFF_SKIN` from the skin of trunk and head is a hat's brim, a cape or a scabbard.
+# Where all pieces are rigid, the skin is no smaller than `LEAST_SKIN` of the largest.
+LEAST_SKIN = 0.1
+OFF_SKIN = 0.6  # [mean distance of the skin from the axis]
 PASSES = 3  # over all parts, each of which changes what its neighbours have to cover
 ROUNDS = 10  # of least squares
 SMOOTH = 0.01  # distances off the surface below this weigh the same [mean distances to the axis]
@@ -49,16 +54,18 @@ class Part:
     closed: tuple[bool, bool] = (True, True)  # whether the surface is closed at its start and at its end
     most: int = 3  # the number of capsules side by side, at most
     is_leg: bool = False  # whether skirts and coats may hang round it
+    is_dressed: bool = False  # whether hats, capes and scabbards may stand off it
     round: float = ROUND  # a cross-section is round if it is not more than this times as wide as high
     covered: float = COVERED  # the share of its surface that its capsules cover
 
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """Points on a surface, (points, 3), and the area that each stands for, (points,)."""
+    """Points on a surface, (points, 3), and the area and the piece of the mesh that each stands for, (points,)."""
 
     points: Array
     areas: Array
+    pieces: Numbers
 
     def percentile(self, values: Array, percent: float) -> float:
         """Return the value, of one each point, below which this part of the surface lies [%]."""
@@ -69,31 +76,33 @@ class _Surface:
     @classmethod
     def joined(cls, surfaces: Sequence[_Surface]) -> _Surface:
         """Return the points of several surfaces as one."""
-        columns = zip(*((each.points, each.areas) for each in surfaces), strict=True)
+        columns = zip(*((each.points, each.areas, each.pieces) for each in surfaces), strict=True)
         return cls(*map(np.concatenate, columns))
 
     def part(self, chosen: Flags) -> _Surface:
         """Return some of the points."""
-        return _Surface(self.points[chosen], self.areas[chosen])
+        return _Surface(self.points[chosen], self.areas[chosen], self.pieces[chosen])
 
 
 def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -> Capsules:
     """Return the capsules that stand for the parts of a body; none for a part that moves next to no surface."""
     surface, owners = _sampled(mesh, len(skeleton), parts)
     rest = skeleton.rest_positions
+    bends = _bend(surface.pieces, owners)
     owners = _owners_at_joints(surface, owners, parts, rest)
     found, covered = [], []
     for number, part in enumerate(parts):
         own = surface.part(owners == number)
         if len(own.points) >= FEWEST_POINTS:
-            own = _Surface(own.points - rest[part.carrier], own.areas)
+            own = replace(own, points=own.points - rest[part.carrier])
             tip = None if part.tip is None else rest[part.tip] - rest[part.carrier]
             axes = _axes(own, part, tip)
             own = own if tip is None or not part.is_leg else _under_cloth(own, axes, float(np.linalg.norm(tip)))
+            own = _near_skin(own, bends, axes) if part.is_dressed else own
             ends, radii = _fitted(own, axes, part, tip)
             carriers, segments = np.full(len(ends), part.carrier), np.full(len(ends), part.segment)
             found.append((carriers, ends, radii, segments))
-            covered.append((part, _Surface(own.points + rest[part.carrier], own.areas)))
+            covered.append((part, replace(own, points=own.points + rest[part.carrier])))
     if not found:
         return no_capsules()
     capsules = Capsules(*(np.concatenate(column) for column in zip(*found, strict=True)))
@@ -136,10 +145,16 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
     quarters = QUARTERS if 4 * len(triangles) <= MOST_POINTS else QUARTERS[:1]
     points = np.einsum("qc,tci->tqi", quarters, corners).reshape(-1, 3)
     many = len(quarters)
-    surface = _Surface(points, np.repeat(areas / many, many))
+    surface = _Surface(points, np.repeat(areas / many, many), np.repeat(mesh.pieces[triangles[:, 0]], many))
     owned = np.repeat(owners, many)
     owned[surface.areas <= 0.0] = -1
     return surface, owned
+
+
+def _bend(pieces: Numbers, owners: Numbers) -> Flags:
+    """(pieces,), whether several parts move each piece of a mesh, by the pieces and owners of points, (points,)."""
+    known = np.unique(np.stack([pieces, owners])[:, owners >= 0], axis=1)
+    return np.asarray(np.bincount(known[0], minlength=pieces.max(initial=-1) + 1) > 1)
 
 
 def _owners_at_joints(surface: _Surface, owners: Numbers, parts: Sequence[Part], rest: Array) -> Numbers:
@@ -191,6 +206,25 @@ def _under_cloth(surface: _Surface, axes: Array, length: float) -> _Surface:
     least = np.full(cell.max() + 1, np.inf)
     np.minimum.at(least, cell, away)
     return surface.part(away <= CLOTH * least[cell])
+
+
+def _near_skin(surface: _Surface, bends: Flags, axes: Array) -> _Surface:
+    """The surface round a joint without what stands off its skin: the pieces that bend, (pieces of the mesh,), else the
+    piece nearest to the joint; and pieces that are mostly near these.
+    """
+    areas, away = np.bincount(surface.pieces, surface.areas, len(bends)), lengths(surface.points)
+    are_skin, near, before = bends & (areas > 0.0), np.ones(len(away), bool), 0
+    if not are_skin.any():
+        large = np.flatnonzero(areas >= LEAST_SKIN * areas.max())
+        medians = [surface.part(on).percentile(away[on], 50.0) for on in (surface.pieces == piece for piece in large)]
+        are_skin[large[np.argmin(medians)]] = True
+    skin = surface.part(are_skin[surface.pieces])
+    off = (skin.points - np.average(skin.points, axis=0, weights=skin.areas)) @ axes[:, 1:]
+    far = OFF_SKIN * np.average(lengths(off), weights=skin.areas)
+    while before < (before := are_skin.sum()):
+        near = KDTree(surface.points[are_skin[surface.pieces]]).query(surface.points)[0] <= far
+        are_skin |= np.bincount(surface.pieces, surface.areas * near, len(bends)) > 0.5 * areas
+    return surface.part(near)
 
 
 def _axes(surface: _Surface, part: Part, tip: Array | None) -> Array:

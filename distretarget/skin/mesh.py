@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
@@ -66,6 +68,14 @@ class SkinnedMesh:
         places = np.round(self.vertices / (SAME_PLACE * size)).astype(np.int64)
         _, first, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
         return np.asarray(first[same.ravel()])
+
+    @cached_property
+    def pieces(self) -> Numbers:
+        """(vertices,), the number of the piece that each belongs to; triangles that share a corner are in one piece."""
+        firsts, count = self.firsts, len(self.vertices)
+        a, b = firsts[self.triangles[:, [0, 1]]].ravel(), firsts[self.triangles[:, [1, 2]]].ravel()
+        joined = coo_array((np.ones(len(a)), (a, b)), shape=(count, count))
+        return np.asarray(connected_components(joined, directed=False)[1][firsts], np.intp)
 
     def heights(self, motion: Motion, up: Array) -> Array:
         """Return how far up, (3,), the vertices are in each frame, (frames, vertices) [file units]; as `posed`."""
