@@ -196,7 +196,16 @@ def test_a_body_that_was_too_fast_rushes_until_it_has_slowed_down():
     x = np.tile(positions()[:1], (40, 1, 1))
     x[:3, :, 2] += LENGTH * np.array([0.32, 0.14, 0.04])[:, None]
     np.testing.assert_array_equal(shots(x, frame_time=0.01), [*range(4), *[3] * 36])
-    np.testing.assert_array_equal(shots(x[1:], frame_time=0.01), np.zeros(39))
+
+
+@pytest.mark.parametrize(("step", "cuts"), [(0.25, 1), (0.15, 0)])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_first_step_after_which_nobody_can_slow_down_begins_a_shot(step, cuts, backwards):
+    """As seen where a T-pose is before a motion of 30 frames/s: steps of so many leg lengths, and then of .1."""
+    x = np.tile(positions()[:1], (40, 1, 1))
+    x[..., 2] += LENGTH * np.array([0.0, *(step + 0.1 * np.arange(39))])[:, None]
+    found = shots(x[::-1] if backwards else x, frame_time=1 / 30)
+    np.testing.assert_array_equal(found, cuts * (np.arange(40) > (38 if backwards else 0)))
 
 
 @pytest.mark.parametrize(("jump", "cuts"), [(0.015, 0), (0.03, 1)])

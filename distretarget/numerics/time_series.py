@@ -20,6 +20,7 @@ MOST_FRAMES = 300.0  # a smoothed series bends over no more than these, since ro
 STEP = 8.0  # at a cut joints move at least this many times as far as in the frames before and after it ...
 FAR = 0.02  # ... and at least this far on average [of the given length]
 FASTEST = 15.0  # no person is faster, on average over all joints [lengths / s]
+BRAKES = 100.0  # no person slows down faster, on average over all joints [lengths / s^2]
 SLOWS = 0.75  # a body that was faster slows down while each step is at most this share of the one before
 
 Value = TypeVar("Value", bound=np.generic)
@@ -116,11 +117,15 @@ def find_shots(positions: Array, joints: Numbers, length: float, frame_time: flo
     """Return the number of each frame's shot, (frames,), from 0; a shot ends where the body jumps. `positions`,
     (frames, all joints, 3), and a `length` of the body, such as its legs', have the same unit; `joints` are those of
     the body, and `frame_time` is in [s]. Frames at the beginning or the end, such as a T-pose before the motion, from
-    which the body leaves faster than anybody can move are shots of their own, until the body has slowed down.
+    which the body leaves faster than anybody can move, or can slow down, are shots of their own, until the body has
+    slowed down.
     """
     steps = steps_along(positions, joints).mean(axis=1)
     around = np.concatenate([[0.0], steps, [0.0]])
     cuts = steps > np.maximum(STEP * np.maximum(around[:-2], around[2:]), FAR * length)
+    if len(steps) > 1:
+        slower = np.array([steps[0] - steps[1], steps[-1] - steps[-2]])
+        cuts[[0, -1]] |= slower > max(BRAKES * length * frame_time**2, FAR * length)
     fastest = FASTEST * length * frame_time
     cuts[: _rushed(steps, fastest)] = cuts[len(cuts) - _rushed(steps[::-1], fastest) :] = True
     return np.concatenate([[0], np.cumsum(cuts)]).astype(np.intp)
