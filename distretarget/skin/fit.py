@@ -213,7 +213,8 @@ def _near_skin(surface: _Surface, bends: Flags, axes: Array) -> _Surface:
     piece nearest to the joint; and pieces that are mostly near these.
     """
     areas, away = np.bincount(surface.pieces, surface.areas, len(bends)), lengths(surface.points)
-    are_skin, near, before = bends & (areas > 0.0), np.ones(len(away), bool), 0
+    near: Flags = np.ones(len(away), bool)
+    are_skin, before = bends & (areas > 0.0), 0
     if not are_skin.any():
         large = np.flatnonzero(areas >= LEAST_SKIN * areas.max())
         medians = [surface.part(on).percentile(away[on], 50.0) for on in (surface.pieces == piece for piece in large)]
@@ -222,7 +223,7 @@ def _near_skin(surface: _Surface, bends: Flags, axes: Array) -> _Surface:
     off = (skin.points - np.average(skin.points, axis=0, weights=skin.areas)) @ axes[:, 1:]
     far = OFF_SKIN * np.average(lengths(off), weights=skin.areas)
     while before < (before := are_skin.sum()):
-        near = KDTree(surface.points[are_skin[surface.pieces]]).query(surface.points)[0] <= far
+        near = np.asarray(KDTree(surface.points[are_skin[surface.pieces]]).query(surface.points)[0] <= far)
         are_skin |= np.bincount(surface.pieces, surface.areas * near, len(bends)) > 0.5 * areas
     return surface.part(near)
 
