@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from bodies import tree_of
 
 from distretarget import Motion, Skeleton
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
@@ -63,16 +64,11 @@ OWN = {
 
 
 def rig_of(joints: Joints) -> Skeleton:
-    """The skeleton; names that end in "_End" are End Sites, and the root has position channels."""
+    """The skeleton; names that end in "_End" are End Sites."""
     names = tuple(joints)
-    ends = [name.endswith("_End") for name in names]
-    return Skeleton(
-        names=names,
-        parents=np.array([names.index(parent) if parent else -1 for parent, _ in joints.values()]),
-        offsets=np.array([offset for _, offset in joints.values()], float),
-        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *(() if end else ROTATION_CHANNELS for end in ends[1:])),
-        end_sites=np.array(ends),
-    )
+    parents = [names.index(parent) if parent else -1 for parent, _ in joints.values()]
+    ends = [name for name in names if name.endswith("_End")]
+    return tree_of([offset for _, offset in joints.values()], names, parents, ends)
 
 
 def dog(*, own_names: bool = True) -> Skeleton:

@@ -15,6 +15,7 @@ from gltf_file import Gltf, glb
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
+from distretarget.body.anatomy import ARM, LEG
 from distretarget.body.axes import axis_vector
 from distretarget.numerics.quaternions import least_rotation
 
@@ -467,27 +468,12 @@ def character(
     return made
 
 
-PERSON = {
-    "hips": "Hips",
-    "spine": "Chest",
-    "chest": "Chest2",
-    "upperChest": "Chest3",
-    "neck": "Neck",
-    "head": "Head",
-    **{
-        side.lower() + bone: side + joint
-        for side in ("Left", "Right")
-        for bone, joint in {
-            "Shoulder": "Collar",
-            "UpperArm": "Shoulder",
-            "LowerArm": "Elbow",
-            "Hand": "Wrist",
-            "UpperLeg": "Hip",
-            "LowerLeg": "Knee",
-            "Foot": "Ankle",
-            "Toes": "Toe",
-        }.items()
-    },
+TRUNK = ("Hips", "Chest", "Chest2", "Chest3", "Neck", "Head")
+LIMBS = ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Toe")
+PERSON = dict(zip(("hips", "spine", "chest", "upperChest", "neck", "head"), TRUNK, strict=True)) | {
+    side.lower() + bone: side + joint
+    for side in ("Left", "Right")
+    for bone, joint in zip((*ARM, *LEG), LIMBS, strict=True)
 }
 """The joints of the samples by VRM's names of bones."""
 
@@ -545,11 +531,8 @@ def as_vrm0(made: Character, humanoid: Mapping[str, str] = PERSON) -> Character:
                 "name": material["name"],
                 "shader": "VRM_USE_GLTFSHADER",
                 "renderQueue": 2000,
-                "floatProperties": {},
-                "vectorProperties": {},
-                "textureProperties": {},
-                "keywordMap": {},
-                "tagMap": {},
+                **{f"{kind}Properties": {} for kind in ("float", "vector", "texture")},
+                **{f"{kind}Map": {} for kind in ("keyword", "tag")},
             }
             for material in made.document.get("materials", [])
         ],

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from bodies import SAMPLES, SIDES, in_world
-from characters import ARMATURE, Bones, Character, Mesh, Performance, box_mesh, character
+from characters import ARMATURE, LIMBS, TRUNK, Bones, Character, Mesh, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, load_target, read_bvh, read_motion, retarget
@@ -17,8 +17,6 @@ from distretarget.body.beside import in_tree
 from distretarget.skeleton import USUAL_ROOT
 from distretarget.target import Target
 
-TRUNK = ("Hips", "Chest", "Chest2", "Chest3", "Neck", "Head")
-LIMBS = ("Collar", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Toe")
 MIXAMO = (
     ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"),
     ("{}Shoulder", "{}Arm", "{}ForeArm", "{}Hand", "{}UpLeg", "{}Leg", "{}Foot", "{}ToeBase"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import tree_of
+from character_rigs import Rig
 
 from distretarget.body.recognition import by_names
 
@@ -16,35 +17,12 @@ DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {
 needs_names = pytest.mark.skipif(not NAMES.is_file(), reason="the published names are not here")
 
 # Joints are nested by parentheses, follow each other down with ">" and stand side by side with "|".
-BODY = (
-    "Hips(Spine>Spine1>Spine2(Neck>Head|LeftShoulder>LeftArm>LeftForeArm>LeftHand|"
-    "RightShoulder>RightArm>RightForeArm>RightHand)|"
-    "LeftUpLeg>LeftLeg>LeftFoot>LeftToeBase|RightUpLeg>RightLeg>RightFoot>RightToeBase)"
+PLAIN = Rig(
+    "Hips=hips(Spine=spine>Spine1=chest>Spine2=upperChest(Neck=neck>Head=head|{@Shoulder=Shoulder>@Arm=UpperArm>"
+    "@ForeArm=LowerArm>@Hand=Hand})|{@UpLeg=UpperLeg>@Leg=LowerLeg>@Foot=Foot>@ToeBase=Toes})",
+    ("Left", "Right"),
 )
-ROLES = {
-    "hips": "Hips",
-    "spine": "Spine",
-    "chest": "Spine1",
-    "upperChest": "Spine2",
-    "neck": "Neck",
-    "head": "Head",
-    "leftShoulder": "LeftShoulder",
-    "leftUpperArm": "LeftArm",
-    "leftLowerArm": "LeftForeArm",
-    "leftHand": "LeftHand",
-    "leftUpperLeg": "LeftUpLeg",
-    "leftLowerLeg": "LeftLeg",
-    "leftFoot": "LeftFoot",
-    "leftToes": "LeftToeBase",
-    "rightShoulder": "RightShoulder",
-    "rightUpperArm": "RightArm",
-    "rightLowerArm": "RightForeArm",
-    "rightHand": "RightHand",
-    "rightUpperLeg": "RightUpLeg",
-    "rightLowerLeg": "RightLeg",
-    "rightFoot": "RightFoot",
-    "rightToes": "RightToeBase",
-}
+BODY, ROLES = PLAIN.text, {role: name for role, (name,) in PLAIN.roles.items()}
 
 
 def skeleton(names, parents, ends=()):

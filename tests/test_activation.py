@@ -1,13 +1,21 @@
-"""Activation: when joints that come near each other are in contact, and when they are not."""
+"""When joints that come near each other are in contact, and the stiffness and direction of what draws them."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import person
+from bodies import PERSON, clapping, matched, other_lengths, paths_of, person, tree_of
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body
+from distretarget.baseline.rotation_copy import RootScale, rotation_copy
+from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Arm, before, raised
+from distretarget.distances import distance_problem
+from distretarget.ik.springs import Springs
 from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
+from distretarget.objectives.contact_pairs import LEAST_PATH, STIFFNESS, CandidatePairs, ContactSearch, candidate_pairs
+from distretarget.objectives.contact_terms import WITHIN, write_pair_spring
 
 REACH = ContactSettings().reach
 SELF = SelfContact(lead=5.0, held=5, reach=REACH)
@@ -148,3 +156,217 @@ def test_hanging_arms_are_as_long_as_the_arms_and_below_the_shoulders():
         np.arange(len(body.skeleton)), [j for arm in body.arms for j in body.skeleton.subtree(arm.shoulder)]
     )
     np.testing.assert_array_equal(body.hanging[others], body.reference.positions[others])
+
+
+TARGET = other_lengths(PERSON)
+MATCHING = matched(PERSON, TARGET)
+PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
+UNIT = 1.7
+SETTINGS = ContactSettings()
+BODY = MATCHING.target
+PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, None, np.ones(len(PROBLEM), bool))
+SIZES = PERSON.path_sizes(np.arange(len(PERSON)))
+FARTHEST = SETTINGS.reach
+
+
+def copied(source):
+    return rotation_copy(matched(source, TARGET), RootScale.even(1.0)).positions
+
+
+def springs_of(source, block, lead):
+    copy = copied(source) / UNIT
+    points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
+    return written(near(PAIRS, points, np.zeros(len(source))[block], block, replace(SETTINGS, blend=lead)))
+
+
+def near(pairs, points, standing, block, settings=SETTINGS):
+    """The near pairs of points without cuts and without arms; a frame takes a second, so that a lead is in frames."""
+    source, copy = points
+    contacts = ContactSearch(
+        pairs=pairs,
+        source=source,
+        copy=copy,
+        shots=one_shot(source),
+        raised=np.zeros(source.shape[:2]),
+        frame_time=1.0,
+        settings=settings,
+    )
+    return contacts.near(block, standing)
+
+
+def written(near):
+    """The springs of near pairs, with the frames in front."""
+    rest, A = np.empty((*near.w.shape, 3)), np.empty((*near.w.shape, 3, 3))
+    for frame, pair in np.ndindex(near.w.shape):
+        write_pair_spring(near, frame, pair, rest[frame, pair], A[frame, pair])
+    return Springs(near.a, near.b, rest, A)
+
+
+def by_pair(springs):
+    """Per pair of joints: rest and stiffness, with the frames in front."""
+    return {
+        (int(a), int(b)): (springs.rest[:, s], springs.A[:, s])
+        for s, (a, b) in enumerate(zip(springs.a, springs.b, strict=True))
+    }
+
+
+def every_joint_a_region(joints):
+    return Regions(tuple(map(str, range(joints))), np.arange(joints), np.eye(joints, dtype=bool))
+
+
+def test_all_pairs_of_regions_apart_and_far_along_the_tree_are_looked_at_and_no_other():
+    expected = {
+        (u, v)
+        for u in range(len(PERSON))
+        for v in range(u + 1, len(PERSON))
+        if SIZES[u, v] >= LEAST_PATH and not BODY.regions.neighbours[BODY.regions.of_joint[u], BODY.regions.of_joint[v]]
+    }
+    found = set(zip(PROBLEM.targets[PAIRS.u].tolist(), PROBLEM.targets[PAIRS.v].tolist(), strict=True))
+    assert found == expected
+    ankles = PERSON.index("LeftAnkle"), PERSON.index("RightAnkle")
+    assert tuple(sorted(ankles)) in found
+    assert tuple(sorted((PERSON.index("LeftKnee"), PERSON.index("LeftToe")))) not in found
+
+
+def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units():
+    u, v = PROBLEM.targets[PAIRS.u], PROBLEM.targets[PAIRS.v]
+    np.testing.assert_allclose(PAIRS.tau1, paths_of(PERSON)[u, v])
+    np.testing.assert_allclose(PAIRS.ratio, paths_of(TARGET)[u, v] / UNIT / paths_of(PERSON)[u, v])
+
+
+def test_joints_that_coincide_by_their_bones_are_no_pair():
+    chain = tree_of(np.outer(np.arange(6) == 5, [0, 1, 0]))
+    longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
+    problem = distance_problem(chain, longer, np.arange(6))
+    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, None, np.ones(6, bool))
+    assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
+
+
+def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
+    whole, part = (by_pair(springs_of(source, frames, lead)) for frames in (slice(0, len(source)), block))
+    assert max(A.max() for _, A in whole.values()) > 1
+    assert set(part) <= set(whole)
+    for pair, (rest, A) in whole.items():
+        if pair in part:
+            for expected, found in zip((rest, A), part[pair], strict=True):
+                np.testing.assert_allclose(found, expected[block], rtol=1e-9, atol=1e-12)
+        else:
+            assert np.abs(A[block]).max() == 0.0
+
+
+@pytest.mark.parametrize("block", [slice(0, 40), slice(40, 90), slice(77, 78), slice(100, 150)])
+@pytest.mark.parametrize("lead", [0.0, 1.0, 9.0])
+def test_springs_of_a_block_are_those_of_the_whole_clip(block, lead):
+    assert_a_block_has_the_springs_of_the_whole(clapping(np.sin(np.linspace(0, 9, 150)) ** 2), block, lead)
+
+
+@pytest.mark.parametrize("lead", [0.0, 1.0, 9.0])
+def test_springs_of_a_block_are_those_of_the_whole_clip_where_every_frame_is_a_spike(lead):
+    source = clapping(np.random.default_rng(0).uniform(0, 1, 150))
+    for first in range(0, 150, 25):
+        assert_a_block_has_the_springs_of_the_whole(source, slice(first, first + 25), lead)
+
+
+def test_a_kept_pair_belongs_at_its_scaled_distance_in_the_direction_of_the_source():
+    source = clapping(np.ones(5))
+    springs = springs_of(source, slice(0, 5), 2.0)
+    left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
+    rest, A = by_pair(springs)[right, left]
+    d = source.positions[:, right] - source.positions[:, left]
+    D = np.linalg.norm(d, axis=1) / PERSON.paths_from(left)[right]
+    assert D.max() < FARTHEST
+    np.testing.assert_allclose(np.linalg.norm(rest, axis=1), D * TARGET.paths_from(left)[right] / UNIT)
+    np.testing.assert_allclose(rest / np.linalg.norm(rest, axis=1)[:, None], d / np.linalg.norm(d, axis=1)[:, None])
+    stiffness, directions = np.linalg.eigh(A)
+    along = np.abs(np.einsum("fi,fi->f", directions[..., -1], d)) / np.linalg.norm(d, axis=1)
+    np.testing.assert_allclose(along, 1.0)
+    assert np.all(stiffness[:, 0] > 0.9 * stiffness[:, -1])
+
+
+def test_the_copys_place_passes_smoothly_into_the_kept_place():
+    source = clapping(np.sin(np.linspace(0, np.pi, 161)) ** 2)
+    springs = springs_of(source, slice(0, 161), 0.0)
+    left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
+    rest, A = by_pair(springs)[right, left]
+    copy = copied(source) / UNIT
+    d_copy = copy[:, right] - copy[:, left]
+    off = ~A.any(axis=(1, 2))
+    assert off.any()
+    assert not off.all()
+    np.testing.assert_allclose(rest[off], d_copy[off], atol=1e-12)
+    assert np.abs(np.diff(rest, axis=0)).max() < 0.1
+    assert np.abs(rest - d_copy).max() > 0.05
+
+
+def test_nearer_pairs_are_stiffer_and_in_more_directions():
+    source = clapping(np.linspace(0.85, 1.0, 30))
+    left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
+    _, A = by_pair(springs_of(source, slice(0, 30), 60.0))[right, left]
+    stiffness = np.linalg.eigvalsh(A)
+    assert np.all(np.diff(stiffness[:, -1]) > 0)
+    assert np.all(np.diff(stiffness[:, 0] / stiffness[:, -1]) > 0)
+
+
+def lone_and_cluster(count):
+    """Weight of every pair where `count` points stand near `count` others, all at half the reach of a contact."""
+    points = 2 * count
+    u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
+    tau = np.full(len(u), 2 / FARTHEST)
+    far = np.full(len(u), np.inf)
+    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), far, np.zeros(len(u), bool))
+    x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
+    springs = written(near(pairs, (x, x), np.zeros(3), slice(0, 3), replace(SETTINGS, blend=0.0)))
+    return np.linalg.eigvalsh(springs.A[1])[:, -1]
+
+
+def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_point():
+    lone = lone_and_cluster(1).sum()
+    assert STIFFNESS / 3 < lone < STIFFNESS
+    for count in (2, 4, 8):
+        weights = lone_and_cluster(count)
+        assert len(weights) == count**2
+        assert lone < weights.sum() / count < 2 * lone
+
+
+def test_the_pull_of_a_pair_is_bounded_and_within_reach_it_grows_with_the_change_that_it_asks_for():
+    """Two points at half the reach; in the rotation copy they are farther apart, by more and more."""
+    asked = np.array([0.0, 0.001, 0.002, 0.3, 0.6, 1.2])
+    one, far = np.ones(1), np.full(1, np.inf)
+    pairs = CandidatePairs(
+        np.array([0]), np.array([1]), np.array([0]), np.array([1]), 2 * one / FARTHEST, one, far, one == 0
+    )
+    source = np.tile([[0.0, 0, 0], [1.0, 0, 0]], (len(asked), 1, 1))
+    copy = np.array(source)
+    copy[:, 1, 0] += asked
+    springs = written(near(pairs, (source, copy), np.zeros(len(asked)), slice(0, len(asked)), SETTINGS))
+    np.testing.assert_allclose(springs.rest[:, 0], [[-1.0, 0, 0]] * len(asked), atol=1e-9)
+    pull = springs.A[:, 0, 0, 0] * asked
+    assert pull[2] == pytest.approx(2 * pull[1], rel=1e-3)
+    assert pull[-1] == pytest.approx(pull[-2], rel=1e-2)
+    assert pull[-1] == pytest.approx(springs.A[0, 0, 0, 0] * WITHIN, rel=1e-2)
+
+
+def test_feet_are_no_pair_while_one_of_them_rests():
+    source = clapping(np.ones(4))
+    copy = copied(source) / UNIT
+    points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
+    settings = replace(SETTINGS, reach=0.5, blend=0.0)
+    both = {"LeftAnkle", "LeftToe", "LeftToe_End"}, {"RightAnkle", "RightToe", "RightToe_End"}
+    standing = np.array([0, 0.5, 1, 0])
+    pairs = near(PAIRS, points, standing, slice(0, 4), settings)
+    feet = [
+        {PERSON.names[a], PERSON.names[b]} & both[0] and {PERSON.names[a], PERSON.names[b]} & both[1]
+        for a, b in zip(pairs.a, pairs.b, strict=True)
+    ]
+    feet = np.array([bool(each) for each in feet])
+    assert feet.any()
+    assert np.all(pairs.w[2, feet] == 0)
+    assert np.all((pairs.w[1, feet] > 0) & (pairs.w[1, feet] < pairs.w[0, feet]))
+    assert np.all(pairs.w[2, ~feet] > 0)
+
+
+def test_a_clip_without_near_pairs_has_no_springs():
+    apart = lone_and_cluster(1)
+    assert len(apart) == 1
+    source = clapping(np.zeros(10))
+    assert len(springs_of(source, slice(0, 10), 3.0).a) == 0

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
 from bodies import body_of, lengthened, matched, nameless, posed, sample, short_walk, swaying, taken
+from disguises import Disguise
 from sample_rigs import CONVENTIONS, POSES, RIGS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, retarget
+from distretarget.body.anatomy import ARM, LEG
 from distretarget.body.body import Body
 from distretarget.body.recognition import by_names
 from distretarget.errors import MatchingError
@@ -20,25 +22,13 @@ from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import POSITION_CHANNELS
 
 # The names of the sample's joints in Bandai Namco's files.
-BANDAI = {
-    "Chest": "Spine",
-    "Chest2": "Spine1",
-    "Chest3": "Chest",
-    **{
-        f"{side}{part}": f"{name}_{side[0]}"
-        for side in ("Left", "Right")
-        for part, name in (
-            ("Collar", "Shoulder"),
-            ("Shoulder", "UpperArm"),
-            ("Elbow", "LowerArm"),
-            ("Wrist", "Hand"),
-            ("Hip", "UpperLeg"),
-            ("Knee", "LowerLeg"),
-            ("Ankle", "Foot"),
-            ("Toe", "Toes"),
-        )
-    },
-}
+BANDAI = Disguise(
+    (
+        ("Hips", "Spine", "Spine1", "Chest", "Neck", "Head"),
+        tuple(f"{part}_{{}}" for part in (*ARM, *LEG)),
+        ("L", "R"),
+    )
+).by_sample
 BEINGS = {
     "dog": dog(),
     "dog with names of people": dog(own_names=False),

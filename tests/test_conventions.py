@@ -1,17 +1,23 @@
-"""Naming conventions by the names of joints, and bodies whose shape shows the limbs that names do not."""
+"""Naming conventions, bodies whose shape shows the limbs that names do not, and joints of unexpected names."""
 
 import re
 from dataclasses import replace
+from itertools import combinations
 
+import numpy as np
 import pytest
-from bodies import SAMPLES
+from bodies import SAMPLES, sample, sample_target
+from character_rigs import Rig
 from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 
+from distretarget import DistretargetError, retarget
 from distretarget.body.anatomy import ARM, FINGERS, LEG
 from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of, vocabulary
 from distretarget.body.recognition import by_names
-from distretarget.io.target_file import load_target
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.input_file import InputFile
+from distretarget.io.target_file import load_target, parse_target
 
 
 def test_names_of_new_bones_of_blender_may_stand_before_some_names():
@@ -54,44 +60,30 @@ def test_the_convention_is_recognised(convention, title):
     assert convention_of(body) == by_names(body).convention == title
 
 
-def soma_hand(side):
-    fingers = "|".join(
-        ">".join(f"{side}Hand{finger}{bone}" for bone in (1, 2, 3, 4, "End"))
-        for finger in ("Index", "Middle", "Ring", "Pinky")
+SOMA = Rig(
+    "Hips=hips(Spine1>Spine2>Chest(Neck1>Neck2>Head(HeadEnd|Jaw|LeftEye|RightEye)|{@Shoulder>@Arm>@ForeArm>@Hand("
+    "@HandThumb1=Thumb1>@HandThumb2=Thumb2>@HandThumb3=Thumb3>@HandThumbEnd|"
+    + "|".join(
+        f"@Hand{name}1={finger}0>@Hand{name}2={finger}1>@Hand{name}3={finger}2>@Hand{name}4={finger}3>@Hand{name}End"
+        for name, finger in zip(("Index", "Middle", "Ring", "Pinky"), FINGERS[1:], strict=True)
     )
-    return f"({side}HandThumb1>{side}HandThumb2>{side}HandThumb3>{side}HandThumbEnd|{fingers})"
-
-
-def soma(side, hand):
-    arm = f"{side}Shoulder>{side}Arm>{side}ForeArm>{side}Hand{hand}"
-    return arm, f"{side}Leg>{side}Shin>{side}Foot>{side}ToeBase>{side}ToeEnd"
+    + ")})|{@Leg=UpperLeg>@Shin=LowerLeg>@Foot=Foot>@ToeBase=Toes>@ToeEnd})",
+    ("Left", "Right"),
+)
 
 
 @pytest.mark.parametrize("above", ["", "Root>"])
 def test_soma_whose_thigh_is_called_leg(above):
-    arms, legs = zip(*(soma(side, soma_hand(side)) for side in ("Left", "Right")), strict=True)
-    head = "Neck1>Neck2>Head(HeadEnd|Jaw|LeftEye|RightEye)"
-    body = tree(f"{above}Hips(Spine1>Spine2>Chest({head}|{'|'.join(arms)})|{'|'.join(legs)})")
+    body = tree(above + SOMA.text)
     assert len(body) == 77 + bool(above)
     assert convention_of(body) == "SOMA"
     found = roles(body)
-    assert found["hips"] == "Hips"
-    assert [found[f"left{part}"] for part in ("UpperLeg", "LowerLeg", "Foot", "Toes")] == [
-        "LeftLeg",
-        "LeftShin",
-        "LeftFoot",
-        "LeftToeBase",
-    ]
-    assert [found[f"rightIndex{bone}"] for bone in (0, 1, 2, 3)] == [f"RightHandIndex{bone}" for bone in (1, 2, 3, 4)]
-    assert [found[f"rightThumb{bone}"] for bone in (1, 2, 3)] == [f"RightHandThumb{bone}" for bone in (1, 2, 3)]
+    assert {role: [found[role]] for role in SOMA.roles} == SOMA.roles
 
 
 def test_100style_has_the_names_of_xsens():
-    arm = "{0}Collar>{0}Shoulder>{0}Elbow>{0}Wrist"
-    leg = "{0}Hip>{0}Knee>{0}Ankle>{0}Toe"
-    sides = ("Right", "Left")
-    upper = "|".join(["Neck>Head", *map(arm.format, sides)])
-    body = tree(f"Hips(Chest>Chest2>Chest3>Chest4({upper})|{'|'.join(map(leg.format, sides))})")
+    limbs = "Chest4(Neck>Head|{@Collar>@Shoulder>@Elbow>@Wrist})|{@Hip>@Knee>@Ankle>@Toe}"
+    body = tree(Rig(f"Hips(Chest>Chest2>Chest3>{limbs})", ("Right", "Left")).text)
     assert convention_of(body) == "Xsens MVN"
     assert roles(body)["leftUpperLeg"] == "LeftHip"
 
@@ -152,3 +144,54 @@ def test_names_show_the_fingers_of_a_body_that_its_shape_shows(words):
     found = Body.of(replace(body, names=tuple(names))).anatomy
     assert found.method == "shape"
     assert {role: found.roles.get(role) for role in fingers} == fingers
+
+
+SHORT = 3  # frames
+TEXT = (SAMPLES / "walk.bvh").read_text()
+NAMES = re.findall(r"(?:ROOT|JOINT) (\w+)", TEXT)
+HIERARCHY, FRAMES = TEXT.split("Frames: ")
+HEAD, *ROWS = FRAMES.splitlines()[1:]
+LEGS = [name for name in NAMES if re.search("Hip|Knee|Ankle|Toe", name)]
+TARGET = sample_target("child")
+
+
+def renamed(names):
+    """The first frames of a walk with other names of joints, by their own."""
+    hierarchy = re.sub(r"(ROOT|JOINT) (\w+)", lambda found: f"{found[1]} {names.get(found[2], found[2])}", HIERARCHY)
+    return parse_bvh("\n".join([f"{hierarchy}Frames: {SHORT}", HEAD, *ROWS[:SHORT]]), "walk.bvh")
+
+
+def is_faulty(clip):
+    """Whether a clip becomes neither a finite result with metrics nor an error of one line."""
+    try:
+        result = retarget(clip, TARGET)
+        metrics, warnings = result.metrics, [*result.warnings]
+    except DistretargetError as refused:
+        return "\n" in str(refused)  # an error of several lines is a fault
+    return not (np.isfinite(result.motion.positions).all() and metrics) or "nan" in " ".join(warnings)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_joints_with_unknown_names_do_no_harm(count):
+    chosen = [*combinations(NAMES, count)][::count]
+    assert not [names for names in chosen if is_faulty(renamed({name: f"Foo{k}" for k, name in enumerate(names)}))]
+
+
+def test_two_joints_of_the_legs_may_have_each_others_names():
+    assert not [pair for pair in combinations(LEGS, 2) if is_faulty(renamed(dict(zip(pair, pair[::-1], strict=True))))]
+
+
+def test_a_whole_walk_with_an_unknown_knee():
+    walk = sample("walk")
+    unknown = parse_bvh(TEXT.replace("JOINT LeftKnee", "JOINT Foo"), "walk.bvh")
+    result, expected = (retarget(clip, TARGET).motion for clip in (unknown, walk))
+    np.testing.assert_allclose(result.positions, expected.positions, atol=1e-9)
+
+
+def test_hips_below_each_other_and_targets_at_no_place_do_no_harm():
+    """The hips give no axis across the body; the frames of a target with an impossible one are not used."""
+    below = re.sub(r"(JOINT (?:Left|Right)Hip\s*\{\s*OFFSET).*", r"\1 0 -5 0", HIERARCHY)
+    head, rows = f"{below}Frames: 2\n{HEAD}\n", ROWS[:2]
+    assert not is_faulty(parse_bvh(head + "\n".join(rows), "below.bvh"))
+    far = parse_target(InputFile("\n".join([head + f"1e308 {rows[0].partition(' ')[2]}", rows[1]]).encode(), "far.bvh"))
+    assert far.motion is None

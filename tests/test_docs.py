@@ -1,4 +1,4 @@
-"""The manual: the reference, manual pages and messages are up to date, links lead to files, and every example runs."""
+"""The manual: it is up to date with commands, messages and tables, its examples run, and what is named exists."""
 
 import os
 import re
@@ -6,13 +6,16 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from dataclasses import fields
 
 import make_docs
 import make_errors
 import make_man
 import pytest
+import yaml
 from bodies import ROOT, SAMPLES, sample
+from make_docs import lines
 from make_errors import CURES, NOT_MESSAGES
 from make_samples import CHARACTERS
 from program import run
@@ -182,3 +185,99 @@ def test_nothing_is_told_of_messages_that_are_gone():
     texts = {message.text for message in make_errors.messages()} | set(REASONS.values())
     assert set(CURES) <= texts
     assert not NOT_MESSAGES & texts
+
+
+METHODS = ("source", "copy", "paper", "contact")
+
+
+def numbers(cell):
+    """The numbers in a cell, in their order."""
+    return [float(number) for number in re.findall(r"\d+\.?\d*", cell.replace(",", ""))]
+
+
+def summary(start, method):
+    """The mean in the row of the summary that begins so, for a method."""
+    row = next(row for row in lines("summary") if row[0].startswith(start))
+    return numbers(row[1 + METHODS.index(method)])[0]
+
+
+def column(table, place, number):
+    """The numbers at a place of the cells in a column of a table; rows with `-` have none."""
+    return [numbers(row[place])[number] for row in lines(table)[1:] if not row[place].startswith("-")]
+
+
+CHANGES = {
+    r"contacts are off by ([\d.]+) of what": lambda: (
+        summary("contact error", "contact") / summary("contact error", "copy")
+    ),
+    r"at a mean direction error of ([\d.]+) degrees": lambda: summary("direction error", "contact"),
+    r"they slide as much as the source's, ([\d.]+) times": lambda: (
+        summary("foot skate", "copy") / summary("foot skate", "source")
+    ),
+    r"a leg apart, are (\d+) to": lambda: min(column("duets", 1, 2)),
+    r"a leg apart, are \d+ to (\d+) %": lambda: max(column("duets", 1, 2)),
+    r"retargeted alone, and (\d) to": lambda: min(column("duets", 1, 3)),
+    r"retargeted alone, and \d to (\d) %": lambda: max(column("duets", 1, 3)),
+    r"put\s+them up to (\d+) % off": lambda: max(column("supports", 1, 0)),
+}
+
+
+@pytest.mark.parametrize(("pattern", "value"), CHANGES.items(), ids=CHANGES)
+def test_a_number_in_the_prose_is_that_of_the_table(pattern, value):
+    found = re.search(pattern.replace(" ", r"\s+"), (ROOT / "CHANGELOG.md").read_text("utf-8"))
+    assert found, "the sentence has changed: change it here as well"
+    digits = len(found[1].partition(".")[2])
+    assert found[1] == f"{value():.{digits}f}"
+
+
+GITHUB = ROOT / ".github"
+WORKFLOWS = {path.stem: path.read_text("utf-8") for path in (GITHUB / "workflows").glob("*.yml")}
+OTHERS = [ROOT / ".pre-commit-config.yaml", *GITHUB.glob("*.*"), *GITHUB.glob("ISSUE_TEMPLATE/*")]
+TEXTS = WORKFLOWS | {path.stem: path.read_text("utf-8") for path in OTHERS}
+SCHEMAS = {
+    "vendor.github-workflows": "workflows/*.yml",
+    "custom.github-workflows-require-timeout": "workflows/*.yml",
+    "vendor.github-issue-forms": "ISSUE_TEMPLATE/[!c]*.yml",  # all but config.yml
+    "vendor.github-issue-config": "ISSUE_TEMPLATE/config.yml",
+    "vendor.dependabot": "dependabot.yml",
+}
+
+
+@pytest.mark.parametrize("schema", SCHEMAS)
+def test_files_are_valid(schema):
+    pytest.importorskip("check_jsonschema", reason="check-jsonschema is not installed")
+    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, *GITHUB.glob(SCHEMAS[schema])]
+    checked = subprocess.run(command, capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stdout
+
+
+@pytest.mark.parametrize("name", WORKFLOWS)
+def test_workflows_only_read_and_pin_their_actions(name):
+    assert yaml.safe_load(WORKFLOWS[name])["permissions"] == {"contents": "read"}
+    assert all(re.search(r"@(release/)?v\d+$", action) for action in re.findall(r"uses: (\S+)", WORKFLOWS[name]))
+
+
+def test_checks_run_on_the_versions_of_python_that_the_package_lists():
+    classifiers = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["classifiers"]
+    matrix = yaml.safe_load(WORKFLOWS["checks"])["jobs"]["checks"]["strategy"]["matrix"]
+    assert matrix["python"] == re.findall(r"Python :: (3\.\d+)", " ".join(classifiers))
+
+
+def test_a_release_runs_the_first_command_of_the_front_page():
+    command = re.search(r".*pip install.*", (ROOT / "README.md").read_text("utf-8"))[0]
+    assert "pip install -q . " in command  # where release.yml puts the wheel
+    assert f"test -s {command.split()[-1]}\n" in WORKFLOWS["release"]
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_paths_exist(name):
+    text = re.sub(r"https://(github\.com/distretarget/distretarget/blob/main/|\S+)", "", TEXTS[name])
+    folders = "|".join(re.escape(folder.name) for folder in ROOT.iterdir() if folder.is_dir())
+    for path in re.findall(rf"(?<![\w/.-])(?:{folders})/[\w./-]*\w|\b[\w/]+\.(?:md|py|toml|yml|cff)\b", text):
+        assert (ROOT / path).exists() or path.startswith("out/"), path
+
+
+@pytest.mark.parametrize("name", ["run", "pythons"])
+def test_tests_that_checks_choose_exist(name):
+    chosen = re.search(r"tests/test_\{(.*?)\}\.py", (ROOT / ".ci" / name).read_text("utf-8")).group(1).split(",")
+    assert [test for test in chosen if not (ROOT / "tests" / f"test_{test}.py").exists()] == []

@@ -323,55 +323,37 @@ def test_mocap_exported_by_blender(name):
 
 
 VERSION_6100 = """; FBX 6.1.0 project file
-FBXHeaderExtension:  {
-    FBXHeaderVersion: 1003
-    FBXVersion: 6100
-}
+FBXHeaderExtension:  { FBXHeaderVersion: 1003
+    FBXVersion: 6100 }
 Objects:  {
-    Model: "Model::Hips", "Limb" {
-        Version: 232
+    Model: "Model::Hips", "Limb" { Version: 232
         Properties60:  {
             Property: "Lcl Translation", "Lcl Translation", "A+",0,90,0
             Property: "Lcl Rotation", "Lcl Rotation", "A+",0,0,0
-        }
-    }
-    Model: "Model::Knee", "Limb" {
-        Version: 232
-        Properties60:  {
-            Property: "Lcl Translation", "Lcl Translation", "A+",0,-40,0
-        }
-    }
-    GlobalSettings:  {
-        Version: 1000
+        } }
+    Model: "Model::Knee", "Limb" { Version: 232
+        Properties60:  { Property: "Lcl Translation", "Lcl Translation", "A+",0,-40,0 } }
+    GlobalSettings:  { Version: 1000
         Properties60:  {
             Property: "UpAxis", "int", "",1
             Property: "UpAxisSign", "int", "",1
             Property: "UnitScaleFactor", "double", "",1
-        }
-    }
+        } }
 }
 Connections:  {
     Connect: "OO", "Model::Hips", "Model::Scene"
     Connect: "OO", "Model::Knee", "Model::Hips"
 }
-Takes:  {
-    Current: "walk"
-    Take: "walk" {
-        FileName: "walk.tak"
+Takes:  { Current: "walk"
+    Take: "walk" { FileName: "walk.tak"
         LocalTime: 0,4618615800
         ReferenceTime: 0,4618615800
-        Model: "Model::Hips" {
-            Version: 1.1
-            Channel: "Transform" {
-                Channel: "R" {
-                    Channel: "Z" {
-                        Default: 0
-                        KeyVer: 4005
-                        KeyCount: 4
-                        Key: 0,0,L,1539538600,10,L,3079077200,20,L,4618615800,30,L
-                    }
-                }
-            }
+        Model: "Model::Hips" { Version: 1.1
+            Channel: "Transform" { Channel: "R" { Channel: "Z" { Default: 0
+                KeyVer: 4005
+                KeyCount: 4
+                Key: 0,0,L,1539538600,10,L,3079077200,20,L,4618615800,30,L
+            } } }
         }
     }
 }

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 from bodies import CORPUS, needs_corpus
-from character_rigs import RIGS
+from character_rigs import RIGS, Rig
 from named_bodies import BODY, DATA, ROLES, needs_names, published, roles, skeleton, tree
 
-from distretarget.body.anatomy import ARM, LEG
+from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.conventions import convention_of
 from distretarget.body.recognition import by_names
 from distretarget.io.bvh import read_bvh
@@ -68,11 +68,10 @@ def test_every_part_of_a_rig_of_characters_is_found_and_nothing_else(name):
     rig = RIGS[name]
     body = tree(rig.text)
     anatomy = by_names(body)
-    limbs = {role: body.names[joint] for role, joint in anatomy.roles.items() if role.startswith(("left", "right"))}
-    assert limbs == rig.role_names()
-    assert [body.names[joint] for joint in anatomy.spine] == [*rig.spine]
-    assert [body.names[joint] for joint in anatomy.neck] == [*rig.neck]
-    assert [body.names[anatomy.roles[role]] for role in ("hips", "head")] == [rig.hips, rig.head]
+    trunk = {role: [anatomy.roles[role]] for role in ("hips", "head")} | {"spine": anatomy.spine, "neck": anatomy.neck}
+    limbs = {role: [joint] for role, joint in anatomy.roles.items() if role.startswith(("left", "right"))}
+    found = {role: [body.names[joint] for joint in joints] for role, joints in (limbs | trunk).items()}
+    assert found == {"neck": []} | rig.roles
     assert anatomy.convention == rig.title
 
 
@@ -126,51 +125,45 @@ def test_unmarked_joints_have_the_side_of_their_arm():
 
 
 def test_a_letter_before_a_word_is_a_side_only_where_the_other_side_has_it_too():
-    found = roles(
-        tree(
-            "root(lowerback>upperback>thorax(lowerneck>upperneck>head|lclavicle>lhumerus>lradius>lwrist(lhand|lthumb)|"
-            "rclavicle>rhumerus>rradius>rwrist(rhand|rthumb))|lhipjoint>lfemur>ltibia>lfoot>ltoes|"
-            "rhipjoint>rfemur>rtibia>rfoot>rtoes)"
-        )
+    rig = Rig(
+        "root=hips(lowerback=spine>upperback>thorax=upperChest(lowerneck>upperneck>head|{@clavicle=Shoulder>"
+        "@humerus=UpperArm>@radius=LowerArm>@wrist=Hand(@hand|@thumb)})|{@hipjoint>@femur=UpperLeg>@tibia=LowerLeg>"
+        "@foot=Foot>@toes=Toes})",
+        ("l", "r"),
     )
-    arm = ("lclavicle", "lhumerus", "lradius", "lwrist")
-    assert found.items() >= sided(*arm, "lfemur", "ltibia", "lfoot", "ltoes").items()
-    assert (found["hips"], found["spine"], found["upperChest"]) == ("root", "lowerback", "thorax")
+    found = roles(tree(rig.text))
+    assert {role: [found[role]] for role in rig.roles} == rig.roles
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            "SpineBase(SpineMid>SpineShoulder(Neck>Head|ShoulderLeft>ElbowLeft>WristLeft>HandLeft>HandTipLeft|"
-            "ShoulderRight>ElbowRight>WristRight>HandRight)|HipLeft>KneeLeft>AnkleLeft>FootLeft|"
-            "HipRight>KneeRight>AnkleRight>FootRight)",
-            sided(
-                *(None, "ShoulderLeft", "ElbowLeft", "WristLeft", "HipLeft", "KneeLeft", "AnkleLeft", "FootLeft"),
-            ),
-        ),
-        (
-            "COG(torso>ribs(neck>head|upper_arm.L>forearm.L>wrist.L|upper_arm.R>forearm.R>wrist.R)|"
-            "LThigh>LKnee>LAnkle>LBall|RThigh>RKnee>RAnkle>RBall)",
-            sided(None, "upper_arm.L", "forearm.L", "wrist.L", "LThigh", "LKnee", "LAnkle", "LBall")
-            | {"hips": "COG", "spine": "torso", "chest": "ribs"},
-        ),
-        (
-            "pelvis(spine>chest(neck>head|Clavicle_L>UpArm_L>LoArm_L>Hand_L|Clavicle_R>UpArm_R>LoArm_R>Hand_R)|"
-            "Hip_L>Shin_L>Foot_L>Toe_L|Hip_R>Shin_R>Foot_R>Toe_R)",
-            sided("Clavicle_L", "UpArm_L", "LoArm_L", "Hand_L", "Hip_L", "Shin_L", "Foot_L", "Toe_L"),
-        ),
-        (
-            "腰(上半身>上半身2(首>頭|左肩>左腕>左腕捩>左ひじ>左手首|右肩>右腕>右ひじ>右手首)|"
-            "下半身(左足>左ひざ>左足首>左つま先|右足>右ひざ>右足首>右つま先))",
-            sided("左肩", "左腕", "左ひじ", "左手首", "左足", "左ひざ", "左足首", "左つま先") | {"chest": "上半身2"},
-        ),
-    ],
-    ids=["kinect", "mixture", "mixture with collar bones", "mikumikudance"],
-)
-def test_known_words_in_other_combinations(text, expected):
-    found = roles(tree(text))
-    assert {role: found.get(role) for role in expected} == expected
+MIXTURES = {
+    "kinect": Rig(
+        "SpineBase(SpineMid>SpineShoulder(Neck>Head|{Shoulder@=UpperArm>Elbow@=LowerArm>Wrist@=Hand>Hand@>HandTip@})|"
+        "{Hip@=UpperLeg>Knee@=LowerLeg>Ankle@=Foot>Foot@=Toes})",
+        ("Left", "Right"),
+    ),
+    "mixture": Rig(
+        "COG=hips(torso=spine>ribs=chest(neck>head|{upper_arm.@=UpperArm>forearm.@=LowerArm>wrist.@=Hand})|"
+        "{@Thigh=UpperLeg>@Knee=LowerLeg>@Ankle=Foot>@Ball=Toes})",
+        ("L", "R"),
+    ),
+    "mixture with collar bones": Rig(
+        "pelvis(spine>chest(neck>head|{Clavicle_@=Shoulder>UpArm_@=UpperArm>LoArm_@=LowerArm>Hand_@=Hand})|"
+        "{Hip_@=UpperLeg>Shin_@=LowerLeg>Foot_@=Foot>Toe_@=Toes})",
+        ("L", "R"),
+    ),
+    "mikumikudance": Rig(
+        "腰(上半身>上半身2=chest(首>頭|{@肩=Shoulder>@腕=UpperArm>@腕捩>@ひじ=LowerArm>@手首=Hand})|"
+        "下半身({@足=UpperLeg>@ひざ=LowerLeg>@足首=Foot>@つま先=Toes}))",
+        ("左", "右"),
+    ),
+}
+
+
+@pytest.mark.parametrize("rig", MIXTURES.values(), ids=MIXTURES)
+def test_known_words_in_other_combinations(rig):
+    found = roles(tree(rig.text))
+    limbs = [side + part for side in SIDES for part in (*ARM, *LEG)]
+    assert {role: [found[role]] for role in {*limbs, *rig.roles} & found.keys()} == rig.roles
 
 
 @pytest.mark.parametrize(
@@ -384,12 +377,11 @@ def test_the_anatomy_of_a_rig_is_found_once_for_all_its_clips():
     assert by_names(body) is not by_names(tree(BODY.replace("Hips", "Pelvis")))
 
 
-NUMBERED = (
-    "cf_j_hips(cf_j_spine01>cf_j_spine02>cf_j_spine03(cf_j_neck>cf_j_head|"
-    "cf_j_shoulder_L>cf_j_arm00_L>cf_j_forearm01_L>cf_j_hand_L|"
-    "cf_j_shoulder_R>cf_j_arm00_R>cf_j_forearm01_R>cf_j_hand_R)|"
-    "cf_j_waist01(cf_j_thigh00_L>cf_j_leg01_L>cf_j_leg03_L>cf_j_foot_L>cf_j_toes_L|"
-    "cf_j_thigh00_R>cf_j_leg01_R>cf_j_leg03_R>cf_j_foot_R>cf_j_toes_R))"
+NUMBERED = Rig(
+    "cf_j_hips(cf_j_spine01>cf_j_spine02>cf_j_spine03(cf_j_neck>cf_j_head|{cf_j_shoulder_@>cf_j_arm00_@=UpperArm>"
+    "cf_j_forearm01_@=LowerArm>cf_j_hand_@})|cf_j_waist01({cf_j_thigh00_@=UpperLeg>cf_j_leg01_@=LowerLeg>cf_j_leg03_@>"
+    "cf_j_foot_@=Foot>cf_j_toes_@}))",
+    ("L", "R"),
 )
 
 
@@ -398,16 +390,7 @@ NUMBERED = (
     [("", ""), ("cf_j_", ""), ("cf_j_", "Char_"), ("arm00", "arm1"), ("thigh00", "Thigh_01"), ("leg0", "Shin-0")],
 )
 def test_a_number_that_no_convention_knows_hides_no_part(before, after):
-    text = NUMBERED.replace(before, after) if before else NUMBERED
-    found = roles(tree(text))
-    named = {
-        "UpperArm": "cf_j_arm00_L",
-        "LowerArm": "cf_j_forearm01_L",
-        "UpperLeg": "cf_j_thigh00_L",
-        "LowerLeg": "cf_j_leg01_L",
-        "Foot": "cf_j_foot_L",
+    found = roles(tree(NUMBERED.text.replace(before, after)))
+    assert {role: [found[role]] for role in NUMBERED.roles} == {
+        role: [name.replace(before, after)] for role, (name,) in NUMBERED.roles.items()
     }
-    for part, name in named.items():
-        expected = name.replace(before, after) if before else name
-        assert found[f"left{part}"] == expected
-        assert found[f"right{part}"] == expected.replace("_L", "_R")

@@ -9,9 +9,9 @@ from bodies import WAYS, lengthened, moved, other_lengths, person, swaying, tree
 from bvh_texts import format_bvh
 from scipy.spatial.transform import Rotation
 
-from distretarget import DistretargetError, Motion, retarget
+from distretarget import DistretargetError, Motion, Options, retarget
 from distretarget.io.bvh import parse_bvh
-from distretarget.pipeline.options import OBJECTIVES, Options
+from distretarget.pipeline.options import OBJECTIVES
 
 BODY = person()
 TARGET = other_lengths(BODY)

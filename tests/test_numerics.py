@@ -1,14 +1,33 @@
-"""Vectors, least rotations, Cholesky factors, and how near joints come: against numpy, scipy and known answers."""
+"""Vectors, rotations, how near joints come, and values over time: against numpy, scipy and known answers."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from bodies import lengthened, matched, moved, person, posed, sample, swaying
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
+from distretarget import retarget
+from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.curvature import factorise, solve_factored
 from distretarget.numerics.joint_pairs import least_distances
+from distretarget.numerics.moving import averaged, largest
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.rotations import best_rotation, least, least_matrix
+from distretarget.numerics.time_series import (
+    by_shot,
+    find_shots,
+    lasting,
+    median_of_three,
+    over_runs,
+    runs_of,
+    smoothed,
+    steadied,
+    widened,
+)
 from distretarget.numerics.vectors import angles_between, cross, extent, lengths, level, normalised, spread_out
+from distretarget.objectives.clip import Clip
 
 VECTORS = np.random.default_rng(0).normal(size=(2, 5, 7, 3))
 
@@ -161,3 +180,218 @@ def test_a_motion_comes_as_near_at_any_frame_rate():
             t = np.arange(rate) / rate + late
             nearest.append(distances_of(np.cos(4 * np.pi * t), y=0.05)[1].min())
         np.testing.assert_allclose(nearest, 0.025, atol=0.003)
+
+
+NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
+
+
+@pytest.mark.parametrize("frames", [0, 0.4, 1, 2.6, 20, 200])
+def test_widened_values_are_nowhere_less_and_within_the_range(frames):
+    wide = widened(NOISE, frames)
+    assert np.all(wide >= NOISE - 1e-12)
+    assert np.all(wide <= NOISE.max(axis=0) + 1e-12)
+
+
+@pytest.mark.parametrize("frames", [0, 0.4])
+def test_less_than_half_a_frame_widens_nothing(frames):
+    np.testing.assert_array_equal(widened(NOISE, frames), NOISE)
+
+
+@pytest.mark.parametrize("reach", [1, 5])
+def test_a_pulse_widens_by_twice_the_reach_to_both_sides(reach):
+    pulse = np.zeros((61, 1))
+    pulse[30] = 1.0
+    wide = widened(pulse, reach)[:, 0]
+    assert wide[30] == pytest.approx(1.0)
+    np.testing.assert_array_equal(np.flatnonzero(wide > 1e-12), np.arange(30 - 2 * reach, 30 + 2 * reach + 1))
+    np.testing.assert_allclose(wide, wide[::-1], atol=1e-15)
+    assert np.all(np.diff(wide[:31]) >= -1e-15)
+
+
+@pytest.mark.parametrize("frames", [0, 1, 4, 11])
+def test_what_lasts_is_the_opening_of_morphology(frames):
+    size = 2 * round(frames / 2) + 1
+    opened = ndimage.grey_opening(NOISE, size=(size, 1), mode="nearest")
+    np.testing.assert_array_equal(lasting(NOISE, frames), opened)
+    np.testing.assert_array_equal(lasting(NOISE[::-1], frames), opened[::-1])
+
+
+@pytest.mark.parametrize("reach", [0, 1, 7])
+def test_the_mean_of_a_constant_is_the_constant(reach):
+    np.testing.assert_allclose(averaged(np.full((20, 2, 3), 1.7), reach), 1.7)
+    np.testing.assert_array_equal(averaged(np.ones((20, 2)), reach), 1.0)
+
+
+def test_the_mean_of_a_slope_is_the_slope_away_from_the_ends():
+    slope = np.linspace(0, 1, 50)[:, None]
+    np.testing.assert_allclose(averaged(slope, 6)[6:-6], slope[6:-6])
+
+
+def test_the_mean_is_a_raised_cosine():
+    pulse = np.zeros((21, 1))
+    pulse[10] = 1.0
+    weights = 1 + np.cos(np.pi * np.arange(-4, 5) / 5)
+    np.testing.assert_allclose(averaged(pulse, 4)[6:15, 0], weights / weights.sum())
+    np.testing.assert_array_equal(averaged(pulse, 4)[[5, 15], 0], 0)
+
+
+@pytest.mark.parametrize("reach", [0, 1, 7, 100])
+def test_largest_values_and_means_are_those_of_windows(reach):
+    padded = np.pad(NOISE, ((reach, reach), (0, 0)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0)
+    np.testing.assert_array_equal(largest(NOISE, reach), windows.max(axis=2))
+    weights = np.hanning(2 * reach + 3)[1:-1]
+    np.testing.assert_allclose(averaged(NOISE, reach), np.average(windows, axis=2, weights=weights), rtol=1e-13)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 80])
+def test_medians_and_runs_are_those_of_scipy(frames):
+    noise, flags = NOISE[:frames], NOISE[:frames] > 0.5
+    for values in (noise, flags):
+        expected = ndimage.median_filter(values, (3, 1), mode="nearest")
+        np.testing.assert_array_equal(median_of_three(values), expected)
+    np.testing.assert_array_equal(runs_of(flags[:, 0]), ndimage.label(flags[:, 0])[0])
+
+
+def test_columns_do_not_mix():
+    alone = averaged(NOISE[:, :1], 5)
+    np.testing.assert_array_equal(averaged(NOISE, 5)[:, :1], alone)
+    assert averaged(np.zeros((9, 4, 3)), 2).shape == (9, 4, 3)
+
+
+def test_runs_have_their_means_and_lines_between_them():
+    values = np.array([9.0, 1.0, 3.0, 9.0, 9.0, 9.0, 8.0, 9.0])[:, None]
+    weights = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0])
+    np.testing.assert_allclose(over_runs(values, weights)[:, 0], [2, 2, 2, 3.5, 5, 6.5, 8, 8])
+
+
+def test_without_a_run_there_is_the_mean_of_all_frames():
+    np.testing.assert_allclose(over_runs(np.array([[1.0], [3.0]]), np.zeros(2)), [[2.0], [2.0]])
+
+
+def test_a_smoothed_series_keeps_lines_and_bends_between_known_values():
+    frames = np.arange(200.0)
+    line = np.stack([0.5 * frames - 3.0, np.ones(200)], axis=1)
+    np.testing.assert_allclose(smoothed(line, np.full(200, 0.3), 12.0), line, atol=1e-8)
+    known = (np.abs(frames - 100) > 50).astype(float)
+    bent = smoothed(np.where(frames < 100, 1.0, 2.0)[:, None], known, 5.0)
+    np.testing.assert_allclose(bent[[10, 190], 0], [1.0, 2.0], atol=1e-3)
+    assert np.abs(np.diff(bent[:, 0], 2)).max() < 0.02
+    np.testing.assert_array_equal(smoothed(line, np.zeros(200), 12.0), line)
+
+
+def test_a_smoothed_series_has_the_least_sum_of_squares():
+    draw = np.random.default_rng(0)
+    values, weights = draw.normal(size=(30, 2)), draw.uniform(0.1, 2.0, 30)
+    differences = np.diff(np.eye(30), 2, axis=0)
+    expected = np.linalg.solve(np.diag(weights) + 3.0**4 * differences.T @ differences, weights[:, None] * values)
+    np.testing.assert_allclose(smoothed(values, weights, 3.0), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_short_series_are_smoothed_and_steadied(frames):
+    values = np.arange(2.0 * frames).reshape(frames, 2)
+    assert np.all(np.isfinite(smoothed(values, np.ones(frames), 10.0)))
+    np.testing.assert_allclose(steadied(values, np.ones(frames), np.zeros(frames)), values)
+
+
+def test_a_steadied_series_is_the_mean_where_it_is_stiff_and_free_where_it_is_not():
+    values, stiffness = np.random.default_rng(0).normal(size=(60, 3)), np.full(60, 1e9)
+    stiffness[39] = 0.0
+    steady = steadied(values, np.ones(60), stiffness)
+    for part in (slice(40), slice(40, 60)):
+        np.testing.assert_allclose(
+            steady[part], np.broadcast_to(values[part].mean(axis=0), steady[part].shape), atol=1e-5
+        )
+
+
+LENGTH = 0.888
+
+
+def positions(frames=40):
+    return swaying(person(), frames).positions
+
+
+def shots(x, length=LENGTH, frame_time=1.0):
+    return find_shots(x, np.arange(x.shape[1]), length, frame_time)
+
+
+def test_a_clip_without_a_cut_is_one_shot():
+    np.testing.assert_array_equal(shots(positions()), np.zeros(40))
+    np.testing.assert_array_equal(shots(np.zeros((1, 3, 3))), [0])
+
+
+@pytest.mark.parametrize("cut", [1, 2, 17, 39])
+def test_a_body_that_jumps_begins_a_shot(cut):
+    x = np.array(positions())
+    x[cut:] += [0.0, 0.0, 2.0]
+    np.testing.assert_array_equal(shots(x), np.arange(40) >= cut)
+    np.testing.assert_array_equal(shots(100 * x, 100 * LENGTH), np.arange(40) >= cut)
+
+
+def test_one_bad_frame_and_small_jumps_are_no_cut():
+    x = np.array(positions())
+    x[12] += 2.0
+    assert shots(x).max() == 0
+    still = np.tile(positions()[:1], (40, 1, 1))
+    still[20:] += 0.01 * LENGTH / np.sqrt(3)
+    assert shots(still).max() == 0
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_frames_that_the_body_leaves_faster_than_anybody_can_are_shots_of_their_own(backwards):
+    """A body that rushes to its place within three frames: as seen where a T-pose was put before a motion."""
+    x = np.tile(positions()[:1], (40, 1, 1))
+    x[:3, :, 2] += np.array([0.9, 0.5, 0.2])[:, None]
+    x = x[::-1] if backwards else x
+    rushes = np.array([*range(4), *[3] * 36])
+    np.testing.assert_array_equal(shots(x, frame_time=0.01), rushes.max() - rushes[::-1] if backwards else rushes)
+    assert shots(x).max() == 0
+
+
+def test_a_body_that_was_too_fast_rushes_until_it_has_slowed_down():
+    """Steps of 18, 10 and 4 leg lengths / s: only the first is faster than anybody can be."""
+    x = np.tile(positions()[:1], (40, 1, 1))
+    x[:3, :, 2] += LENGTH * np.array([0.32, 0.14, 0.04])[:, None]
+    np.testing.assert_array_equal(shots(x, frame_time=0.01), [*range(4), *[3] * 36])
+
+
+@pytest.mark.parametrize(("step", "cuts"), [(0.25, 1), (0.15, 0)])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_first_step_after_which_nobody_can_slow_down_begins_a_shot(step, cuts, backwards):
+    """As seen where a T-pose is before a motion of 30 frames/s: steps of so many leg lengths, and then of .1."""
+    x = np.tile(positions()[:1], (40, 1, 1))
+    x[..., 2] += LENGTH * np.array([0.0, *(step + 0.1 * np.arange(39))])[:, None]
+    found = shots(x[::-1] if backwards else x, frame_time=1 / 30)
+    np.testing.assert_array_equal(found, cuts * (np.arange(40) > (38 if backwards else 0)))
+
+
+@pytest.mark.parametrize(("jump", "cuts"), [(0.015, 0), (0.03, 1)])
+def test_a_still_person_who_jumps_by_a_fiftieth_of_a_leg_begins_a_shot(jump, cuts):
+    path = np.where(np.arange(40) < 20, 1.0, 1.0 + jump * LENGTH)[:, None] * [0.0, 1.0, 0.0]
+    still = posed(person(), {}, path)
+    assert Clip.of(matched(still, person()), RootScale.even(1.0)).shots.max() == cuts
+
+
+def test_values_are_computed_for_each_shot_on_its_own():
+    values = np.array([[1.0], [3.0], [10.0], [20.0], [30.0]])
+    means = by_shot(lambda v: np.broadcast_to(v.mean(axis=0), v.shape), np.array([0, 0, 1, 1, 1]), values)
+    np.testing.assert_allclose(means[:, 0], [2, 2, 20, 20, 20])
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [("walk", "squat"), ("clap", "hands_on_hips"), ("supports/push_up", "supports/crawl")]
+)
+def test_each_shot_is_retargeted_like_a_clip_of_its_own(first, second):
+    """Nothing reaches across a cut: neither contacts, foot lock and other supports nor what smooths them."""
+    one, other = (sample(name) for name in (first, second))
+    target = lengthened(one.rigid_skeleton, {"Toe": 1.5, "Knee": 0.9, "Wrist": 1.2})
+    other = moved(other, Rotation.from_euler("Y", 90, degrees=True), shift=(300.0, 0.0, -200.0))
+    both = replace(
+        one,
+        root_positions=np.concatenate([one.root_positions, other.root_positions]),
+        rotations=np.concatenate([one.rotations, other.rotations]),
+    )
+    result = retarget(both, target)
+    expected = np.concatenate([retarget(each, target).motion.positions for each in (one, other)])
+    assert np.abs(result.motion.positions - expected).max() < 1e-6 * result.matching.target.height

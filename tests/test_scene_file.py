@@ -1,24 +1,20 @@
-"""Scene files: what they say, clips of one scene with the same frames, and faults that are told with their place."""
+"""Scene files, those of the samples too, and `distretarget scene`: what they say, and faults told with their place."""
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, swaying
-from program import run
+import sample_scenes
+from bodies import SAMPLES, person, sample_target, swaying
+from program import refused, run, succeeded
 from schemas import validator
 
-from distretarget import (
-    Edits,
-    MotionError,
-    SkeletonFileError,
-    diff,
-    read_bvh,
-    read_motion,
-    retarget_scene,
-    write_bvh,
-)
+from distretarget import Edits, MotionError, SkeletonFileError, diff, read_bvh, read_motion, retarget_scene, write_bvh
+from distretarget.batch import results
+from distretarget.errors import FileError
+from distretarget.io.files import write_whole
 from distretarget.scene.props import Grip
 from distretarget.scene.scene_file import load_scene, started, synchronised
 
@@ -267,3 +263,196 @@ def test_a_cut_leaves_the_frames_of_the_shortest_down_to_one(frames):
     assert {len(motion) for motion in synchronised(motions, cut=True, resample=True)} == {min(frames)}
     motions = [started(motion, 0.0) for motion in motions]
     assert len(retarget_scene(synchronised(motions, cut=True, resample=False), [person()] * 2).results) == 2
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with a clip, and a scene of it in scenes/one."""
+    monkeypatch.chdir(tmp_path)
+    write_bvh("clip.bvh", swaying(person(), frames=4))
+    scene_with(tmp_path / "scenes" / "one")
+    return tmp_path
+
+
+def scene_with(folder, performer=(), **others):
+    """Write a scene of one performer into a folder that is made."""
+    folder.mkdir(parents=True)
+    clip = folder.parents[1] / "clip.bvh"
+    one = {"name": "lead", "source": str(clip), "target": str(clip), **dict(performer)}
+    document = {"format": "distretarget-scene", "version": 1, "performers": [one], **others}
+    (folder / "scene.json").write_text(json.dumps(document))
+
+
+# ---- folders of scenes
+
+
+def test_a_folder_of_scenes_goes_on_where_it_stopped(folder):
+    scenes = folder / "scenes"
+    scene_with(scenes / "broken")
+    (scenes / "broken" / "scene.json").write_text("{")
+    scene_with(scenes / "missing", {"source": str(folder / "later.bvh")})
+    first = run("scene", "scenes", "-o", "out")
+    assert (first.returncode, first.stderr.count("failed: ")) == (1, 2)
+    assert first.stdout.endswith("3 scenes: 1 converted, 0 done before, 2 failed\n")
+    made = (folder / "out" / "one" / "lead.bvh").stat().st_mtime_ns
+    write_bvh("later.bvh", swaying(person(), frames=4))
+    (scenes / "broken" / "scene.json").unlink()
+    second = run("scene", "scenes", "-o", "out")
+    assert (second.returncode, second.stderr) == (0, "")
+    assert second.stdout.endswith("2 scenes: 1 converted, 1 done before, 0 failed\n")
+    assert (folder / "out" / "one" / "lead.bvh").stat().st_mtime_ns == made
+
+
+def test_a_scene_goes_on_after_a_full_disk(folder, monkeypatch):
+    """The prop is scene_with before the performer, for which there is no space."""
+    write_bvh("box.bvh", swaying(person(), frames=4))
+    scene_with(folder / "scenes" / "two", props=[{"name": "box", "file": str(folder / "box.bvh")}])
+
+    def on_a_full_disk(path, *others, **options):
+        if path.name == "lead.bvh":
+            raise FileError(path, "the disk is full")
+        write_whole(path, *others, **options)
+
+    with monkeypatch.context() as full:
+        full.setattr(results, "write_whole", on_a_full_disk)
+        first = run("scene", "scenes", "-o", "out")
+    assert first.stdout.endswith("2 scenes: 0 converted, 0 done before, 2 failed\n")
+    assert (folder / "out" / "two" / "box.bvh").exists()
+    second = run("scene", "scenes", "-o", "out")
+    assert (second.returncode, second.stderr) == (0, "")
+    assert second.stdout.endswith("2 scenes: 2 converted, 0 done before, 0 failed\n")
+
+
+def test_a_scene_that_has_changed_is_made_again_and_other_files_stay(folder):
+    run("scene", "scenes", "-o", "out")
+    write_bvh("clip.bvh", swaying(person(), frames=5), overwrite=True)
+    done = run("scene", "scenes", "-o", "out", "--report", "report.html")
+    assert done.stdout.endswith("1 scene: 1 converted, 0 done before, 0 failed\n")
+    assert "Frames: 5" in (folder / "out" / "one" / "lead.bvh").read_text()
+    (folder / "out" / "one" / "lead.bvh").write_text("mine")
+    assert "exists already; --overwrite replaces it" in run("scene", "scenes", "-o", "out").stderr
+    assert (folder / "out" / "one" / "lead.bvh").read_text() == "mine"
+
+
+# ---- numbers
+
+
+def test_a_prop_that_becomes_too_large_is_to_blame_itself(folder):
+    write_bvh("box.bvh", swaying(person(), frames=4))
+    scene_with(folder / "scenes" / "large", props=[{"name": "box", "file": str(folder / "box.bvh"), "scale": 1e12}])
+    line = refused("scene", "scenes/large/scene.json", "-o", "out")
+    assert line.startswith(f"distretarget: {folder / 'box.bvh'}: 'box' reaches beyond 1e+12")
+
+
+# ---- links
+
+
+def test_no_link_leads_out_of_the_folder_of_results(folder):
+    (folder / "outside").mkdir()
+    (folder / "precious.bvh").write_text("precious")
+    (folder / "out").mkdir()
+    (folder / "out" / "one").symlink_to(folder / "outside")
+    (folder / "out" / "lead.bvh").symlink_to(folder / "precious.bvh")
+    for source in ("scenes", "scenes/one/scene.json"):
+        done = run("scene", source, "-o", "out", "--overwrite")
+        assert done.returncode == 1
+        assert "leads out of the folder 'out'; remove the link" in done.stderr
+    assert not list((folder / "outside").iterdir())
+    assert (folder / "precious.bvh").read_text() == "precious"
+
+
+def test_each_result_is_in_the_unit_of_its_target(tmp_path):
+    clips, body = SAMPLES / "scenes" / "high_five", SAMPLES / "child.json"
+    document = json.loads(body.read_text())
+    for joint in document["joints"]:
+        joint["offset"] = [0.01 * number for number in joint["offset"]]
+    metres = tmp_path / "metres.json"
+    metres.write_text(json.dumps(document | {"units": "m"}))
+    for name, target in (("mixed", metres), ("alike", body)):
+        targets = "-t", body, "-t", target
+        succeeded("scene", clips / "one.bvh", clips / "other.bvh", *targets, "-o", tmp_path / name, "-q")
+    for name, factor in (("one", 1.0), ("other", 100.0)):
+        mixed, alike = (read_motion(tmp_path / folder / f"{name}.bvh").positions for folder in ("mixed", "alike"))
+        np.testing.assert_allclose(factor * mixed, alike, atol=1e-3)
+
+
+def test_a_scene_file_takes_no_target(folder):
+    scene = folder / "one" / "scene.json"
+    line = refused("scene", scene, "-t", SAMPLES / "child.json", "-o", folder / "out", status=2)
+    assert "scene.json is a scene or a folder of scenes, which name their targets; leave out -t." in line
+
+
+ARM = 53.1  # length of the sample body's arm [cm]
+OFF = 0.01  # how far the gap of a contact may be off the source's, in the source's world [arms]
+# ... and between a child and a body of the source's size, as docs/scenes.md has it
+OFF_BETWEEN_SIZES = {"push": 0.0255, "waltz": 0.02, "lift": 0.032, "handshake": 0.052, "high_five": 0.065}
+
+scenes = pytest.mark.parametrize("name", sample_scenes.SCENES)
+
+
+@cache
+def made(name):
+    return sample_scenes.SCENES[name]()
+
+
+@cache
+def result(name):
+    return load_scene(SAMPLES / "scenes" / name / "scene.json").retargeted()
+
+
+def gaps(contact, sources, motions):
+    """(frames,), how far what touches is apart."""
+    frames = slice(contact.first, contact.last + 1)
+    one, other = contact.one[0], contact.other[0]
+    x = motions[one][frames, joint_of(contact.one, sources)]
+    if other < len(sources):
+        return np.linalg.norm(x - motions[other][frames, joint_of(contact.other, sources)], axis=1)
+    return np.linalg.norm(x[:, None] - motions[other][frames], axis=2).min(axis=1)
+
+
+def joint_of(place, sources):
+    number, joint = place
+    return sources[number].skeleton.index(joint)
+
+
+def check_gaps(name, done, off):
+    """Check that known contacts are no further off than this [arms]."""
+    sources = [one.source for one in done.results]
+    before = [motion.positions for motion in [*sources, *(prop.source for prop in done.props)]]
+    after = [each.motion.positions for each in (*done.results, *done.props)]
+    for contact in made(name).contacts:
+        prop = contact.other[0] - len(sources)
+        scale = done.props[prop].scale if prop >= 0 else done.world_scale
+        source, now = gaps(contact, sources, before), gaps(contact, sources, after) / scale
+        assert source.max() < 0.2 * ARM, contact
+        assert np.abs(now - source).max() < off * ARM, contact
+
+
+@scenes
+def test_what_touches_in_the_sample_touches_on_a_child(name):
+    check_gaps(name, result(name), OFF)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("name", OFF_BETWEEN_SIZES)
+def test_what_touches_between_a_child_and_an_adult_stays_near(name, order):
+    sources = list(made(name).performers.values())
+    body = sources[0].rigid_skeleton
+    child = sample_target("child").for_source(body).skeleton
+    check_gaps(name, retarget_scene(sources, [child, body][::order]), OFF_BETWEEN_SIZES[name])
+
+
+@scenes
+def test_performers_are_solved_and_their_feet_stand(name):
+    for one in result(name).results:
+        metrics = one.metrics["result"]
+        assert metrics["not_converged"] == 0
+        assert metrics["turn"] < 15
+        assert (metrics["foot_height"] or 0.0) < 0.5
+
+
+def test_a_staff_keeps_its_shape_in_both_hands():
+    (staff,) = result("staff").props
+    assert staff.scale == pytest.approx(0.6)
+    lengths = np.linalg.norm(staff.motion.positions[:, 1] - staff.motion.positions[:, -1], axis=1)
+    np.testing.assert_allclose(lengths, 0.6 * 160)

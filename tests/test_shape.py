@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from animals import rig_of
 from bodies import CORPUS, mirrored, moved, nameless, needs_corpus, person, posed, reordered, swaying, tree_of
 from characters import PERSON
 from scipy.spatial.transform import Rotation
@@ -14,14 +15,6 @@ LIMBS = ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Fo
 TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])
 
 
-def rig(bones):
-    """A skeleton from {name: (parent, offset)}; names that end in _End are End Sites."""
-    names = tuple(bones)
-    parents = [names.index(parent) if parent else -1 for parent, _ in bones.values()]
-    ends = [name for name in names if name.endswith("_End")]
-    return tree_of([offset for _, offset in bones.values()], names, parents, ends=ends)
-
-
 def bones_of(skeleton):
     parents = [skeleton.names[parent] if parent >= 0 else "" for parent in skeleton.parents]
     return dict(zip(skeleton.names, zip(parents, skeleton.offsets, strict=True), strict=True))
@@ -32,7 +25,7 @@ def in_order(bones):
     done = {}
     while len(done) < len(bones):
         done |= {name: bone for name, bone in bones.items() if name not in done and bone[0] in (*done, "")}
-    return rig(done)
+    return rig_of(done)
 
 
 def person_with(bones):

@@ -22,7 +22,7 @@ from urllib.parse import quote, unquote, urlsplit
 import gltf_player
 import numpy as np
 
-from interop.readers import BLENDER, HERE, PACKAGES
+from interop.readers import BLENDER, HERE, PACKAGES, without_blender, without_packages
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 IN_BROWSER = {"three.js": "three", "Babylon.js": "@babylonjs/loaders", "three-vrm": "@pixiv/three-vrm"}
@@ -33,16 +33,11 @@ FLAGS = ("--no-sandbox", "--disable-background-networking", "--use-angle=swiftsh
 def missing(program: str) -> str:
     """Why a program cannot be asked here; empty if it can."""
     if program == "Blender":
-        return "" if BLENDER in os.environ else f"{BLENDER} does not name a Python with the package bpy"
-    needs = ("gltf-validator",) if program == "validator" else ("esbuild", IN_BROWSER[program])
-    if PACKAGES not in os.environ:
-        return f"{PACKAGES} does not name a folder with the npm packages {' and '.join(needs)}"
-    for name in needs:
-        if not (Path(os.environ[PACKAGES]) / "node_modules" / name).is_dir():
-            return f"the npm package {name} is not in {os.environ[PACKAGES]}"
-    if program != "validator" and not _browser():
-        return "no Chromium or Chrome is installed"
-    return "" if shutil.which("node") else "node.js is not installed"
+        return without_blender()
+    if program == "validator":
+        return without_packages("gltf-validator")
+    lacking = without_packages("esbuild", IN_BROWSER[program])
+    return lacking or ("" if _browser() else "no Chromium or Chrome is installed")
 
 
 def _browser() -> str | None:

@@ -10,6 +10,7 @@ import subprocess
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -81,27 +82,26 @@ def _module(name: str) -> Callable[[], str]:
     return lambda: "" if importlib.util.find_spec(name) else f"the package {name} is not installed"
 
 
-def _package(name: str) -> Callable[[], str]:
-    def missing() -> str:
-        if not shutil.which("node"):
-            return "node.js is not installed"
-        if PACKAGES not in os.environ:
-            return f"{PACKAGES} does not name a folder with the npm package {name}"
-        there = (Path(os.environ[PACKAGES]) / "node_modules" / name).is_dir()
-        return "" if there else f"the npm package {name} is not in {os.environ[PACKAGES]}"
+def without_packages(*names: str) -> str:
+    """Why node.js has not all of these npm packages; empty if it has."""
+    if not shutil.which("node"):
+        return "node.js is not installed"
+    if PACKAGES not in os.environ:
+        return f"{PACKAGES} does not name a folder with the npm packages {' and '.join(names)}"
+    lacking = [name for name in names if not (Path(os.environ[PACKAGES]) / "node_modules" / name).is_dir()]
+    return f"the npm package {lacking[0]} is not in {os.environ[PACKAGES]}" if lacking else ""
 
-    return missing
+
+def without_blender() -> str:
+    """Why Blender cannot be asked; empty if it can."""
+    return "" if BLENDER in os.environ else f"{BLENDER} does not name a Python with the package bpy"
 
 
 READERS = (
     Reader("pybvh", _pybvh, _module("pybvh")),
     Reader("bvhio", _bvhio, _module("bvhio")),
-    Reader("three.js", _by_node("three.mjs"), _package("three")),
-    Reader("assimp", _by_node("assimp.cjs"), _package("assimpjs")),
-    Reader("Babylon.js", _by_node("babylon.mjs"), _package("@babylonjs/loaders")),
-    Reader(
-        "Blender",
-        _blender,
-        lambda: "" if BLENDER in os.environ else f"{BLENDER} does not name a Python with the package bpy",
-    ),
+    Reader("three.js", _by_node("three.mjs"), partial(without_packages, "three")),
+    Reader("assimp", _by_node("assimp.cjs"), partial(without_packages, "assimpjs")),
+    Reader("Babylon.js", _by_node("babylon.mjs"), partial(without_packages, "@babylonjs/loaders")),
+    Reader("Blender", _blender, without_blender),
 )
