@@ -3,12 +3,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion
 
-from .rig import constraints_on, drivers_on, moved_bones
+from .rig import moved_bones
 
 Poses = dict[str, list[Matrix]]  # of bones in the space of their armature, by frame
 
@@ -27,19 +28,17 @@ class Result:
     turns: np.ndarray
     frame_time: float
 
+    @classmethod
+    def load(cls, folder: Path) -> "Result":
+        """Return that which the worker wrote."""
+        arrays = np.load(folder / "result.npz")
+        return cls(arrays["names"].tolist(), arrays["places"], arrays["turns"], float(arrays["frame_time"]))
+
 
 def keyed_joints(armature: bpy.types.Object, result: Result, name: str, times: np.ndarray) -> bpy.types.Action:
-    """Give the armature an action with the motion at some frames of the scene, and return it.
-
-    What it had as action stays in the file. Constraints and drivers that would move its bones are muted.
-    """
-    moved = moved_bones(armature, result.names)
-    for _, constraint in constraints_on(armature, moved):
-        constraint.mute = True
-    for _, curve in drivers_on(armature, moved):
-        curve.mute = True
+    """Give the armature an action with the motion at some frames of the scene, and return it."""
     poses, action = poses_of(armature, result), new_action(armature, name)
-    for bone in moved:
+    for bone in moved_bones(armature, result.names):
         above = poses[bone.parent.name] if bone.parent else [None] * len(times)
         bases = [converted(bone, *each, invert=True) for each in zip(poses[bone.name], above, strict=True)]
         set_keys(action, bone, bases, times)
@@ -70,20 +69,26 @@ def keyed_controls(
 
 
 def without_action(armature: bpy.types.Object) -> bpy.types.AnimData:
-    """Take its action from the armature; it stays in the file. Return what holds actions."""
+    """Take its action from the armature, which stays in the file; show its pose, with all bones in the rest pose.
+
+    Return what holds actions.
+    """
     data = armature.animation_data_create()
+    data.use_tweak_mode = False
     if data.action is not None:
         data.action.use_fake_user = True
     data.action = None
+    armature.data.pose_position = "POSE"
+    for bone in armature.pose.bones:
+        bone.matrix_basis = Matrix()
     return data
 
 
 def new_action(armature: bpy.types.Object, name: str) -> bpy.types.Action:
-    """Give the armature an empty action, and its bones their rest pose; the one that it had stays in the file."""
+    """Give the armature an empty action that counts in full; the one that it had stays in the file."""
     data = without_action(armature)
-    for bone in armature.pose.bones:
-        bone.matrix_basis = Matrix()
     data.action = bpy.data.actions.new(name)
+    data.action_blend_type, data.action_influence = "REPLACE", 1.0
     return data.action
 
 
