@@ -306,7 +306,7 @@ def solve(armature: bpy.types.Object, result: Result, mode: str, tell: Callable[
     without_action(armature)
     for _, track in others_on(armature, ()):
         track.mute = True
-    bones, frames = armature.data.bones, len(result.places)
+    bones, frames = armature.data.bones, len(result.matrices)
     poses = {name: poses for name, poses in poses_of(armature, result).items() if name in result.names}
     rig = Rig(armature, [name for name in poses if bones[name].use_deform] or [*poses])
     goals = [{name: poses[name][frame] for name in rig.joints} for frame in range(frames)]

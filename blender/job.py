@@ -142,7 +142,7 @@ class Job:
             raise FailedError(f"{armature.name!r} has other bones than before; retarget again")
         result, told = Result.load(self.folder), self.told
         rate = scene.render.fps / scene.render.fps_base
-        times = self.start + np.arange(len(result.places)) * result.frame_time * rate
+        times = self.start + np.arange(len(result.matrices)) * result.frame_time * rate
         others = others_on(armature, result.names if self.keys == "JOINTS" else ())
         for _, each in others:
             each.mute = True

@@ -36,6 +36,8 @@ def main(folder: Path) -> None:
 
 
 def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
+    from scipy.spatial.transform import Rotation
+
     from distretarget import Edits, OutputSettings, contacts_to_json, read_motion, retarget
     from distretarget.io.contacts_file import HEADER, parse_contacts
     from distretarget.pipeline.found_contacts import contacts_of
@@ -53,8 +55,10 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
     moved = OutputSettings(in_place=job["in_place"]).clip(result.motion, "", np.array([0.0, 0.0, 1.0])).motion
     if job["frame_time"]:
         moved = moved.resampled(repr(job["frame_time"]))
-    arrays = {"places": moved.positions, "turns": moved.world_rotations, "frame_time": moved.frame_time}
-    np.savez(folder / "result.npz", names=moved.skeleton.names, **arrays)
+    matrices = np.tile(np.eye(4), (*moved.positions.shape[:2], 1, 1))
+    matrices[..., :3, :3] = Rotation.from_quat(moved.world_rotations).as_matrix()
+    matrices[..., :3, 3] = moved.positions
+    np.savez(folder / "result.npz", names=moved.skeleton.names, matrices=matrices, frame_time=moved.frame_time)
     numbers = {text: re.search(r"\bframe (\d+)", text) for text in result.warnings}
     gone = [(joint, source) for joint, source in job["map"].items() if source is not None and source not in there]
     matching = result.matching
