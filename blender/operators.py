@@ -137,7 +137,7 @@ def show(scene: bpy.types.Scene, job: Job, told: dict[str, Any]) -> None:
         pair.name, pair.source = name, chosen.get(name, source)
         pair.is_chosen = name in chosen
     last = job.start + (told["frames"] - 1) * told["step"]
-    scene.frame_end = max(scene.frame_end, math.ceil(last))
+    scene.frame_end = max(scene.frame_end, math.ceil(round(last, 1)))  # frame times are rounded in files
 
 
 class DISTRETARGET_OT_retarget_folder(Running, bpy.types.Operator):
