@@ -218,8 +218,8 @@ def set_markers(scene: bpy.types.Scene) -> None:
         entry = json.loads(row.entry)
         if row.clip != settings.clip_key or (subject_of(entry) == "plant" and not acts(entry)):
             continue
-        title = f"{number + 1}. {title_of(entry)}{' (dropped)' if state_of(entry) == 'DROP' else ''}"
+        start = f"{number + 1}{' dropped' if state_of(entry) == 'DROP' else ''}"
         for end, frame in enumerate((row.first, row.last)):
-            mark = settings.marks.add()
-            mark.name, mark.row, mark.end, mark.frame = title + ", end" * end, number, end, frame
-            markers.new(mark.name, frame=frame)
+            mark, title = settings.marks.add(), f"{start}{' end' * end}. {title_of(entry)}"
+            mark.row, mark.end, mark.frame = number, end, frame
+            mark.name = markers.new(title, frame=frame).name  # Blender shortens long names

@@ -14,6 +14,7 @@ import numpy as np
 from mathutils import Matrix, Quaternion, Vector
 
 from .keys import Result, converted, poses_of, without_action
+from .rig import others_on
 
 TURN = Quaternion((0.8, 0.0, 0.6), 0.2).to_matrix().to_4x4()  # by which controls are tried: not along the bone
 SHIFT = 0.03  # by which they are tried [of the body]
@@ -303,7 +304,9 @@ def solve(armature: bpy.types.Object, result: Result, mode: str, tell: Callable[
     the number of percent that are done since the last call.
     """
     without_action(armature)
-    bones, frames = armature.data.bones, len(result.places)
+    for _, track in others_on(armature, ()):
+        track.mute = True
+    bones, frames = armature.data.bones, len(result.matrices)
     poses = {name: poses for name, poses in poses_of(armature, result).items() if name in result.names}
     rig = Rig(armature, [name for name in poses if bones[name].use_deform] or [*poses])
     goals = [{name: poses[name][frame] for name in rig.joints} for frame in range(frames)]

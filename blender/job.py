@@ -15,7 +15,7 @@ import numpy as np
 
 from .contacts import acts, entries_of
 from .keys import Result, keyed_controls, keyed_joints
-from .rig import arrays_of, constraints_on, drivers_on, motion_of, moved_bones, title_of
+from .rig import arrays_of, motion_of, others_on, title_of
 from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
@@ -81,11 +81,10 @@ class Job:
         self.title = clip.stem if is_file else title_of(clip)
         self.key = clip_key(clip, settings.animation) if is_file else self.title
         self.keys, self.start = settings.keys, settings.start
-        arrays = arrays_of(armature)
-        self.joints, self.bones = arrays["names"].tolist(), armature.data.bones.keys()
+        self.bones = armature.data.bones.keys()
         self.place = tempfile.TemporaryDirectory(prefix="distretarget_")
         self.folder = Path(self.place.name)
-        np.savez(self.folder / "character.npz", **arrays)
+        np.savez(self.folder / "character.npz", **arrays_of(armature))
         if not is_file:
             shape = arrays_of(clip) if clip.data.library is None else {}  # what is linked cannot be put at rest
             np.savez(self.folder / "performer.npz", **shape | motion_of(clip, scene))
@@ -93,8 +92,8 @@ class Job:
             "clip": str(clip.resolve()) if is_file else None,
             "animation": settings.animation,
             "edits": {"mirror": settings.mirror, "loop": settings.loop},
-            "options": {"supports": settings.supports, "skin": settings.skin},
             "in_place": settings.in_place,
+            "frame_time": scene.render.fps_base / scene.render.fps if settings.whole_frames else None,
             "contacts": [entry for entry in entries_of(scene, self.key) if acts(entry)],
             "map": {pair.name: pair.source or None for pair in armature.distretarget_pairs if pair.is_chosen},
             "armature": armature.name,
@@ -124,7 +123,7 @@ class Job:
         if self.process.returncode or not (self.folder / answer).is_file():
             lines = said.read_text("utf-8", "replace").split("\n")
             last = next((line.strip() for line in reversed(lines) if line.strip()), self.process.returncode)
-            raise FailedError(f"{what} stopped: {last}")
+            raise FailedError(f"{what} stopped: {last}; nothing is changed")
         self.told = json.loads((self.folder / answer).read_text("utf-8")) | getattr(self, "told", {})
         if "error" in self.told:
             raise FailedError(self.told["error"])
@@ -141,18 +140,31 @@ class Job:
         scene, armature = there(self.names)
         if armature.data.bones.keys() != self.bones:
             raise FailedError(f"{armature.name!r} has other bones than before; retarget again")
-        arrays, told = np.load(self.folder / "result.npz"), self.told
-        result = Result(self.joints, arrays["places"], arrays["turns"], float(arrays["frame_time"]))
-        step = result.frame_time * scene.render.fps / scene.render.fps_base
-        times = self.start + np.arange(len(result.places)) * step
+        result, told = Result.load(self.folder), self.told
+        rate = scene.render.fps / scene.render.fps_base
+        times = self.start + np.arange(len(result.matrices)) * result.frame_time * rate
+        others = others_on(armature, result.names if self.keys == "JOINTS" else ())
+        for _, each in others:
+            each.mute = True
         if self.keys == "JOINTS":
-            told["warnings"] += _muted(armature, self.joints)
             action = keyed_joints(armature, result, self.title, times)
         else:
             controls = np.load(self.folder / "controls.npz")
             action = keyed_controls(armature, controls, told["switches"], self.title, times)
             told["warnings"] += told["lines"]
-        return scene, action, told | {"frames": len(times), "frame_time": result.frame_time, "step": step}
+        if names := [*dict.fromkeys(repr(name) for name, _ in others)]:
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            told["warnings"].append(f"muted, since they move bones too: {names[0]}{more}; undo brings them back")
+        for name in _carriers(armature):
+            told["warnings"].append(f"{name!r} may move and carry the character with it; clear that parent")
+        return scene, action, told | {"step": told["frame_time"] * rate}
+
+
+def _carriers(armature: bpy.types.Object) -> Iterator[str]:
+    """The names of what an armature hangs from that may move."""
+    while (armature := armature.parent) is not None:
+        if armature.animation_data is not None:
+            yield armature.name
 
 
 def _blender(script: Path, folder: Path) -> list[str]:
@@ -162,13 +174,3 @@ def _blender(script: Path, folder: Path) -> list[str]:
     scripts = "--disable-autoexec" if bpy.app.autoexec_fail else "--enable-autoexec"
     start = [bpy.app.binary_path, "--background", "--factory-startup", scripts, "--python-exit-code", "1"]
     return [*start, "--python", str(script), "--", str(folder)]
-
-
-def _muted(armature: bpy.types.Object, joints: list[str]) -> list[str]:
-    """A line on what is muted, since it would move the bones of joints."""
-    moved = moved_bones(armature, joints)
-    held = dict.fromkeys(bone.name for bone, _ in [*constraints_on(armature, moved), *drivers_on(armature, moved)])
-    if not held:
-        return []
-    more = f" and {len(held) - 1} more bones" if len(held) > 1 else ""
-    return [f"constraints and drivers of {next(iter(held))!r}{more} are muted; undo brings them back"]

@@ -3,12 +3,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion
+from mathutils import Matrix
 
-from .rig import constraints_on, drivers_on, moved_bones
+from .rig import moved_bones
 
 Poses = dict[str, list[Matrix]]  # of bones in the space of their armature, by frame
 
@@ -18,28 +19,25 @@ ALIKE = 1e-6  # transforms up to this from none get no keys
 
 @dataclass(frozen=True)
 class Result:
-    """A motion of the joints of a character, in the world: `places`, (frames, joints, 3), and `turns` from the rest
-    pose, (frames, joints, 4), x y z w.
+    """A motion of the joints of a character: `matrices`, (frames, joints, 4, 4), from the rest pose without its places
+    to the world.
     """
 
     names: list[str]
-    places: np.ndarray
-    turns: np.ndarray
+    matrices: np.ndarray
     frame_time: float
+
+    @classmethod
+    def load(cls, folder: Path) -> "Result":
+        """Return that which the worker wrote."""
+        arrays = np.load(folder / "result.npz")
+        return cls(arrays["names"].tolist(), arrays["matrices"], float(arrays["frame_time"]))
 
 
 def keyed_joints(armature: bpy.types.Object, result: Result, name: str, times: np.ndarray) -> bpy.types.Action:
-    """Give the armature an action with the motion at some frames of the scene, and return it.
-
-    What it had as action stays in the file. Constraints and drivers that would move its bones are muted.
-    """
-    moved = moved_bones(armature, result.names)
-    for _, constraint in constraints_on(armature, moved):
-        constraint.mute = True
-    for _, curve in drivers_on(armature, moved):
-        curve.mute = True
+    """Give the armature an action with the motion at some frames of the scene, and return it."""
     poses, action = poses_of(armature, result), new_action(armature, name)
-    for bone in moved:
+    for bone in moved_bones(armature, result.names):
         above = poses[bone.parent.name] if bone.parent else [None] * len(times)
         bases = [converted(bone, *each, invert=True) for each in zip(poses[bone.name], above, strict=True)]
         set_keys(action, bone, bases, times)
@@ -70,20 +68,26 @@ def keyed_controls(
 
 
 def without_action(armature: bpy.types.Object) -> bpy.types.AnimData:
-    """Take its action from the armature; it stays in the file. Return what holds actions."""
+    """Take its action from the armature, which stays in the file; show its pose, with all bones in the rest pose.
+
+    Return what holds actions.
+    """
     data = armature.animation_data_create()
+    data.use_tweak_mode = False
     if data.action is not None:
         data.action.use_fake_user = True
     data.action = None
+    armature.data.pose_position = "POSE"
+    for bone in armature.pose.bones:
+        bone.matrix_basis = Matrix()
     return data
 
 
 def new_action(armature: bpy.types.Object, name: str) -> bpy.types.Action:
-    """Give the armature an empty action, and its bones their rest pose; the one that it had stays in the file."""
+    """Give the armature an empty action that counts in full; the one that it had stays in the file."""
     data = without_action(armature)
-    for bone in armature.pose.bones:
-        bone.matrix_basis = Matrix()
     data.action = bpy.data.actions.new(name)
+    data.action_blend_type, data.action_influence = "REPLACE", 1.0
     return data.action
 
 
@@ -119,18 +123,16 @@ def _curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
 
 def poses_of(armature: bpy.types.Object, result: Result) -> Poses:
     """Poses of the bones of joints, and of those above them, which keep to their parents."""
-    frames, world = len(result.places), np.array(armature.matrix_world)
+    world = np.array(armature.matrix_world)
     number = {name: index for index, name in enumerate(result.names)}
     back, poses = np.linalg.inv(world), {}
     for bone in moved_bones(armature, result.names):
         if bone.name in number:
-            joint, axes = number[bone.name], (world @ np.array(bone.bone.matrix_local))[:3, :3]
-            poses[bone.name] = [
-                Matrix(back @ _matrix(place, turn, axes))
-                for place, turn in zip(result.places[:, joint], result.turns[:, joint], strict=True)
-            ]
+            axes = world @ np.array(bone.bone.matrix_local)
+            axes[:3, 3] = 0.0
+            poses[bone.name] = [*map(Matrix, (back @ result.matrices[:, number[bone.name]] @ axes).tolist())]
         else:
-            above = poses[bone.parent.name] if bone.parent else [None] * frames
+            above = poses[bone.parent.name] if bone.parent else [None] * len(result.matrices)
             poses[bone.name] = [converted(bone, Matrix(), parent, invert=False) for parent in above]
     return poses
 
@@ -143,12 +145,3 @@ def converted(bone: bpy.types.PoseBone, matrix: Matrix, parent: Matrix | None, i
     return bone.bone.convert_local_to_pose(
         matrix, bone.bone.matrix_local, parent_matrix=parent, parent_matrix_local=above, invert=invert
     )
-
-
-def _matrix(place: np.ndarray, turn: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """(4, 4), a bone at a place in the world, turned from its rest pose there."""
-    x, y, z, w = turn
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.array(Quaternion((w, x, y, z)).to_matrix()) @ axes
-    matrix[:3, 3] = place
-    return matrix

@@ -77,11 +77,26 @@ class Running(Told):
 
 
 class DISTRETARGET_OT_retarget(Running, bpy.types.Operator):
-    """Retarget the clip onto the active armature, as a new action"""
+    """Retarget the clip onto the active armature, as a new action; where none is chosen, choose a file"""
 
     bl_idname = "distretarget.retarget"
     bl_label = "Retarget"
     bl_options = CHOSEN
+    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    filter_glob: bpy.props.StringProperty(default=";".join(f"*{each}" for each in ENDINGS), options={"HIDDEN"})
+
+    def invoke(self, context, event):
+        settings = context.scene.distretarget
+        if settings.clip or settings.performer:
+            return super().invoke(context, event)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        if not self.filepath:
+            return super().execute(context)
+        context.scene.distretarget.clip = self.filepath
+        return super().execute(context) if bpy.app.background else super().invoke(context, None)
 
     def work(self, context):
         settings = context.scene.distretarget
@@ -122,7 +137,7 @@ def show(scene: bpy.types.Scene, job: Job, told: dict[str, Any]) -> None:
         pair.name, pair.source = name, chosen.get(name, source)
         pair.is_chosen = name in chosen
     last = job.start + (told["frames"] - 1) * told["step"]
-    scene.frame_end = max(scene.frame_end, math.ceil(last))
+    scene.frame_end = max(scene.frame_end, math.ceil(round(last, 1)))  # frame times are rounded in files
 
 
 class DISTRETARGET_OT_retarget_folder(Running, bpy.types.Operator):
@@ -145,7 +160,7 @@ class DISTRETARGET_OT_retarget_folder(Running, bpy.types.Operator):
                 job = Job(*there(names), clip)
                 try:
                     yield from (f"{clip.name}, {number + 1} of {len(clips)}. {text}" for text in job.done())
-                    keep(*job.apply()[:2], there(names)[1], is_last=number == len(clips) - 1)
+                    keep(*job.apply()[:2], there(names)[1])
                     made += 1
                 finally:
                     job.stop()
@@ -158,18 +173,17 @@ class DISTRETARGET_OT_retarget_folder(Running, bpy.types.Operator):
         self.report({"WARNING" if faults else "INFO"}, verdict)
 
 
-def keep(scene: bpy.types.Scene, action: bpy.types.Action, armature: bpy.types.Object, is_last: bool) -> None:
+def keep(scene: bpy.types.Scene, action: bpy.types.Action, armature: bpy.types.Object) -> None:
     """Keep an action of a folder as an asset, and as an NLA track, where that is asked for."""
-    settings, start = scene.distretarget, int(action.frame_range[0])
+    settings = scene.distretarget
     action.use_fake_user = True
     if settings.as_assets:
         action.asset_mark()
     if settings.push_down:
-        data = armature.animation_data
-        data.action = None
-        track = data.nla_tracks.new()
-        track.name, track.mute = action.name, not is_last
-        track.strips.new(action.name, start, action)
+        armature.animation_data.action = None
+        track = armature.animation_data.nla_tracks.new()
+        track.name = action.name
+        track.strips.new(action.name, int(action.frame_range[0]), action)
 
 
 class DISTRETARGET_OT_go_to(bpy.types.Operator):

@@ -2,11 +2,14 @@
 """The panel *Retarget* in the sidebar of the 3D view: it draws settings and lists, and its buttons call operators."""
 
 import json
+import textwrap
 
 import bpy
 
 from .contacts import state_of, title_of
 from .job import chosen_armature
+
+LETTER = 7.5  # mean width of a letter [px]
 
 
 class InSidebar:
@@ -20,16 +23,20 @@ class DISTRETARGET_PT_panel(InSidebar, bpy.types.Panel):
 
     def draw(self, context):
         settings, layout = context.scene.distretarget, self.layout
-        layout.use_property_split = True
+        layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(settings, "clip")
-        for name in ("performer", "animation", "start", "mirror", "loop", "in_place", "supports", "skin", "keys"):
+        for name in ("performer", "animation", "start", "whole_frames", "mirror", "loop", "in_place", "keys"):
             layout.prop(settings, name)
         layout.operator("distretarget.retarget", icon="ARMATURE_DATA")
-        if settings.verdict:
-            layout.label(text=settings.verdict)
+        letters = max(20, int(context.region.width / context.preferences.system.ui_scale / LETTER))
+        column = layout.column(align=True)
+        for text in textwrap.wrap(settings.verdict, letters):
+            column.label(text=text)
         for line in settings.warnings:
             row = layout.row()
-            row.label(text=line.text, icon="ERROR")
+            column = row.column(align=True)
+            for number, text in enumerate(textwrap.wrap(line.text, letters - 12)):
+                column.label(text=text, icon="BLANK1" if number else "ERROR")
             if line.frame >= 0:
                 row.operator("distretarget.go_to", text=f"{line.frame}").frame = line.frame
 
@@ -37,10 +44,10 @@ class DISTRETARGET_PT_panel(InSidebar, bpy.types.Panel):
 class DISTRETARGET_UL_contacts(bpy.types.UIList):
     def draw_item(self, _context, layout, data, item, _icon, _active, _property, index):
         entry = json.loads(item.entry)
-        layout.label(text=f"{index + 1}. {title_of(entry)}", icon="X" if state_of(entry) == "DROP" else "LINKED")
-        layout.prop(item, "state", text="")
+        icon = {"FOUND": "LINKED", "DROP": "X"}.get(state_of(entry), "PINNED")
+        layout.label(text=f"{index + 1}. {title_of(entry)}", icon=icon)
         if data.step:
-            layout.operator("distretarget.go_to", text=f"{item.first} - {item.last}").frame = item.first
+            layout.operator("distretarget.go_to", text="", icon="TIME").frame = item.first
 
     def filter_items(self, _context, data, name):
         shown = [self.bitflag_filter_item if row.clip == data.clip_key else 0 for row in getattr(data, name)]
@@ -57,13 +64,14 @@ class DISTRETARGET_PT_contacts(InSidebar, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("distretarget.contact_make", text="Make", icon="ADD")
         row.operator("distretarget.contact_remove", text="Remove", icon="REMOVE")
+        row = layout.row(align=True)
         row.operator("distretarget.contacts_import", text="Import")
         row.operator("distretarget.contacts_export", text="Export")
         layout.prop(settings, "markers")
         if 0 <= settings.contact < len(settings.contacts):
             item = settings.contacts[settings.contact]
             state = state_of(json.loads(item.entry))
-            shown = ("first", "last") if settings.step else ()
+            shown = ("state", "first", "last") if settings.step else ("state",)
             shown += {"GAP": ("gap", "firmness"), "SOURCE": ("firmness",)}.get(state, ())
             for name in shown if item.clip == settings.clip_key else ():
                 layout.prop(item, name)

@@ -2,8 +2,9 @@
 """An armature: the joints that its meshes need, its meshes at rest, its motion, and what else moves its bones."""
 
 import itertools
+import math
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from typing import Any
 
 import bpy
 import numpy as np
@@ -89,52 +90,43 @@ def moved_bones(armature: bpy.types.Object, joints: Collection[str]) -> list[bpy
     return [bone for bone in armature.pose.bones if bone.name in names]
 
 
-def constraints_on(
-    armature: bpy.types.Object, moved: Collection[bpy.types.PoseBone]
-) -> list[tuple[bpy.types.PoseBone, bpy.types.Constraint]]:
-    """The constraints that move some bones, each with the bone that has it."""
+def others_on(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple[str, Any]]:
+    """What moves the bones of joints beside an action and is not muted: constraints and drivers, each with the name of
+    its bone, and NLA tracks, which move all bones, with their own.
+    """
+    moved, data, found = moved_bones(armature, joints), armature.animation_data, []
     names = {bone.name for bone in moved}
-    found = []
     for bone in armature.pose.bones:
+        chain = [each.name for each in (bone, *bone.parent_recursive)]
         for constraint in bone.constraints:
-            chain = [bone, *bone.parent_recursive]
             reach = getattr(constraint, "chain_count", 1) or len(chain)
-            if not constraint.mute and names.intersection(each.name for each in chain[:reach]):
-                found.append((bone, constraint))
-    return found
-
-
-def drivers_on(
-    armature: bpy.types.Object, moved: Collection[bpy.types.PoseBone]
-) -> list[tuple[bpy.types.PoseBone, bpy.types.FCurve]]:
-    """The drivers of the transforms and constraints of some bones, each with its bone."""
-    paths = {f'pose.bones["{bpy.utils.escape_identifier(bone.name)}"].': bone for bone in moved}
-    curves = armature.animation_data.drivers if armature.animation_data else []
-    return [
-        (bone, curve)
-        for curve in curves
-        for path, bone in paths.items()
-        if not curve.mute and curve.data_path.startswith(path) and curve.data_path[len(path) :].startswith(MOVES)
-    ]
+            found += [(bone.name, constraint)] if names.intersection(chain[:reach]) else []
+    for bone in moved if data else ():
+        paths = tuple(f"{bone.path_from_id()}.{each}" for each in MOVES)
+        found += [(bone.name, curve) for curve in data.drivers if curve.data_path.startswith(paths)]
+    found += [(track.name, track) for track in data.nla_tracks] if data else []
+    return [(name, each) for name, each in found if not each.mute]
 
 
 def arrays_of(armature: bpy.types.Object) -> Arrays:
     """Return the joints that meshes need, and the vertices that move with them, as arrays.
 
     `names` and `parents` (joints,), `heads` (joints, 3), `vertices` (vertices, 3), `triangles` (triangles, 3), and of
-    each influence `moved` (its vertex), `movers` (its joint) and `weights`, (influences,).
+    each influence `moved` (its vertex, in ascending order), `movers` (its joint) and `weights`, (influences,).
     """
     arrays = rest_arrays(armature)
     number = {name: index for index, name in enumerate(arrays["names"].tolist())}
-    with _at_rest(armature):
+    before, armature.data.pose_position = armature.data.pose_position, "REST"
+    try:
         parts = [_part(mesh, number) for mesh in skinned_meshes(armature)]
-    starts = np.cumsum([0, *(len(part["vertices"]) for part in parts)])
-    empties = {"vertices": (0, 3), "triangles": (0, 3), "moved": (0,), "movers": (0,), "weights": (0,)}
-    for key, empty in empties.items():
-        shift = starts if key in ("triangles", "moved") else np.zeros_like(starts)
-        values = [part[key] + start for part, start in zip(parts, shift, strict=False)]
-        arrays[key] = np.concatenate(values) if values else np.zeros(empty)
-    return arrays
+    finally:
+        armature.data.pose_position = before
+    first = 0
+    for part in parts:
+        part["triangles"] += first
+        part["moved"] += first
+        first += len(part["vertices"])
+    return arrays | {key: np.concatenate([part[key] for part in parts]) for key in (parts[0] if parts else ())}
 
 
 def rest_arrays(armature: bpy.types.Object) -> Arrays:
@@ -145,17 +137,6 @@ def rest_arrays(armature: bpy.types.Object) -> Arrays:
     heads = [world @ bones[name].head_local if name in bones else world.translation for name in names]
     parents = [-1 if parent is None else number[parent] for parent in joints.values()]
     return {"names": np.array(names), "parents": np.array(parents), "heads": np.array([[*head] for head in heads])}
-
-
-@contextmanager
-def _at_rest(armature: bpy.types.Object) -> Iterator[None]:
-    """The armature in its rest pose for a while."""
-    before = armature.data.pose_position
-    armature.data.pose_position = "REST"
-    try:
-        yield
-    finally:
-        armature.data.pose_position = before
 
 
 def _part(mesh: bpy.types.Object, number: dict[str, int]) -> Arrays:
@@ -201,9 +182,8 @@ def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
     action = _action_of(armature)
     first, last = action.frame_range if action else (scene.frame_start, scene.frame_end)
     arrays, bones, now = rest_arrays(armature), armature.pose.bones, scene.frame_current_final
-    names = arrays["names"].tolist()
-    rests = {bone.name: armature.matrix_world @ bone.bone.matrix_local for bone in bones}
-    back = [rests.get(name, armature.matrix_world).to_quaternion().inverted() for name in names]
+    names, world = arrays["names"].tolist(), armature.matrix_world
+    back = [(world @ bones[name].bone.matrix_local if name in bones else world).inverted() for name in names]
     places, turns = [], []
     for frame in range(round(first), round(last) + 1):
         scene.frame_set(frame)
@@ -211,11 +191,10 @@ def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
         world, bones = shown.matrix_world, shown.pose.bones
         posed = [world @ bones[name].matrix if name in bones else world for name in names]
         places.append([[*matrix.translation] for matrix in posed])
-        turned = [matrix.to_quaternion() @ start for matrix, start in zip(posed, back, strict=True)]
-        turns.append([[q.x, q.y, q.z, q.w] for q in turned])
-    scene.frame_set(int(now), subframe=now - int(now))
-    frame_time = scene.render.fps_base / scene.render.fps
-    return arrays | {"places": np.array(places), "turns": np.array(turns), "frame_time": np.array(frame_time)}
+        turns.append([[*(matrix @ start).to_quaternion()] for matrix, start in zip(posed, back, strict=True)])
+    scene.frame_set(math.floor(now), subframe=now % 1.0)
+    arrays |= {"places": np.array(places), "turns": np.array(turns)[..., [1, 2, 3, 0]]}
+    return arrays | {"frame_time": np.array(scene.render.fps_base / scene.render.fps)}
 
 
 def _action_of(armature: bpy.types.Object) -> bpy.types.Action | None:

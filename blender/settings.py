@@ -18,10 +18,6 @@ def _is_chosen(pair, _context):
     pair.is_chosen = True
 
 
-class DISTRETARGET_PG_name(bpy.types.PropertyGroup):
-    """A joint of the clip, by the property `name` that every group has."""
-
-
 class DISTRETARGET_PG_pair(bpy.types.PropertyGroup):
     """The joint of the clip that moves a bone, which `name` is."""
 
@@ -41,7 +37,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     performer: bpy.props.PointerProperty(
         name="Armature",
         type=bpy.types.Object,
-        poll=lambda _, each: each.type == "ARMATURE",
+        poll=lambda settings, each: each.type == "ARMATURE" and each.name in settings.id_data.objects,
         description="An armature of the scene whose motion is the clip, in place of a file",
         update=_is_another,
     )
@@ -49,19 +45,12 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
         name="Animation", description="Which of several animations of the file", update=_is_another
     )
     start: bpy.props.IntProperty(name="Start", default=1, description="The frame at which the action begins")
+    whole_frames: bpy.props.BoolProperty(
+        name="Whole frames", description="A key in each frame of the scene, in place of one for each frame of the clip"
+    )
     mirror: bpy.props.BoolProperty(name="Mirror", description="Exchange left and right")
     loop: bpy.props.BoolProperty(name="Loop", description="The end leads to the start")
     in_place: bpy.props.BoolProperty(name="In place", description="Leave out the path along the floor")
-    supports: bpy.props.EnumProperty(
-        name="Supports",
-        description="What stays in place while it rests",
-        items=[("hold", "Feet and all that rests", ""), ("feet", "Feet", ""), ("free", "Nothing", "")],
-    )
-    skin: bpy.props.EnumProperty(
-        name="Skin",
-        description="How thick the character is",
-        items=[("auto", "Its meshes", ""), ("average", "Average", ""), ("none", "None", "")],
-    )
     keys: bpy.props.EnumProperty(
         name="Keys",
         description="Which bones get the keys",
@@ -77,7 +66,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     frames: bpy.props.IntProperty()
     frame_time: bpy.props.FloatProperty(description="In seconds")
     step: bpy.props.FloatProperty(description="Frames of the scene for one of the clip; 0 until it is retargeted")
-    joints: bpy.props.CollectionProperty(type=DISTRETARGET_PG_name)
+    joints: bpy.props.CollectionProperty(type=bpy.types.PropertyGroup)  # by their names
     contacts: bpy.props.CollectionProperty(type=contacts.DISTRETARGET_PG_contact)
     marks: bpy.props.CollectionProperty(type=contacts.DISTRETARGET_PG_mark)
     contact: bpy.props.IntProperty(description="The contact that is chosen in the list")
@@ -104,7 +93,6 @@ def clip_key(clip: str | PurePath, animation: str) -> str:
 
 
 GROUPS = (
-    DISTRETARGET_PG_name,
     DISTRETARGET_PG_pair,
     DISTRETARGET_PG_warning,
     contacts.DISTRETARGET_PG_mark,

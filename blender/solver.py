@@ -2,7 +2,7 @@
 """Find the poses of a rig's controls in a Blender of its own: solver.py FOLDER.
 
 FOLDER has `job.json` with the name of the "armature" and "keys", "FK" or "IK", the armature in `character.blend`, and
-the joints' motion in `character.npz` and `result.npz`. It gets `controls.npz`, with `names`, (controls,), and `bases`,
+the joints' motion in `result.npz`. It gets `controls.npz`, with `names`, (controls,), and `bases`,
 (controls, frames, 4, 4), and `controls.json` with "switches", each a bone, a property and its value, and "lines" on
 what cannot follow.
 """
@@ -26,12 +26,10 @@ def main(folder: Path) -> None:
         wanted.objects = [job["armature"]]
     (armature,) = wanted.objects
     armature.hide_viewport = False
-    armature.data.pose_position = "POSE"
     bpy.context.scene.collection.objects.link(armature)
-    names, arrays = np.load(folder / "character.npz")["names"].tolist(), np.load(folder / "result.npz")
-    result = keys.Result(names, arrays["places"], arrays["turns"], float(arrays["frame_time"]))
     with (folder / "progress").open("ab", buffering=0) as progress:
-        solved = controls.solve(armature, result, job["keys"], lambda percent: progress.write(b"." * percent))
+        result, tell = keys.Result.load(folder), lambda percent: progress.write(b"." * percent)
+        solved = controls.solve(armature, result, job["keys"], tell)
     np.savez(folder / "controls.npz", names=[*solved.bases], bases=np.array([*solved.bases.values()]))
     switches = [[each.bone, each.name, each.values[job["keys"]]] for each in solved.switches]
     told = {"switches": switches, "lines": controls.lines_on(solved)}

@@ -5,10 +5,10 @@ python worker.py FOLDER
 
 FOLDER has `character.npz`, as `rig.arrays_of` returns it, and `job.json`: "clip", the path of the clip, or none
 where `performer.npz` has its motion, as `rig.motion_of` returns it, and its meshes, as `rig.arrays_of` does; its
-"animation", "edits" and "options" for `distretarget.Edits` and `Options`, "in_place", the "contacts" of a contact
-file, and a "map" of joints. It gets `result.npz`: `places`, (frames, joints, 3), `turns`, (frames, joints, 4),
-rotations from the rest pose in the world, x y z w, and `frame_time`; and `result.json`: an error, or the verdict and
-the warnings, the contacts that were found, the pairs of joints, and all joints of the clip.
+"animation", "edits" for `distretarget.Edits`, "in_place", the "contacts" of a contact
+file, a "map" of joints, and the "frame_time" of the result, or none for that of the clip. It gets `result.npz`: what
+`keys.Result` holds; and `result.json`: an error, or the verdict and the warnings, the contacts that were found, the
+pairs of joints, and all joints, the "frames" and the "frame_time" of the clip.
 """
 
 import json
@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+
+RIGID = 1e-5  # a bone whose length and direction change less than this does not slide [of the body]
 
 
 def main(folder: Path) -> None:
@@ -34,8 +36,11 @@ def main(folder: Path) -> None:
 
 
 def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
-    from distretarget import Edits, Options, OutputSettings, contacts_to_json, find_contacts, read_motion, retarget
+    from scipy.spatial.transform import Rotation
+
+    from distretarget import Edits, OutputSettings, contacts_to_json, read_motion, retarget
     from distretarget.io.contacts_file import HEADER, parse_contacts
+    from distretarget.pipeline.found_contacts import contacts_of
 
     performer = dict(np.load(folder / "performer.npz")) if job["clip"] is None else {}
     motion = _motion(performer) if performer else read_motion(job["clip"], clip=job["animation"] or None)
@@ -45,15 +50,15 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
     asked = parse_contacts(json.dumps(HEADER | {"contacts": job["contacts"]}), "Contacts")
     with (folder / "progress").open("ab", buffering=0) as progress:
         told = _Told(progress, len(motion))
-        options, builds = Options(**job["options"]), _builds(job["clip"], performer)
-        result = retarget(motion, target, options, builds=builds, joint_map=pairs, contacts=asked, progress=told)
+        builds = _builds(job["clip"], performer)
+        result = retarget(motion, target, builds=builds, joint_map=pairs, contacts=asked, progress=told)
     moved = OutputSettings(in_place=job["in_place"]).clip(result.motion, "", np.array([0.0, 0.0, 1.0])).motion
-    np.savez(
-        folder / "result.npz",
-        places=moved.positions,
-        turns=moved.world_rotations,
-        frame_time=moved.frame_time,
-    )
+    if job["frame_time"]:
+        moved = moved.resampled(repr(job["frame_time"]))
+    matrices = np.tile(np.eye(4), (*moved.positions.shape[:2], 1, 1))
+    matrices[..., :3, :3] = Rotation.from_quat(moved.world_rotations).as_matrix()
+    matrices[..., :3, 3] = moved.positions
+    np.savez(folder / "result.npz", names=moved.skeleton.names, matrices=matrices, frame_time=moved.frame_time)
     numbers = {text: re.search(r"\bframe (\d+)", text) for text in result.warnings}
     gone = [(joint, source) for joint, source in job["map"].items() if source is not None and source not in there]
     matching = result.matching
@@ -65,11 +70,13 @@ def _retargeted(job: dict, arrays: dict[str, np.ndarray], folder: Path) -> dict:
             *(f"this clip has no joint {source!r}, which was chosen for {joint!r}" for joint, source in gone),
         ],
         "flags": [[int(number[1]), text] for text, number in numbers.items() if number],
-        "contacts": json.loads(contacts_to_json(find_contacts(motion, target, joint_map=pairs)))["contacts"],
+        "contacts": json.loads(contacts_to_json(contacts_of(result.baseline)))["contacts"],
         "pairs": [
             [name, sources.keys[one] if one >= 0 else ""] for name, one in zip(names, matching.drivers, strict=True)
         ],
         "joints": [sources.keys[joint] for joint in sources.joints],
+        "frames": len(motion),
+        "frame_time": motion.frame_time,
     }
 
 
@@ -101,16 +108,20 @@ def _skeleton(arrays: dict[str, np.ndarray]):
 
 
 def _motion(arrays: dict[str, np.ndarray]):
-    """The motion of an armature."""
+    """The motion of an armature, whose bones may slide."""
     from scipy.spatial.transform import Rotation
 
     from distretarget import Motion
+    from distretarget.numerics.kinematics import make_local
 
-    skeleton, turns = _skeleton(arrays), arrays["turns"]
-    above = np.where((skeleton.parents >= 0)[:, None], turns[:, skeleton.parents], [0.0, 0.0, 0.0, 1.0])
-    local = Rotation.from_quat(above.reshape(-1, 4)).inv() * Rotation.from_quat(turns.reshape(-1, 4))
-    rotations = local.as_quat().reshape(turns.shape)
-    return Motion(skeleton, arrays["places"][:, 0], rotations, repr(float(arrays["frame_time"])))
+    skeleton, turns, places = _skeleton(arrays), arrays["turns"], arrays["places"]
+    above = np.maximum(skeleton.parents, 0)
+    moved = Rotation.from_quat(turns[:, above]).inv().apply(places - places[:, above])
+    rigid = np.abs(moved - skeleton.offsets).max(axis=(0, 2)) < RIGID * np.ptp(arrays["heads"])
+    moved = np.where(rigid[:, None], skeleton.offsets, moved)
+    moved[:, 0] = places[:, 0]
+    make_local(skeleton.parents, turns)
+    return Motion.of_translations(skeleton, moved, turns, repr(float(arrays["frame_time"])))
 
 
 def _builds(clip: str | None, performer: dict[str, np.ndarray]):
@@ -132,18 +143,17 @@ def _target(arrays: dict[str, np.ndarray]):
     from distretarget.skin.mesh import SkinnedMesh
 
     skeleton, heads = _skeleton(arrays), arrays["heads"]
-    if not len(arrays.get("vertices", ())) or not len(arrays["moved"]):
+    if not len(arrays.get("moved", ())):
         return Target(skeleton, {}, "")
-    count, moved = len(arrays["vertices"]), arrays["moved"].astype(int)
-    order = np.argsort(moved, kind="stable")
-    moved, movers, weights = moved[order], arrays["movers"][order].astype(int), arrays["weights"][order]
+    moved = arrays["moved"]  # in ascending order
     rank = np.arange(len(moved)) - np.searchsorted(moved, moved)
-    joints, shares = np.zeros((count, rank.max() + 1), int), np.zeros((count, rank.max() + 1))
-    joints[moved, rank], shares[moved, rank] = movers, weights
+    shares = np.zeros((len(arrays["vertices"]), rank.max() + 1))
+    joints = np.zeros(shares.shape, int)
+    joints[moved, rank], shares[moved, rank] = arrays["movers"], arrays["weights"]
     bound = shares.sum(axis=1) > 0.0
     shares[~bound, 0] = 1.0  # what no bone moves stays with the root
-    triangles = arrays["triangles"].astype(int)
     shares /= shares.sum(axis=1, keepdims=True)
+    triangles = arrays["triangles"]
     mesh = SkinnedMesh(arrays["vertices"] - heads[0], joints, shares, triangles[bound[triangles].all(axis=1)])
     return Target(skeleton, {}, "", mesh=lambda: mesh)
 

@@ -1,18 +1,17 @@
-"""Make characters that importers trip over, as .blend, with the true places of their joints.
+"""Make characters that are hard to move, as .blend.
 
     python tests/odd_characters.py FOLDER NAME...
 
-Needs the package bpy. A character is the basic human of the add-on Rigify, with a box as mesh for each bone. NAME.npz
-has `names`, (joints,), and `rest`, (joints, 3), in metres with Y up, as in glTF.
+Needs the package bpy. A character is the basic human of the add-on Rigify, with a box as mesh for each bone.
 """
 
 import math
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import bpy
-import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 # Rigify's names without sides, and other names for the same bones; {} is the side.
@@ -23,6 +22,15 @@ PARTS = (
 UNITY = (
     "Hips,Spine,Chest,Upper Chest,Neck,Neck 2,Head,"
     "{} Shoulder,{} Upper Arm,{} Lower Arm,{} Hand,{} Upper Leg,{} Lower Leg,{} Foot,{} Toes"
+)
+UNREAL = (
+    "pelvis,spine_01,spine_02,spine_03,neck_01,neck_02,head,"
+    "clavicle_{},upperarm_{},lowerarm_{},hand_{},thigh_{},calf_{},foot_{},ball_{}"
+)
+VRM = (
+    "J_Bip_C_Hips,J_Bip_C_Spine,J_Bip_C_Chest,J_Bip_C_UpperChest,J_Bip_C_Neck,J_Bip_C_Neck2,J_Bip_C_Head,"
+    "J_Bip_{}_Shoulder,J_Bip_{}_UpperArm,J_Bip_{}_LowerArm,J_Bip_{}_Hand,"
+    "J_Bip_{}_UpperLeg,J_Bip_{}_LowerLeg,J_Bip_{}_Foot,J_Bip_{}_ToeBase"
 )
 ODD = UNITY.replace("Upper Chest", "Brust/Oberkörper").replace("Head", "頭").replace("{} Hand", "{}:Hand.x")
 NO_BONES = ("breast", "pelvis", "heel")  # parts of Rigify's human that other characters lack
@@ -85,12 +93,27 @@ def hang(armature: bpy.types.Object, bone: str, corners: list[Vector], faces: li
     part.matrix_parent_inverse = Matrix.Translation((0, -armature.data.bones[bone].length, 0))
 
 
-def rename(armature: bpy.types.Object, names: str, prefix: str = "") -> None:
+def rename(
+    armature: bpy.types.Object, names: str, prefix: str = "", sides: tuple[str, str] = ("Left", "Right")
+) -> None:
     """Give the bones other names."""
     by_part = dict(zip(PARTS.split(","), names.split(","), strict=True))
     for bone in armature.data.bones:
         part = bone.name.removesuffix(".L").removesuffix(".R")
-        bone.name = prefix + by_part[part].format("Right" if bone.name.endswith(".R") else "Left")
+        bone.name = prefix + by_part[part].format(sides[bone.name.endswith(".R")])
+
+
+def add_bone(
+    armature: bpy.types.Object, name: str, head: Vector, tail: Vector, parent: str | None = None, roll: float = 0.0
+) -> None:
+    """Add a bone."""
+
+    def add(bones: bpy.types.bpy_prop_collection) -> None:
+        bone = bones.new(name)
+        bone.head, bone.tail, bone.roll = head, tail, roll
+        bone.parent = bones[parent] if parent else None
+
+    with_edit_bones(armature, add)
 
 
 def names_with_spaces() -> None:
@@ -105,6 +128,36 @@ def odd_names() -> None:
     armature = human()
     rename(armature, ODD, "rig:")
     add_boxes(armature)
+
+
+def unreal() -> None:
+    """A root bone, twist bones that have skin, and IK bones that have none, as in Unreal."""
+    armature = human()
+    rename(armature, UNREAL, sides=("l", "r"))
+    add_bone(armature, "root", Vector(), Vector((0, 0.2, 0)))
+    with_edit_bones(armature, lambda bones: setattr(bones["pelvis"], "parent", bones["root"]))
+    for name in ("upperarm_l", "upperarm_r", "lowerarm_l", "lowerarm_r", "calf_l", "calf_r"):
+        bone = armature.data.bones[name]
+        middle = (bone.head_local + bone.tail_local) / 2
+        add_bone(armature, f"{name[:-2]}_twist_01{name[-2:]}", middle, bone.tail_local, name)
+    add_boxes(armature)
+    for end in ("foot_l", "foot_r", "hand_l", "hand_r"):
+        bone = armature.data.bones[end]
+        add_bone(armature, f"ik_{end}", bone.head_local, bone.tail_local, "root")
+
+
+def vrm() -> None:
+    """Names as of VRoid, a skirt of eight bones whose sway hangs from the hips, and a staff as a mesh on a hand."""
+    armature = human()
+    rename(armature, VRM, sides=("L", "R"))
+    hips = armature.data.bones["J_Bip_C_Hips"].head_local.copy()
+    for number in range(8):
+        way = Matrix.Rotation(number * math.pi / 4, 3, "Z") @ Vector((0.2, 0, 0))
+        top, end = hips + way, hips + 1.3 * way - Vector((0, 0, 0.2))
+        add_bone(armature, f"J_Sec_Skirt{number}_01", top, end, "J_Bip_C_Hips")
+        add_bone(armature, f"J_Sec_Skirt{number}_02", end, 2 * end - top, f"J_Sec_Skirt{number}_01")
+    add_boxes(armature)
+    hang(armature, "J_Bip_R_Hand", [Vector((0, 0, -0.5)), Vector((0, 0, 0.5)), Vector((0.02, 0, 0.5))], [(0, 1, 2)])
 
 
 def scale_001() -> None:
@@ -128,13 +181,9 @@ def ik() -> None:
     armature = human()
     add_boxes(armature)
     limbs = [(bone, f"{end}{side}") for bone, end in (("forearm", "hand"), ("shin", "foot")) for side in (".L", ".R")]
-
-    def add(bones: bpy.types.bpy_prop_collection) -> None:
-        for _, end in limbs:
-            bone = bones.new(f"{end[:-2]}_ik{end[-2:]}")
-            bone.head, bone.tail, bone.roll = bones[end].head, bones[end].tail, bones[end].roll
-
-    with_edit_bones(armature, add)
+    for _, end in limbs:
+        bone = armature.data.bones[end]
+        add_bone(armature, f"{end[:-2]}_ik{end[-2:]}", bone.head_local, bone.tail_local)
     for bone, end in limbs:
         constraint = armature.pose.bones[bone + end[-2:]].constraints.new("IK")
         constraint.target, constraint.subtarget = armature, f"{end[:-2]}_ik{end[-2:]}"
@@ -216,12 +265,7 @@ def two_characters() -> None:
 def two_roots() -> None:
     """The body, and a lantern beside it, without a common root."""
     armature = human()
-
-    def add(bones: bpy.types.bpy_prop_collection) -> None:
-        bone = bones.new("lantern")
-        bone.head, bone.tail = (1, 0, 1), (1, 0, 1.3)
-
-    with_edit_bones(armature, add)
+    add_bone(armature, "lantern", Vector((1, 0, 1)), Vector((1, 0, 1.3)))
     add_boxes(armature)
 
 
@@ -240,35 +284,83 @@ def posed() -> None:
 
 
 def rigify() -> None:
-    """The rig that Rigify generates from its human, with 706 bones, of which 160 deform."""
-    human()
-    bpy.ops.object.armature_human_metarig_add()
+    """The rig that Rigify generates."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module="rigify")
+    bpy.ops.object.armature_basic_human_metarig_add()
     bpy.ops.pose.rigify_generate()
-    add_boxes(bpy.context.object)
-    for name in ("Armature", "metarig"):
-        bpy.data.objects.remove(bpy.data.objects[name])
 
 
-def places(armature: bpy.types.Object) -> np.ndarray:
-    """(bones, 3), the heads of the evaluated bones in the world, with Y up."""
-    shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    heads = np.array([shown.matrix_world @ bone.head for bone in shown.pose.bones])
-    return heads[:, [0, 2, 1]] * (1, 1, -1)
+def copies() -> None:
+    """Deforming bones copy FK bones, or IK bones with poles by a property of the targets."""
+    rig = human()
+    rig.name = "rig"
+    deforming = [bone.name for bone in rig.data.bones]
+    limbs = [
+        (one + side, two + side, end + side)
+        for side in (".L", ".R")
+        for one, two, end in (("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot"))
+    ]
+    with_edit_bones(rig, lambda bones: _add_controls(bones, deforming, limbs))
+    poses, shape = rig.pose.bones, bpy.data.objects.new("shape", None)
+
+    def copy(name: str, source: str, driver: str = "") -> None:
+        constraint = poses[name].constraints.new("COPY_TRANSFORMS")
+        constraint.target, constraint.subtarget = rig, source
+        if driver:
+            curve = constraint.driver_add("influence")
+            target = curve.driver.variables.new().targets[0]
+            target.id, target.data_path = rig, f'pose.bones["{driver}"]["ik"]'
+            curve.driver.type = "AVERAGE"
+
+    for name in deforming:
+        copy(name, "fk " + name)
+    for one, two, end in limbs:
+        poses["target " + end]["ik"] = 0.0
+        copy(one, "ik " + one, "target " + end)
+        copy(two, "ik " + two, "target " + end)
+        copy(end, "target " + end, "target " + end)
+        ik = poses["ik " + two].constraints.new("IK")
+        ik.target = ik.pole_target = rig
+        ik.subtarget, ik.pole_subtarget, ik.chain_count = "target " + end, "pole " + end, 2
+
+        def away(degrees: int, ik: bpy.types.Constraint = ik, two: str = two) -> float:
+            ik.pole_angle = math.radians(degrees)
+            bpy.context.view_layer.update()
+            return (poses["ik " + two].head - rig.data.bones[two].head_local).length
+
+        ik.pole_angle = math.radians(min(range(-180, 180), key=away))
+    for bone in poses:
+        if bone.name.split()[0] in ("fk", "target", "pole"):
+            bone.custom_shape = shape
 
 
-def save(folder: Path, name: str) -> None:
-    """Save the scene, with the true places of the joints of each armature."""
-    armatures = [each for each in bpy.context.scene.objects if each.type == "ARMATURE"]
-    for armature in armatures:
-        armature.data.pose_position = "REST"
-        bpy.context.view_layer.update()
-        mine = name if armature == armatures[0] else f"{name}.{armature.name}"
-        np.savez(folder / f"{mine}.npz", names=armature.data.bones.keys(), rest=places(armature))
-        armature.data.pose_position = "POSE"
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"))
+def _add_controls(
+    bones: bpy.types.bpy_prop_collection, deforming: list[str], limbs: list[tuple[str, str, str]]
+) -> None:
+    """Add FK bones for all bones, and for limbs IK bones, targets and poles."""
+
+    def copied(name: str, new: str, parent: str | None) -> bpy.types.EditBone:
+        bone = bones.new(new)
+        bone.head, bone.tail, bone.roll = bones[name].head, bones[name].tail, bones[name].roll
+        bone.parent, bone.use_deform = bones[parent] if parent else None, False
+        return bone
+
+    for name in deforming:
+        copied(name, "fk " + name, "fk " + bones[name].parent.name if bones[name].parent else None)
+    for one, two, end in limbs:
+        copied(one, "ik " + one, "fk " + bones[one].parent.name)
+        copied(two, "ik " + two, "ik " + one)
+        copied(end, "target " + end, None)
+        pole = copied(two, "pole " + end, None)
+        way = bones[two].head - (bones[one].head + bones[end].head) / 2
+        pole.head = bones[two].head + way.normalized() * 0.4
+        pole.tail = pole.head + way.normalized() * 0.1
 
 
 if __name__ == "__main__":
     for chosen in sys.argv[2:]:
         globals()[chosen]()
-        save(Path(sys.argv[1]).resolve(), chosen)
+        bpy.ops.wm.save_as_mainfile(filepath=str(Path(sys.argv[1], f"{chosen}.blend").resolve()))
+    sys.stdout.flush()
+    os._exit(0)  # Blender may hang as it ends

@@ -2,7 +2,8 @@
 
     python tools/make_blender.py FOLDER [--platform linux-x64] [--wheel WHEEL]
 
-numpy is in Blender; scipy, click and tqdm are downloaded for the platform and its Python. WHEEL is that of distretarget
+numpy is in Blender; scipy, click and tqdm are downloaded for the platform and each Python of Blender, which takes what
+fits it. WHEEL is that of distretarget
 for the platform; without it, it is built here (DISTRETARGET_PLATFORM builds others). In Blender: Edit > Preferences >
 Get Extensions > Install from Disk.
 """
@@ -20,7 +21,7 @@ import click
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = ("scipy", "click", "tqdm")  # beside numpy, which Blender has
-PYTHON = "3.11"  # of Blender 4.2 to 5.0
+PYTHONS = ("3.11", "3.13")  # of Blender 4.2 to 5.0, and from 5.1 on
 PLATFORMS = {  # of Blender, and as pip names them
     "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
     "windows-x64": ("win_amd64",),
@@ -48,10 +49,11 @@ files = "Read clips, and keep a job in a temporary folder while it runs"
 
 
 def download(folder: Path, platform: str) -> None:
-    """Download the wheels of what is needed for a platform."""
+    """Download the wheels of what is needed for a platform and each Python."""
     systems = [word for name in PLATFORMS[platform] for word in ("--platform", name)]
     command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--only-binary=:all:", "-d", str(folder)]
-    subprocess.run([*command, "--python-version", PYTHON, *systems, *NEEDED], check=True)
+    for python in PYTHONS:
+        subprocess.run([*command, "--python-version", python, *systems, *NEEDED], check=True)
 
 
 @click.command(help=__doc__)
