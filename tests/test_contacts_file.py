@@ -58,7 +58,7 @@ WRONG = [
     ({"between": ["left hand", "hips"], "keep": "no"}, "contacts[0]: keep is 'no'; expected a bool"),
     ({"between": ["left hand", "hips"], "gap": -1}, "contacts[0]: gap is -1.0; expected a number from 0 to 1e+09"),
     ({"between": {}, "keep": False}, "contacts[0]: between is (); expected the names of two parts or joints"),
-    ({"look": "head", "like": [0, 0, [1]]}, "contacts[0]: like is [1.0]; expected a number"),
+    ({"look": "head", "like": [0, 0, [1]]}, "contacts[0]: like is (1.0,); expected a number"),
     (
         {"between": ["left hand", "hips"], "gap": 0, "frames": [20, 10]},
         "contacts[0]: frames go back from 20 to 10; swap them",

@@ -81,6 +81,11 @@ def off_by(
             return np.zeros((len(motion), 3))
         away = supports.places[:, columns] - motion.positions[:, supports.joints[columns]]
         return np.asarray(away[np.arange(len(motion)), lengths(away).argmax(axis=1)] / clip.unit)
+    if constraint.anchors is not None and isinstance(entry, Contact):
+        one, other, apart = constraint.anchors
+        gap = constraints.length(float(entry.gap or 0.0)) + apart / clip.unit
+        away = gap * normalised(other.outwards(motion) - one.outwards(motion))
+        return np.asarray(away - (one.places(motion) - other.places(motion)) / clip.unit)
     now = between(motion, pair, clip)
     if isinstance(entry, Plant):
         assert constraint.carrier is not None
@@ -130,7 +135,7 @@ def gap_between(constraints: Constraints, constraint: Constraint, skins: Skins) 
         constraint.entry,
         skins.target.between(*constraint.joints) if len(constraint.joints) == 2 else np.zeros(0, np.intp),
     )
-    if not isinstance(entry, Contact) or not len(on):
+    if not isinstance(entry, Contact) or constraint.anchors or not len(on):
         return None
     if entry.gap != "source":
         return on, np.full(len(constraints.clip), constraints.length(float(entry.gap or 0.0)))

@@ -147,14 +147,18 @@ def met(performer: Performer, motion: Motion, constraints: Constraints) -> Motio
         closed = performer.with_own_skin(_closed(performer, motion, constraints), wanted=wanted)
         return _closed(performer, closed, constraints)  # what averages, and skin, have left
     limbs, weights = _reaching(performer, constraints), [constraint.weight for constraint in constraints]
+    pairs = (skins.target.between(*constraint.joints) for constraint in constraints if constraint.anchors)
+    anchored = np.concatenate([np.zeros(0, np.intp), *pairs])
     before = limbs.brought_out(with_looks(motion, constraints, body), weights)
-    before = limbs.reached(before, weights, SMOOTHING)
+    for _ in range(2 if len(anchored) else 1):  # hands turn with forearms
+        before = limbs.reached(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
     displacements, ties = limbs.displacements(before, places)
     best, least = before, np.inf
     for _ in range(TURNS):
-        now = performer.with_own_skin(before, Reach(displacements / body.unit, ties, tuple(filter(None, gaps))), wanted)
+        reach = Reach(displacements / body.unit, ties, tuple(filter(None, gaps)), anchored)
+        now = performer.with_own_skin(before, reach, wanted)
         left = _farthest(performer, constraints, now)
         if left < least:
             best, least = now, left
