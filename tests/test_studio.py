@@ -126,6 +126,11 @@ def by_command(folder, done):
         {"edits": {"mirror": True, "start": "10f", "end": 2.0, "speed": 0.5}, "in_place": True},
         {"options": {"supports": "free", "skin": "none"}},
         {"contacts": [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}]},
+        {
+            "contacts": [
+                {"between": ["right hand", "trunk"], "gap": 2, "anchors": [[0.4, 0], [0.8, -12.5]], "frames": [40, 60]}
+            ]
+        },
         {"contacts": [{"plant": "left foot", "keep": False}], "map": {"LeftHand": None}},
         {"format": "npz", "in_place": True},
         {"format": "bvh", "edits": {"turn": -90.0}},
@@ -732,10 +737,13 @@ def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved, expect
             click_joint(tab, stage, 2, keys.index(part), 0.5)
         expect(tab.locator("[data-testid=contact][data-mark=added]")).to_have_count(count, timeout=30_000)
     wait(" --contacts clap.contacts.json")
-    assert entries_of(tab) == [
-        {"between": ["LeftForeArm", "Head"], "gap": 3, "frames": [0, 15]},
-        {"between": ["RightHand", "RightUpLeg"], "gap": 3, "frames": [240, 270]},
-    ]
+    forearm, hand = entries_of(tab)
+    for entry in (forearm, hand):  # the middles of bones were clicked
+        assert [along for along, _ in entry.pop("anchors")] == pytest.approx([0.5, 0.5], abs=0.1)
+    assert forearm == {"between": ["left forearm", "head"], "gap": 3, "frames": [0, 15]}
+    assert hand == {"between": ["right hand", "RightUpLeg"], "gap": 3, "frames": [240, 270]}
+    tab.locator("[data-mark=added] .name").first.click()
+    assert tab.get_by_test_id("one").input_value().startswith("left forearm at 0.")
     assert "met in part" not in tab.get_by_test_id("verdict").inner_text()
 
 
@@ -758,6 +766,7 @@ def test_a_click_means_the_part_whose_skin_is_there(solved, overlaid):
         "role": "result" if overlaid else "source",
         "joint": -1,
         "skin": -1,
+        "at": None,
     }
 
 

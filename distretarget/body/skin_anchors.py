@@ -17,7 +17,6 @@ from distretarget.body.body import Body
 from distretarget.body.segments import find_segments, frames
 from distretarget.contact_entries import Anchor
 from distretarget.motion import Motion
-from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -26,10 +25,6 @@ PART_OF = {"chest": "trunk", "belly": "trunk", "pelvis": "trunk", "left hand": "
 PARTS = [PART_OF.get(segment, segment) for segment in SEGMENTS]
 TO_SKIN = ("palm", "foot", "head")  # parts whose axes end where their skin does
 BALLS = 33  # that stand for a capsule
-SPREAD = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3] * 3])
-GRAIN = 0.005  # what is nearer than twice this across the way between skins meets [body units]
-BEHIND = 0.06  # what is farther than this behind an anchor meets nothing [body units]
-MOST = 1000  # balls of a part
 LEAST = 1e-12  # a triangle that is seen at less than this is seen from its edge
 
 
@@ -43,7 +38,6 @@ class SkinPoint:
     offsets: Array  # (n, 3), where it is from each while that is not turned [file units]
     out: Array  # (3,), the direction out of the skin, in the axes of that joint
     along: Array  # (3,), the direction along its part, in these axes
-    placed: tuple[Array, Array]  # where it is, and that direction, (3,) each, in the reference pose
 
     def places(self, motion: Motion) -> Array:
         """Return where it is in each frame, (frames, 3) [file units]."""
@@ -124,20 +118,7 @@ class AnchoredSkin:
         middle = axes.start + np.clip((place - axes.start) @ axes.directions[0], 0.0, core) * axes.directions[0]
         out = normalised((place - middle)[None])[0]
         own, along = Rotation.from_quat(pose.rotations[most]).apply([out, axes.directions[0]], inverse=True)
-        return SkinPoint(most, joints, weights, places - rest[joints], own, along, (place, out))
-
-    def apart(self, one: SkinPoint, other: SkinPoint) -> float:
-        """Return how far from each other two anchors are that face each other while the skins of their parts touch
-        [file units]: a hand touches with its fingers before it does with its palm.
-        """
-        (centres, radii, thick), (others, other_radii, other_thick) = map(self._about, (one, other))
-        m = other.placed[1]
-        turned = Rotation.from_quat(least_rotation(one.placed[1][None], -m[None])[0]).apply(centres)
-        ways, reach = others - turned[:, None], radii[:, None] + other_radii
-        high = ways @ m
-        square = reach**2 - (ways**2).sum(axis=2) + high**2
-        far = high + np.sqrt(np.maximum(square, 0.0)) - thick - other_thick
-        return float(far[square > 0.0].max(initial=0.0))
+        return SkinPoint(most, joints, weights, places - rest[joints], own, along)
 
     @cached_property
     def _ends(self) -> Array:
@@ -155,30 +136,12 @@ class AnchoredSkin:
         turned = np.einsum("vkij,vkj->vki", Rotation.from_quat(pose.rotations).as_matrix()[joints], off)
         return np.asarray(np.einsum("vk,vki->vi", self.mesh.weights, turned + pose.positions[joints]))
 
-    def _about(self, point: SkinPoint) -> tuple[Array, Array, float]:
-        """`_balls` of the part that an anchor is on, seen from there, but for those that are far behind it."""
-        centres, radii, thick = self._balls(self.axes[self.part_of(point.joint)])
-        off = centres - point.placed[0]
-        on = np.flatnonzero(off @ point.placed[1] + radii > -BEHIND * self.body.unit)
-        on = on[:: -(-len(on) // MOST)]
-        return off[on], radii[on], thick
-
-    def _balls(self, axes: PartAxes) -> tuple[Array, Array, float]:
-        """Balls that stand for the skin of a part in the reference pose: centres, (balls, 3), radii, (balls,), and how
-        far they reach out of it [file units].
-        """
-        if self.mesh and len(triangles := self._triangles(axes)):
-            corners = self._vertices[triangles]
-            centres, grain = np.tensordot(corners, SPREAD, (1, 1)).swapaxes(1, 2).reshape(-1, 3), GRAIN * self.body.unit
-            return centres, np.full(len(centres), grain), grain
+    def _on_capsules(self, axes: PartAxes, start: Array, ray: Array) -> tuple[Numbers, Array, Array]:
+        """The joint that moves the skin on a ray, 1, and the place in the rest pose, (1, 3)."""
         t = np.linspace(0.0, 1.0, BALLS)[:, None]
         ends, radii = self._ends[axes.capsules], self.capsules.radii[axes.capsules]
         centres = ((1.0 - t) * ends[:, None, 0] + t * ends[:, None, 1]).reshape(-1, 3)
-        return centres, ((1.0 - t) * radii[:, None, :1] + t * radii[:, None, 1:]).reshape(-1), 0.0
-
-    def _on_capsules(self, axes: PartAxes, start: Array, ray: Array) -> tuple[Numbers, Array, Array]:
-        """The joint that moves the skin on a ray, 1, and the place in the rest pose, (1, 3)."""
-        centres, radii, _ = self._balls(axes)
+        radii = ((1.0 - t) * radii[:, None, :1] + t * radii[:, None, 1:]).reshape(-1)
         off = centres - start
         along = off @ ray
         square = radii**2 - (off**2).sum(axis=1) + along**2
@@ -191,17 +154,12 @@ class AnchoredSkin:
         own = Rotation.from_quat(pose.rotations[joint]).apply(place - pose.positions[joint], inverse=True)
         return np.array([joint]), np.ones(1), (self.body.skeleton.rest_positions[joint] + own)[None]
 
-    def _triangles(self, axes: PartAxes) -> Numbers:
-        """(triangles, 3), those of the mesh that a part has."""
-        assert self.mesh
-        segments = find_segments(self.body).of_joint[self.mesh.carriers]
-        on_part = np.array([*(part == axes.part for part in PARTS), False])[segments]
-        return np.asarray(self.mesh.triangles[on_part[self.mesh.triangles].sum(axis=1) >= 2])
-
     def _on_mesh(self, axes: PartAxes, start: Array, ray: Array) -> tuple[Numbers, Array, Array] | None:
         """The joints that move the skin on a ray, their shares, and the places that they move; None without skin."""
         assert self.mesh
-        mesh, own = self.mesh, self._triangles(axes)
+        mesh, segments = self.mesh, find_segments(self.body).of_joint[self.mesh.carriers]
+        on_part = np.array([*(part == axes.part for part in PARTS), False])[segments]
+        own = mesh.triangles[on_part[mesh.triangles].sum(axis=1) >= 2]
         if not len(own):
             return None
         corner, b, c = np.moveaxis(self._vertices[own], 1, 0)

@@ -19,6 +19,7 @@ from distretarget.body.build import average_for
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
+from distretarget.numerics.rotations import continuous
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.body_skin import BodySkin, Skins
@@ -33,8 +34,7 @@ from distretarget.skin.limbs import Limb, across, bent, reaching
 FOREARM = 0.5  # what touches a forearm moves by about this share of what its wrist does
 STEPS = np.linspace(0.0, 0.5, 26)  # how far arms are brought out of the trunk, at most [body units]
 OUTWARDS, DOWN = 0.6, 0.8  # where elbows point as arms reach for something
-ASIDE = np.radians(25.0)  # a hand that faces something is in line with its forearm but for this [rad]
-FARTHEST = np.radians(150.0)  # a hand that would have to turn farther than this turns less, and none by half a turn
+ASIDE = np.radians(25.0)  # a hand that faces something is in line with its forearm but for this, at most [rad]
 POLES = normalised(np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]))
 USUAL = 0.3  # what is inside counts against the usual direction by this [radii of the arm]
 SEEN = 6  # frames that show where elbows point, at most
@@ -87,23 +87,22 @@ class Reaching:
         """The motion with the hands of a contact turned so that its anchors face each other, as far as they can, and
         about in line with their forearms.
         """
-        anchors, arms = (constraint.anchors or ())[:2], [limb for limb in self.skin.limbs if limb.is_arm]
-        hands = [next((arm for arm in arms if one.joint in motion.skeleton.subtree(arm.end)), None) for one in anchors]
-        goals = list[tuple[int, Rotation, Array]]()
-        for arm, one, other in zip(hands, anchors, anchors[::-1], strict=True):
-            if arm:
-                out, bone = other.outwards(motion), motion.positions[:, arm.end] - motion.positions[:, arm.middle]
-                turn = Rotation.from_quat(least_rotation(one.outwards(motion), -out))
-                hand = turn.apply(one.onwards(motion))
-                spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
-                spin -= np.clip(spin, -ASIDE, ASIDE)
-                spin *= smoothstep(lengths(across(bone, out)) / lengths(bone))
-                turn = Rotation.from_rotvec(spin[:, None] * out) * turn
-                far = smoothstep((np.pi - turn.magnitude()) / (np.pi - FARTHEST))
-                goal = turn * Rotation.from_quat(motion.world_rotations_of(arm.end))
-                goals.append((arm.end, goal, weight * far / sum(map(bool, hands))))
-        for each in goals:
-            motion = _turned(motion, *each)
+        anchors = (constraint.anchors or ())[:2]
+        moving = _moving(self.constraints, constraint, self.supports, self.skin.limbs) if anchors else []
+        arms = [(limb, free) for number, _, free, _ in moving if (limb := self.skin.limbs[number]).is_arm]
+        turns = list[tuple[int, Array]]()
+        for one, other in (anchors, anchors[::-1]) if anchors else ():
+            for arm, free in arms:
+                if one.joint in motion.skeleton.subtree(arm.end):
+                    out, bone = other.outwards(motion), motion.positions[:, arm.end] - motion.positions[:, arm.middle]
+                    turn = Rotation.from_quat(least_rotation(one.outwards(motion), -out))
+                    hand = turn.apply(one.onwards(motion))
+                    spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
+                    spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(bone, out)) / lengths(bone))
+                    turn = Rotation.from_rotvec(spin[:, None] * out) * turn
+                    turns.append((arm.end, (free * weight)[:, None] * _steady(turn, weight)))
+        for joint, way in turns:
+            motion = _turned_by(motion, joint, way / len(turns))
         return motion
 
     def brought_out(self, motion: Motion, weights: Sequence[Array]) -> Motion:
@@ -265,11 +264,27 @@ def _facing(turned: Rotation, direction: Place, now: Array) -> Rotation:
 
 def _turned(posed: Motion, joint: int, goal: Rotation, weight: Array) -> Motion:
     """The motion with a joint turned towards world rotations, by a weight from 0 to 1 in each frame."""
-    on, parent = weight > 0.0, posed.skeleton.parents[joint]
-    world = Rotation.from_quat(posed.world_rotations[on, joint])
-    way = (goal[on] * world.inv()).as_rotvec()
-    turned = Rotation.from_rotvec(weight[on, None] * way) * world
+    way = (goal * Rotation.from_quat(posed.world_rotations_of(joint)).inv()).as_rotvec()
+    return _turned_by(posed, joint, weight[:, None] * way)
+
+
+def _turned_by(posed: Motion, joint: int, turns: Array) -> Motion:
+    """The motion with a joint turned by rotation vectors in the world, (frames, 3) [rad]."""
+    on, parent = turns.any(axis=1), posed.skeleton.parents[joint]
+    turned = Rotation.from_rotvec(turns[on]) * Rotation.from_quat(posed.world_rotations[on, joint])
     above = Rotation.from_quat(posed.world_rotations[on, parent]) if joint else None
     rotations = np.array(posed.rotations)
     rotations[on, joint] = (above.inv() * turned if above else turned).as_quat()
     return replace(posed, rotations=rotations)
+
+
+def _steady(turns: Rotation, weight: Array) -> Array:
+    """The rotation vectors, (frames, 3), of turns that go on the same way round from frame to frame, by more than half
+    a turn if need be, but not where the weight, (frames,), is largest.
+    """
+    q = continuous(turns.as_quat()[:, None])[:, 0]
+    q *= 1.0 if np.median(q[weight == weight.max(), 3]) >= 0.0 else -1.0
+    sines = lengths(q[:, :3])[:, None]
+    return np.asarray(
+        2.0 * np.arctan2(sines, q[:, 3:]) * np.divide(q[:, :3], sines, out=0.0 * q[:, :3], where=sines > 0.0)
+    )

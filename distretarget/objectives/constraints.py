@@ -50,7 +50,7 @@ class Anchors(NamedTuple):
 
     one: SkinPoint
     other: SkinPoint
-    apart: float  # how far they are from each other while skins touch there [file units]
+    apart: float = 0.0  # how far they are from each other while skins touch there [body units]
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ def _anchors_of(contacts: ContactList, entry: Entry, joints: Sequence[Numbers], 
             what = f"{entry.between[number]!r} has no axis to be anchored on; leave anchors out"
             raise contacts.fault(entry, f"anchors[{number}]", what)
     one, other = filter(None, points)
-    return Anchors(one, other, skin.apart(one, other))
+    return Anchors(one, other)
 
 
 def _eased(on: Flags, frames: int) -> Array:
