@@ -111,11 +111,12 @@ class AnchoredSkin:
         found = self._on_mesh(axes, start, ray) if self.mesh else None
         joints, weights, places = found or self._on_capsules(axes, start, ray)
         rest, pose = self.body.skeleton.rest_positions, self.body.reference
-        most = int(joints[weights.argmax()])
+        most = int(joints[(weights * [self.part_of(each) == axes.part for each in joints.tolist()]).argmax()])
         turned = Rotation.from_quat(pose.rotations[joints])
         place = weights @ (turned.apply(places - rest[joints]) + pose.positions[joints])
         core = axes.length - self.capsules.radii[axes.capsules].mean() if axes.part.endswith(TO_SKIN) else axes.length
-        middle = axes.start + np.clip((place - axes.start) @ axes.directions[0], 0.0, core) * axes.directions[0]
+        least = 0.0 if axes.part.endswith("foot") else -np.inf  # skin ends behind a heel
+        middle = axes.start + np.clip((place - axes.start) @ axes.directions[0], least, core) * axes.directions[0]
         out = normalised((place - middle)[None])[0]
         own, along = Rotation.from_quat(pose.rotations[most]).apply([out, axes.directions[0]], inverse=True)
         return SkinPoint(most, joints, weights, places - rest[joints], own, along)

@@ -196,7 +196,8 @@ def _moving(
     joints = (int(constraint.joints[0][0]),) if planted else pair or ()
     for joint, sign in zip(joints, (1.0, -1.0), strict=False):
         for number, limb in enumerate(limbs):
-            if joint in skeleton.subtree(limb.middle) and (joint != limb.middle or len(constraint.joints[0]) > 1):
+            moves = joint != limb.middle or len(constraint.joints[0]) > 1 or constraint.anchors
+            if moves and joint in skeleton.subtree(limb.middle):
                 below = np.isin(supports.joints, [*skeleton.subtree(limb.end)])
                 free = 1.0 - supports.weights[:, below].max(axis=1, initial=0.0)
                 free = np.ones_like(free) if planted else free

@@ -164,7 +164,7 @@ def met(performer: Performer, motion: Motion, constraints: Constraints) -> Motio
     pairs = (skins.target.between(*constraint.joints) for constraint in constraints if constraint.anchors)
     anchored = np.concatenate([np.zeros(0, np.intp), *pairs])
     before = limbs.brought_out(with_looks(motion, constraints, body), weights)
-    for _ in range(2 if len(anchored) else 1):  # hands turn with forearms
+    for _ in range(4 if len(anchored) else 1):  # hands turn with forearms
         before = limbs.reached(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
