@@ -730,7 +730,7 @@ def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved, expect
     keys = load_target(HERO).skeleton.keys
     stage = drawn(tab)
     tab.get_by_test_id("gap").fill("3")
-    for frame, parts, count in ((0, ("LeftHand", "Head"), 1), (255, ("RightHand", "Spine1"), 2)):
+    for frame, parts, count in ((0, ("LeftForeArm", "Head"), 1), (255, ("RightHand", "Spine1"), 2)):
         stage.evaluate("(frame) => goTo(frame)", frame)
         settle(stage)
         tab.get_by_test_id("pick").click()
@@ -739,13 +739,13 @@ def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved, expect
         expect(tab.locator("[data-testid=contact][data-mark=added]")).to_have_count(count, timeout=30_000)
     wait(" --contacts clap.contacts.json")
     left, right = entries_of(tab)
-    for entry, clicked in ((left, 0.5), (right, 0.65)):  # the middles of a head and of Spine1
+    for entry, clicked in ((left, 0.5), (right, 0.65)):  # the middles of the head and of Spine1
         (_, _), (along, _) = entry.pop("anchors")
         assert along == pytest.approx(clicked, abs=0.1)
-    assert left == {"between": ["left hand", "head"], "gap": 3, "frames": [0, 15]}
+    assert left == {"between": ["left forearm", "head"], "gap": 3, "frames": [0, 15]}
     assert right == {"between": ["right hand", "trunk"], "gap": 3, "frames": [240, 270]}
     tab.locator("[data-mark=added] .name").first.click()
-    assert re.fullmatch(r"left hand at -?\d\.\d+, -?\d+", tab.get_by_test_id("one").input_value())
+    assert re.fullmatch(r"left forearm at -?\d\.\d+, -?\d+", tab.get_by_test_id("one").input_value())
     assert "met in part" not in tab.get_by_test_id("verdict").inner_text()
 
 

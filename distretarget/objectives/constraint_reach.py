@@ -102,7 +102,8 @@ class Reaching:
                     turn = Rotation.from_rotvec(spin[:, None] * out) * turn
                     turns.append((arm.end, (free * weight)[:, None] * _steady(turn, weight)))
         for joint, way in turns:
-            motion = _turned_by(motion, joint, way / len(turns))
+            goal = Rotation.from_rotvec(way / len(turns)) * Rotation.from_quat(motion.world_rotations_of(joint))
+            motion = _turned(motion, joint, goal, way.any(axis=1).astype(float))
         return motion
 
     def brought_out(self, motion: Motion, weights: Sequence[Array]) -> Motion:
@@ -265,14 +266,10 @@ def _facing(turned: Rotation, direction: Place, now: Array) -> Rotation:
 
 def _turned(posed: Motion, joint: int, goal: Rotation, weight: Array) -> Motion:
     """The motion with a joint turned towards world rotations, by a weight from 0 to 1 in each frame."""
-    way = (goal * Rotation.from_quat(posed.world_rotations_of(joint)).inv()).as_rotvec()
-    return _turned_by(posed, joint, weight[:, None] * way)
-
-
-def _turned_by(posed: Motion, joint: int, turns: Array) -> Motion:
-    """The motion with a joint turned by rotation vectors in the world, (frames, 3) [rad]."""
-    on, parent = turns.any(axis=1), posed.skeleton.parents[joint]
-    turned = Rotation.from_rotvec(turns[on]) * Rotation.from_quat(posed.world_rotations[on, joint])
+    on, parent = weight > 0.0, posed.skeleton.parents[joint]
+    world = Rotation.from_quat(posed.world_rotations[on, joint])
+    way = (goal[on] * world.inv()).as_rotvec()
+    turned = Rotation.from_rotvec(weight[on, None] * way) * world
     above = Rotation.from_quat(posed.world_rotations[on, parent]) if joint else None
     rotations = np.array(posed.rotations)
     rotations[on, joint] = (above.inv() * turned if above else turned).as_quat()
