@@ -746,7 +746,7 @@ def test_two_clicks_on_the_body_make_a_contact_of_the_parts_there(solved, expect
     assert right == {"between": ["right hand", "trunk"], "gap": 3, "frames": [240, 270]}
     tab.locator("[data-mark=added] .name").first.click()
     assert re.fullmatch(r"left forearm at -?\d\.\d+, -?\d+", tab.get_by_test_id("one").input_value())
-    assert "met in part" not in tab.get_by_test_id("verdict").inner_text()
+    assert "right hand - trunk" not in tab.get_by_test_id("verdict").inner_text()
 
 
 @pytest.mark.parametrize("overlaid", [False, True])
