@@ -19,6 +19,7 @@ MOST_FIRM = 100.0
 
 Span = tuple[float, float]
 Place = tuple[float, float, float]
+Anchor = tuple[float, float]
 Ground = Literal["floor", "where it is"]
 
 
@@ -78,6 +79,10 @@ class Contact(Entry):
         keep: False to drop it.
         gap: how far their skins are to be apart [cm]; for bodies without thickness their joints. None as it was found.
         firmness: how far they are brought there, 0 to 1.
+        anchors: the place on the skin of each part that touches: how far along the part's axis, from 0 where it begins
+            to 1 where it ends, and the angle round it [degrees], from the front to the left, on limbs to the outer
+            side; round a hand from the palm to the thumb, round a foot from its upper side. None where skins are
+            nearest. It is the same place of any body.
 
     Raises:
         SettingsError: a value is out of bounds, or a contact is to be dropped and made.
@@ -88,6 +93,7 @@ class Contact(Entry):
     keep: bool = True
     gap: float | Literal["source"] | None = None
     firmness: float = 1.0
+    anchors: tuple[Anchor, Anchor] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -100,6 +106,14 @@ class Contact(Entry):
             raise SettingsError('firmness is that of a gap; expected "gap" beside it, such as "source"')
         if not self.keep and self.gap is not None:
             raise SettingsError("an entry with keep false drops a contact, and cannot have a gap; leave one out")
+        if self.anchors is not None:
+            if self.gap is None or self.gap == "source":
+                raise SettingsError('anchors are those of a gap; expected "gap" beside them, in centimetres')
+            check_kind("anchors", self.anchors, tuple)
+            if len(self.anchors) != 2:
+                raise SettingsError(f"anchors are {self.anchors!r}; expected two, one of each part")
+            for number, anchor in enumerate(self.anchors):
+                _check_numbers(f"anchors[{number}]", anchor, 2, -LONGEST)
 
     @property
     def acts(self) -> bool:

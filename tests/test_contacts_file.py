@@ -24,6 +24,7 @@ ENTRIES = (
     Contact(between=("left hand", "hips"), frames=(10.0, 20.0), keep=False),
     Contact(between=("left hand", "head"), gap=2.5, firmness=0.5, seconds=(0.5, 1.25)),
     Contact(between=("left hand", "head"), gap="source"),
+    Contact(between=("left hand", "head"), gap=1.0, anchors=((0.5, 0.0), (0.75, -12.5))),
     Plant(plant="left foot", on="floor", frames=(0.0, 5.0)),
     Plant(plant="left hand", on=(1.0, 2.0, 3.5)),
     Plant(plant="right foot", keep=False, found="planted"),
@@ -57,8 +58,20 @@ WRONG = [
     ({"between": ["left hand", "hips"]}, 'contacts[0]: says nothing; expected "keep" or "gap"'),
     ({"between": ["left hand", "hips"], "keep": "no"}, "contacts[0]: keep is 'no'; expected a bool"),
     ({"between": ["left hand", "hips"], "gap": -1}, "contacts[0]: gap is -1.0; expected a number from 0 to 1e+09"),
+    (
+        {"between": ["left hand", "hips"], "gap": "source", "anchors": [[0.5, 0], [0.5, 0]]},
+        'contacts[0]: anchors are those of a gap; expected "gap" beside them, in centimetres',
+    ),
+    (
+        {"between": ["left hand", "hips"], "gap": 0, "anchors": [[0.5, 0]]},
+        "contacts[0]: anchors are ((0.5, 0.0),); expected two, one of each part",
+    ),
+    (
+        {"between": ["left hand", "hips"], "gap": 0, "anchors": [[0.5, 0], [0.5]]},
+        "contacts[0]: anchors[1] is (0.5,); expected 2 numbers",
+    ),
     ({"between": {}, "keep": False}, "contacts[0]: between is (); expected the names of two parts or joints"),
-    ({"look": "head", "like": [0, 0, [1]]}, "contacts[0]: like is [1.0]; expected a number"),
+    ({"look": "head", "like": [0, 0, [1]]}, "contacts[0]: like is (1.0,); expected a number"),
     (
         {"between": ["left hand", "hips"], "gap": 0, "frames": [20, 10]},
         "contacts[0]: frames go back from 20 to 10; swap them",

@@ -51,14 +51,16 @@ def _plain(entry: Entry) -> dict[str, Any]:
     always = {"like"} if entry.acts else {"like", "keep"}
     values = {key: getattr(entry, key) for key in _keys(type(entry))}
     return {
-        key: [_whole(each) for each in value] if isinstance(value, tuple) else _whole(value)
+        key: _whole(value)
         for key, value in values.items()
         if value is not None and (key in always or value != usual[key])
     }
 
 
 def _whole(value: Any) -> Any:
-    """A number without a fraction as one."""
+    """A number without a fraction as one, and a tuple as a list of such."""
+    if isinstance(value, tuple):
+        return [_whole(each) for each in value]
     return int(value) if isinstance(value, float) and value == int(value) else value
 
 
@@ -69,7 +71,7 @@ def _keys(kind: type[Entry]) -> list[str]:
 
 def _value(node: Node) -> Any:
     """The value at a key, which the entry checks; a tuple for a list."""
-    return tuple(each.value for each in node.items()) if isinstance(node.value, list) else node.value
+    return tuple(map(_value, node.items())) if isinstance(node.value, list) else node.value
 
 
 def _entry(node: Node) -> Entry:

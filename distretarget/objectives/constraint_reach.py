@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,18 +19,26 @@ from distretarget.body.build import average_for
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
-from distretarget.numerics.vectors import Array, Numbers, lengths
+from distretarget.numerics.rotations import continuous
+from distretarget.numerics.time_series import smoothstep
+from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.constraint_springs import off_by
 from distretarget.objectives.constraints import Constraint, Constraints
 from distretarget.objectives.part_axes import PARTS
 from distretarget.objectives.supports import Supports
 from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
-from distretarget.skin.limbs import Limb, bent, reaching
+from distretarget.skin.fit import distances
+from distretarget.skin.limbs import Limb, across, bent, reaching
 
 FOREARM = 0.5  # what touches a forearm moves by about this share of what its wrist does
 STEPS = np.linspace(0.0, 0.5, 26)  # how far arms are brought out of the trunk, at most [body units]
 OUTWARDS, DOWN = 0.6, 0.8  # where elbows point as arms reach for something
+ASIDE = np.radians(25.0)  # a hand that faces something is in line with its forearm but for this, at most [rad]
+POLES = normalised(np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]))
+USUAL = 0.3  # what is inside counts against the usual direction by this [radii of the arm]
+SEEN = 6  # frames that show where elbows point, at most
+ALONG = np.array([0.5, 0.75, 1.0])  # where arms are looked at
 OUT = 0.15  # they lead in time over twice this [s]
 TRUNK = [SEGMENTS.index(name) for name in (*TRUNK_SEGMENTS, "left thigh", "right thigh")]
 
@@ -67,9 +76,35 @@ class Reaching:
 
     def reached(self, motion: Motion, weights: Sequence[Array], steady: float) -> Motion:
         """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others. What
-        limbs do is averaged over the time `steady` before and after each frame [s].
+        limbs do is averaged over the time `steady` before and after each frame [s]. Hands turn first, so that anchors
+        on them face those that they touch.
         """
+        for constraint, weight in zip(self.constraints, weights, strict=True):
+            motion = self._facing(motion, constraint, weight)
         return self._moved(motion, self.displacements(motion, weights)[0], steady)
+
+    def _facing(self, motion: Motion, constraint: Constraint, weight: Array) -> Motion:
+        """The motion with the hands of a contact turned so that its anchors face each other, as far as they can, and
+        about in line with their forearms.
+        """
+        anchors = (constraint.anchors or ())[:2]
+        moving = _moving(self.constraints, constraint, self.supports, self.skin.limbs) if anchors else []
+        arms = [(limb, free) for number, _, free, _ in moving if (limb := self.skin.limbs[number]).is_arm]
+        turns = list[tuple[int, Array]]()
+        for one, other in (anchors, anchors[::-1]) if anchors else ():
+            for arm, free in arms:
+                if one.joint in motion.skeleton.subtree(arm.end):
+                    out, bone = other.outwards(motion), motion.positions[:, arm.end] - motion.positions[:, arm.middle]
+                    turn = Rotation.from_quat(least_rotation(one.outwards(motion), -out))
+                    hand = turn.apply(one.onwards(motion))
+                    spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
+                    spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(bone, out)) / lengths(bone))
+                    turn = Rotation.from_rotvec(spin[:, None] * out) * turn
+                    turns.append((arm.end, (free * weight)[:, None] * _steady(turn, weight)))
+        for joint, way in turns:
+            goal = Rotation.from_rotvec(way / len(turns)) * Rotation.from_quat(motion.world_rotations_of(joint))
+            motion = _turned(motion, joint, goal, way.any(axis=1).astype(float))
+        return motion
 
     def brought_out(self, motion: Motion, weights: Sequence[Array]) -> Motion:
         """Return a motion in which arms that touch something are brought out of the trunk, forwards."""
@@ -90,22 +125,53 @@ class Reaching:
 
     def _moved(self, motion: Motion, displacements: Array, steady: float) -> Motion:
         """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
-        clip, limbs, poles = self.constraints.clip, self.skin.limbs, self._poles(motion)
+        clip, limbs = self.constraints.clip, self.skin.limbs
         displacements = clip.averaged(displacements, steady) * (self.constraints.share > 0.0)[:, None, None]
-        displaced = [reaching(motion, limb, displacements[:, n], poles[:, n]) for n, limb in enumerate(limbs)]
+        poles, firmness = self._poles(motion, displacements)
+        displaced = [
+            reaching(motion, limb, displacements[:, n], poles[:, n], firmness[:, n]) for n, limb in enumerate(limbs)
+        ]
         return _bent_in_steps(motion, limbs, clip.averaged(np.stack(displaced, axis=1), steady))
 
-    def _poles(self, motion: Motion) -> Array:
-        """(frames, limbs, 3), where elbows point: down and out of the trunk. Knees point nowhere."""
-        landmarks, limbs = self.skin.landmarks, self.skin.limbs
-        poles = np.zeros((len(motion), len(limbs), 3))
-        if landmarks is not None:
-            trunk = landmarks.axes(motion).directions[:, [*PARTS].index("trunk")]
-            for number, limb in enumerate(limbs):
-                if limb.is_arm:
-                    side = 1.0 if landmarks.joints["leftUpperArm"] == limb.top else -1.0
-                    poles[:, number] = side * OUTWARDS * trunk[:, 2] - DOWN * trunk[:, 0]
-        return poles
+    def _poles(self, motion: Motion, displacements: Array) -> tuple[Array, Array]:
+        """(frames, limbs, 3), where elbows point, and how firmly, (frames, limbs): down and out of the trunk; of arms
+        that come to anchors to where they are outside of it. Knees point nowhere.
+        """
+        landmarks, limbs, constraints = self.skin.landmarks, self.skin.limbs, self.constraints
+        poles, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
+        if landmarks is None:
+            return poles, firmness
+        trunk = landmarks.axes(motion).directions[:, [*PARTS].index("trunk")]
+        for constraint in filter(lambda each: each.anchors, constraints):
+            for number, *_ in _moving(constraints, constraint, self.supports, limbs):
+                firmness[:, number] = np.maximum(firmness[:, number], constraint.weight)
+        for number, limb in enumerate(limbs):
+            if limb.is_arm:
+                side = 1.0 if landmarks.joints["leftUpperArm"] == limb.top else -1.0
+                pole = np.array([-DOWN, 0.0, side * OUTWARDS])
+                on = np.flatnonzero(firmness[:, number] == firmness[:, number].max(initial=1e-9))
+                if len(on):
+                    on = on[:: -(-len(on) // SEEN)]
+                    pole = self._pole_outside(motion[on], limb, displacements[on, number], trunk[on], pole)
+                poles[:, number] = pole @ trunk
+        return poles, firmness
+
+    def _pole_outside(self, motion: Motion, limb: Limb, by: Array, trunk: Array, usual: Array) -> Array:
+        """(3,), along the axes of the trunk, (frames, 3, 3), where the elbow of an arm points whose end is moved by
+        vectors, (frames, 3), so that the arm is in the body as little as may be; else as usual.
+        """
+        skin, count = self.skin, len(POLES)
+        on = np.isin(skin.capsules.segments, TRUNK)
+        many = motion[np.repeat(np.arange(len(motion)), count)]
+        poles = (POLES @ trunk).reshape(-1, 3)
+        moved = reaching(many, limb, np.repeat(by, count, axis=0), poles, 1.0)
+        top, middle, end = (many.positions[:, joint] for joint in limb.joints)
+        middle, end, t = middle + moved[:, 0], end + moved[:, 1], ALONG[:, None, None]
+        points = np.concatenate([top + t * (middle - top), middle + t * (end - middle)]).swapaxes(0, 1)
+        ends = np.repeat(skin.capsules[on].posed(motion), count, axis=0)
+        thick = skin.unit * skin.thickness(limb.middle)
+        inside = np.maximum(1.0 - distances(points, ends, skin.capsules.radii[on])[0] / thick, 0.0).sum(axis=1)
+        return np.asarray(POLES[(inside.reshape(-1, count).mean(axis=0) - USUAL * POLES @ usual).argmin()])
 
 
 def _bent_in_steps(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
@@ -131,7 +197,8 @@ def _moving(
     joints = (int(constraint.joints[0][0]),) if planted else pair or ()
     for joint, sign in zip(joints, (1.0, -1.0), strict=False):
         for number, limb in enumerate(limbs):
-            if joint in skeleton.subtree(limb.middle) and (joint != limb.middle or len(constraint.joints[0]) > 1):
+            moves = joint != limb.middle or len(constraint.joints[0]) > 1 or constraint.anchors
+            if moves and joint in skeleton.subtree(limb.middle):
                 below = np.isin(supports.joints, [*skeleton.subtree(limb.end)])
                 free = 1.0 - supports.weights[:, below].max(axis=1, initial=0.0)
                 free = np.ones_like(free) if planted else free
@@ -207,3 +274,15 @@ def _turned(posed: Motion, joint: int, goal: Rotation, weight: Array) -> Motion:
     rotations = np.array(posed.rotations)
     rotations[on, joint] = (above.inv() * turned if above else turned).as_quat()
     return replace(posed, rotations=rotations)
+
+
+def _steady(turns: Rotation, weight: Array) -> Array:
+    """The rotation vectors, (frames, 3), of turns that go on the same way round from frame to frame, by more than half
+    a turn if need be, but not where the weight, (frames,), is largest.
+    """
+    q = continuous(turns.as_quat()[:, None])[:, 0]
+    q *= 1.0 if np.median(q[weight == weight.max(), 3]) >= 0.0 else -1.0
+    sines = lengths(q[:, :3])[:, None]
+    return np.asarray(
+        2.0 * np.arctan2(sines, q[:, 3:]) * np.divide(q[:, :3], sines, out=0.0 * q[:, :3], where=sines > 0.0)
+    )

@@ -29,9 +29,12 @@ from distretarget.objectives.contact import part_stiffness
 from distretarget.objectives.skin import SkinGap
 from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
+from distretarget.skin.capsules import IS_ARM, PLACE
 
 BETWEEN_SPAN = 0.3  # what is to be between joints is averaged over this time before and after [s]
 FACING = 0.1  # and where skins face each other over this [s]
+SEEN = 7  # frames that show how far skins are apart, about
+FARTHEST = 0.06  # skins that are farther apart are taken to be so far from each other [body units]
 LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [body units]
 
 
@@ -81,6 +84,11 @@ def off_by(
             return np.zeros((len(motion), 3))
         away = supports.places[:, columns] - motion.positions[:, supports.joints[columns]]
         return np.asarray(away[np.arange(len(motion)), lengths(away).argmax(axis=1)] / clip.unit)
+    if constraint.anchors is not None and isinstance(entry, Contact):
+        one, other, apart = constraint.anchors
+        gap = constraints.length(float(entry.gap or 0.0)) + apart
+        away = gap * normalised(other.outwards(motion) - one.outwards(motion))
+        return np.asarray(away - (one.places(motion) - other.places(motion)) / clip.unit)
     now = between(motion, pair, clip)
     if isinstance(entry, Plant):
         assert constraint.carrier is not None
@@ -108,6 +116,40 @@ def _length_to_reach(constraints: Constraints, entry: Entry, pair: tuple[int, in
     return np.asarray(tau / max(own_tau, LEAST_LENGTH) / clip.unit * source)
 
 
+def with_anchors_apart(constraints: Constraints, motion: Motion, body: BodySkin) -> Constraints:
+    """Return constraints whose anchors are as far apart as the gaps of skin ask for, by a motion that meets them:
+    the fingers of a hand touch before its palm does.
+    """
+    return replace(
+        constraints, every=tuple(_with_anchors_apart(constraints, each, motion, body) for each in constraints)
+    )
+
+
+def _with_anchors_apart(constraints: Constraints, constraint: Constraint, motion: Motion, body: BodySkin) -> Constraint:
+    entry, on = constraint.entry, np.flatnonzero(constraint.frames)
+    if not constraint.anchors or not isinstance(entry, Contact):
+        return constraint
+    pairs = body.between(*(_touching(body, point.joint) for point in constraint.anchors[:2]))
+    if not len(pairs):
+        return constraint
+    some = motion[on[:: -(-len(on) // SEEN)]]
+    limbs, others = body.balls.pairs[pairs].T
+    if body.surface is None:
+        gaps, _ = nearest_skin(body.balls, body.posed(some), pairs)
+    else:
+        parts = [(limb, tuple(others[limbs == limb].tolist())) for limb in np.unique(limbs).tolist()]
+        wanted = np.ones((len(some), len(parts)), bool)
+        gaps = body.surface.gaps(some, parts, wanted, FARTHEST * body.unit).min(axis=1) / body.unit
+    farther = constraints.length(float(entry.gap or 0.0)) - float(np.median(np.minimum(gaps, FARTHEST)))
+    return replace(constraint, anchors=constraint.anchors._replace(apart=constraint.anchors.apart + farther))
+
+
+def _touching(body: BodySkin, joint: int) -> Flags:
+    """(joints,), those of a part of an arm, or of all that is one place to be touched with what a joint carries."""
+    own, of_joint = body.of_joint[joint], body.of_joint
+    return np.asarray(of_joint == own if IS_ARM[own] else PLACE[of_joint] == PLACE[own])
+
+
 def eased_gap(constraints: Constraints, constraint: Constraint, skins: Skins, motion: Motion) -> SkinGap | None:
     """Return the gap that a contact asks for, from that in a motion as it sets in, and back to it as it lets go; None
     where it asks for none between skins.
@@ -130,7 +172,7 @@ def gap_between(constraints: Constraints, constraint: Constraint, skins: Skins) 
         constraint.entry,
         skins.target.between(*constraint.joints) if len(constraint.joints) == 2 else np.zeros(0, np.intp),
     )
-    if not isinstance(entry, Contact) or not len(on):
+    if not isinstance(entry, Contact) or constraint.anchors or not len(on):
         return None
     if entry.gap != "source":
         return on, np.full(len(constraints.clip), constraints.length(float(entry.gap or 0.0)))

@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from distretarget.body.body import Body
+from distretarget.body.skin_anchors import AnchoredSkin, SkinPoint
 from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
@@ -44,6 +45,14 @@ class Carrier:
     nearest: Callable[[Array], tuple[Array, Array]] = _away
 
 
+class Anchors(NamedTuple):
+    """Where on the skin of two parts a contact is."""
+
+    one: SkinPoint
+    other: SkinPoint
+    apart: float = 0.0  # how far they are from each other while skins touch there [body units]
+
+
 @dataclass(frozen=True, eq=False)
 class Constraint:
     """An entry that changes something, on a clip."""
@@ -55,6 +64,7 @@ class Constraint:
     lead: int  # it sets in and lets go over so many frames
     carrier: Carrier | None  # what a part is planted on
     pair: tuple[int, int] | None  # the two joints that it is between; None where the world is the other
+    anchors: Anchors | None = None  # where on the skin of each part it is, if it says so
 
     @property
     def drops(self) -> bool:
@@ -77,10 +87,15 @@ class Constraints:
 
     @classmethod
     def of(
-        cls, contacts: ContactList, clip: Clip, body: Body, blend: float, others: Mapping[str, Carrier] = NO_OTHERS
+        cls,
+        contacts: ContactList,
+        clip: Clip,
+        skin: AnchoredSkin,
+        blend: float,
+        others: Mapping[str, Carrier] = NO_OTHERS,
     ) -> Constraints:
-        """Return the entries on a clip whose target is a `body`; they set in over twice `blend` [s], and let go over as
-        much. `others` are the performers and props that parts may rest on, by their names.
+        """Return the entries on a clip whose target has a `skin`; they set in over twice `blend` [s], and let go over
+        as much. `others` are the performers and props that parts may rest on, by their names.
 
         A ContactsError says which entry names what is not there, goes beyond the clip, contradicts another, or asks for
         a distance that the body cannot have.
@@ -93,13 +108,15 @@ class Constraints:
             carrier = _carrier_of(contacts, clip, entry, joints[0], others)
             if entry.acts:
                 if isinstance(entry, Contact) and entry.keep:
-                    joints = tuple(_without_neck(body, part) for part in joints)
+                    joints = tuple(_without_neck(skin.body, part) for part in joints)
                 is_foot = isinstance(entry, Plant) and clip.regions.inside("foot")[joints[0]].any()
                 lead = int(2.0 * (FOOT_BLEND if is_foot else blend) / clip.frame_time)
                 firmness = entry.firmness if isinstance(entry, Contact) else 1.0
                 weight = by_shot(partial(_eased, frames=lead), clip.shots, on)
-                pair = _pair_of(clip, entry, joints, on, carrier)
-                found.append(Constraint(entry, joints, on, firmness * weight, lead, carrier, pair))
+                anchors = _anchors_of(contacts, entry, joints, skin)
+                carried = anchors and (anchors.one.joint, anchors.other.joint)
+                pair = carried or _pair_of(clip, entry, joints, on, carrier)
+                found.append(Constraint(entry, joints, on, firmness * weight, lead, carrier, pair, anchors))
         for one, other in combinations(found, 2):
             _check_agree(contacts, one, other)
         return cls(clip, tuple(found))
@@ -172,6 +189,19 @@ def _pair_of(
     apart = lengths(x[:, a, None] - x[:, None, b]).mean(axis=0)
     i, j = np.unravel_index(apart.argmin(), apart.shape)
     return int(a[i]), int(b[j])
+
+
+def _anchors_of(contacts: ContactList, entry: Entry, joints: Sequence[Numbers], skin: AnchoredSkin) -> Anchors | None:
+    """`Constraint.anchors`."""
+    if not isinstance(entry, Contact) or entry.anchors is None:
+        return None
+    points = [skin.point(int(part[0]), anchor) for part, anchor in zip(joints, entry.anchors, strict=True)]
+    for number, point in enumerate(points):
+        if point is None:
+            what = f"{entry.between[number]!r} has no axis to be anchored on; leave anchors out"
+            raise contacts.fault(entry, f"anchors[{number}]", what)
+    one, other = filter(None, points)
+    return Anchors(one, other)
 
 
 def _eased(on: Flags, frames: int) -> Array:

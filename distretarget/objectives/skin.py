@@ -68,10 +68,11 @@ class Reach:
     ways: Array  # (frames, limbs, 3), how far their ends go [body units]
     ties: Array  # (frames, limbs), how far they are held there, 0 to 1
     gaps: tuple[SkinGap, ...]
+    anchored: Numbers  # (pairs,), of segments, that touch at anchors
 
     def __getitem__(self, frames: slice) -> Reach:
         gaps = tuple(SkinGap(each.pairs, each.gap[frames], each.firmness[frames]) for each in self.gaps)
-        return Reach(self.ways[frames], self.ties[frames], gaps)
+        return Reach(self.ways[frames], self.ties[frames], gaps, self.anchored)
 
     @property
     def anchors(self) -> dict[str, Array]:
@@ -150,6 +151,8 @@ def _displaced(
     spare = spare_of_mesh(body, spots, pairs, posed, first)
     # An arm that has passed through an arm is outside beyond it: there, the source has to be outside as well.
     on_arms = np.isin(spots.places, PLACE[:-1][IS_ARM])
+    if reach is not None:
+        on_arms[spots.of_pair[reach.anchored]] = False
     of_source = spare_of_mesh(skins.source, spots, pairs, clip.source, first)
     spare[:, on_arms] = np.minimum(spare, of_source)[:, on_arms]
     spare[:, found:] = 0.0  # gaps that a user asks for are those of the capsules

@@ -24,7 +24,7 @@ from distretarget.numerics.time_series import Shots, slices_of, smoothstep, span
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.body_skin import limbs_of
 from distretarget.objectives.constraint_reach import Reaching, with_looks
-from distretarget.objectives.constraint_springs import between, eased_gap, off_by, with_constraints
+from distretarget.objectives.constraint_springs import between, eased_gap, off_by, with_anchors_apart, with_constraints
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
 from distretarget.objectives.skin import Reach
@@ -41,6 +41,7 @@ ROUNDS = 2  # in which what is between parts is found
 # until all are nearer than `MET` [heights], or a round brings them no nearer.
 CLOSING = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
 MET = 0.002
+SETTLES = 3  # times that it is found how far apart anchors are while skins touch
 EARLY = 0.3  # with skin, the blend is complete where the share of constraints reaches this
 TURNS = 4  # with skin it is solved so many times at most
 GOES_ON = 0.1  # beyond its last frame a difference goes on changing at the same speed for about this time [s]
@@ -89,7 +90,9 @@ def constrained_result(
 
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
-    made, poses, bound = constraints.made, unconstrained.poses, constrain(free, constraints)
+    poses, bound = unconstrained.poses, constrain(free, constraints)
+    constraints = settled(bound, unconstrained.motion, constraints)
+    made, bound = constraints.made, constrain(free, constraints)
     held = _held(bound, poses, mapper)
     for _ in range(1, ROUNDS):
         closed = _closed(bound, bound.posed(held), made)
@@ -103,6 +106,17 @@ def constrained_result(
     posed = layered([made], unconstrained.motion, met(bound, led, made), whole)
     bound = replace(bound, supports=blended_supports(free.supports, bound.supports, made.share))
     return replace(bound.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(bound, made, posed)))
+
+
+def settled(performer: Performer, motion: Motion, constraints: Constraints) -> Constraints:
+    """Return constraints whose anchors are so far apart that the gaps of skin are as asked; others as they are."""
+    skins, made = performer.match.skins, constraints.made
+    if skins is None or not any(constraint.anchors for constraint in made):
+        return constraints
+    for _ in range(SETTLES):
+        motion = _closed(performer, motion, made)
+        made = with_anchors_apart(made, motion, skins.target)
+    return replace(made, every=(*constraints.drops, *made))
 
 
 def _held(performer: Performer, poses: Poses, mapper: Mapper) -> Poses:
@@ -147,14 +161,18 @@ def met(performer: Performer, motion: Motion, constraints: Constraints) -> Motio
         closed = performer.with_own_skin(_closed(performer, motion, constraints), wanted=wanted)
         return _closed(performer, closed, constraints)  # what averages, and skin, have left
     limbs, weights = _reaching(performer, constraints), [constraint.weight for constraint in constraints]
+    pairs = (skins.target.between(*constraint.joints) for constraint in constraints if constraint.anchors)
+    anchored = np.concatenate([np.zeros(0, np.intp), *pairs])
     before = limbs.brought_out(with_looks(motion, constraints, body), weights)
-    before = limbs.reached(before, weights, SMOOTHING)
+    for _ in range(4 if len(anchored) else 1):  # hands turn with forearms
+        before = limbs.reached(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
     displacements, ties = limbs.displacements(before, places)
     best, least = before, np.inf
     for _ in range(TURNS):
-        now = performer.with_own_skin(before, Reach(displacements / body.unit, ties, tuple(filter(None, gaps))), wanted)
+        reach = Reach(displacements / body.unit, ties, tuple(filter(None, gaps)), anchored)
+        now = performer.with_own_skin(before, reach, wanted)
         left = _farthest(performer, constraints, now)
         if left < least:
             best, least = now, left

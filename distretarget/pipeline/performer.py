@@ -16,6 +16,7 @@ from distretarget.body.beside import Tree, without_twins
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
 from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
+from distretarget.body.skin_anchors import AnchoredSkin
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -69,6 +70,13 @@ class Match:
         """What source and target rest on; None for stick figures."""
         both = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
         return Undersides.of(self.matching, both, self.mesh) if both else None
+
+    @cached_property
+    def anchored_skin(self) -> AnchoredSkin:
+        """The skin of the target on which anchors are found; an average one of a stick figure."""
+        body = self.matching.target
+        capsules = self.skins.target.capsules if self.skins else built(body)
+        return AnchoredSkin(body, capsules, self.mesh if self.skins and not self.hips else None)
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.

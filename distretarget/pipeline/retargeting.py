@@ -109,7 +109,7 @@ class Prepared:
         """Return the result with user constraints; parameters and errors as in `retarget`."""
         performer = self.performer
         blend = performer.settings.blend
-        constraints = Constraints.of(contacts, performer.clip, performer.match.matching.target, blend)
+        constraints = Constraints.of(contacts, performer.clip, performer.match.anchored_skin, blend)
         if self.options.objective == "paper":
             return _by_paper(performer, contacts, constraints, progress)
         free = dropping(performer, constraints.drops)

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from distretarget.body.build import capsules_of
+from distretarget.body.build import built, capsules_of
+from distretarget.body.skin_anchors import AnchoredSkin
 from distretarget.checks import check_kind
 from distretarget.errors import DistretargetError
 from distretarget.io.files import write_whole
@@ -23,7 +24,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.actors import Role, encoded
+from distretarget.report.actors import Role, encoded, to_y_up
 from distretarget.report.diff_document import About, DiffDocument, Table, document
 from distretarget.report.page import html_page
 from distretarget.report.stage import Jump, ShownBody, bodies_in_motion, facing, rows_of_body, timeline
@@ -79,6 +80,26 @@ def run_page(
 def run_motions(result: RetargetResult, meshes: Meshes) -> dict[str, object]:
     """Return what the player of `run_page` shows in motion, in `meshes_of` the result."""
     return _motions(shown_result("", result, meshes), result.world.up_vector)
+
+
+def run_axes(result: RetargetResult) -> list[dict[str, object] | None]:
+    """Return for each joint of a result what `AnchoredSkin.axes_at` it, as the player has the body in its rest pose,
+    and the name of the part that is anchored there; None for joints of no part.
+    """
+    body, turn, unit = result.matching.target, to_y_up(result.world.up_vector), _units(result.matching)[1]
+    skin = AnchoredSkin(body, result.skins.target.capsules if result.skins else built(body), None)
+    found = list[dict[str, object] | None]()
+    for joint, region in enumerate(body.regions.of_joint.tolist()):
+        axes, name = skin.axes_at(joint), body.regions.names[region] if region >= 0 else ""
+        first = body.roles.get(name, int((body.regions.of_joint == region).argmax()))
+        name = name if skin.part_of(joint) == skin.part_of(first) else body.skeleton.keys[joint]
+        if axes is None:
+            found.append(None)
+            continue
+        start, directions, length = axes
+        shown = {"start": turn.apply(start / unit).tolist(), "directions": turn.apply(directions).tolist()}
+        found.append({"name": name, **shown, "length": length / unit})
+    return found
 
 
 def run_timeline(result: RetargetResult, marked: Sequence[MarkedContact]) -> dict[str, object]:
@@ -181,9 +202,13 @@ def _motions(body: ShownBody, up: Array) -> dict[str, object]:
         sides = {"Source": "source", "Copied rotations": "copy", "Result": "result"}
     matching = body.matching
     assert matching
+    return bodies_in_motion([body], sides, up, _units(matching), facing(matching.target, body.motions[-1], up))
+
+
+def _units(matching: Matching) -> tuple[float, float]:
+    """The lengths that source and target count in [file units]."""
     a, b = (2.0 * leg for leg in matching.leg_lengths)
-    units = a or matching.source.unit or 1.0, b or matching.target.unit or 1.0
-    return bodies_in_motion([body], sides, up, units, facing(matching.target, body.motions[-1], up))
+    return a or matching.source.unit or 1.0, b or matching.target.unit or 1.0
 
 
 def contact_table(document: DiffDocument) -> Table:

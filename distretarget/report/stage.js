@@ -1,7 +1,7 @@
 // The stage: actors on a floor, in a view for each side or in one, through one camera; light, and shadows on the floor.
 /* global THREE */
 
-import {clamp, colourOf, onTheme} from './dom.js';
+import {clamp, colourOf, onTheme, total} from './dom.js';
 import {bend, bendable, bodyOf, materialsOf, SOFTWARE} from './bodies.js';
 import {middleOf, Motion} from './motion.js';
 
@@ -51,21 +51,23 @@ async function actorsOf(data, sides) {
   });
 }
 
-/** The joint that moves a mesh most where it is seen at [0, 0], -1 where it is not; `seen` are its vertices. */
-function carrierAt({geometry: {index: {array: corners}}, body}, seen) {
+/** The `skin` of a mesh where it is seen at [0, 0]: the joint that moves it most, -1 where it is not, and `at` how far
+ * from that joint it is while nothing is turned; `seen` are its vertices.
+ */
+function skinAt({geometry: {index: {array: corners}}, body}, seen) {
   const cross = ([x, y], [u, v]) => x * v - y * u, each = body.joints.length / seen.length;
-  let carrier = -1, front = Infinity;
+  let found = null, front = Infinity;
   for (let t = 0; t < corners.length; t += 3) {
     const [a, b, c] = [seen[corners[t]], seen[corners[t + 1]], seen[corners[t + 2]]];
     const parts = [cross(b, c), cross(c, a), cross(a, b)], sum = parts[0] + parts[1] + parts[2];
     if (!sum || parts.some(part => part * sum < 0)) continue;
     const depth = (parts[0] * a[2] + parts[1] * b[2] + parts[2] * c[2]) / sum;
-    if (depth >= front) continue;
-    front = depth;
-    const most = Math.max(...parts.map(Math.abs));
-    carrier = body.joints[each * corners[t + parts.findIndex(part => Math.abs(part) === most)]];
+    if (depth < front) [front, found] = [depth, parts.map((part, k) => [corners[t + k], part / sum])];
   }
-  return carrier;
+  if (!found) return {skin: -1, at: null};
+  const {bind, joints, geometry: {attributes: {position: {array: rest}}}} = body;
+  const skin = joints[each * found.toSorted(([, one], [, other]) => other - one)[0][0]];
+  return {skin, at: [0, 1, 2].map(k => total(found, ([corner, share]) => share * rest[3 * corner + k]) - bind[3 * skin + k])};
 }
 
 /** Frees what the graphics card holds of an object. */
@@ -267,8 +269,8 @@ export class Stage {
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
   }
 
-  /** What is at a place on the canvas: the number of the nearest joint, that of the joint which moves the skin there
-   * (-1 for none), and the role of their body; of bodies over each other it is the last.
+  /** What is at a place on the canvas: the number of the nearest joint, `skinAt` it, and the role of their body; of
+   * bodies over each other it is the last.
    */
   jointAt(left, top) {
     const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
@@ -282,7 +284,7 @@ export class Stage {
     const away = seen(positions).map(([x, y, z]) => Math.hypot(x, y) + z); // of those at one place the nearer
     const nearest = Math.min(...away);
     return {role, joint: nearest < NEAR ? away.indexOf(nearest) : -1,
-      skin: carrierAt(mesh, seen(mesh.geometry.attributes.position.array))};
+      ...skinAt(mesh, seen(mesh.geometry.attributes.position.array))};
   }
 
   /** Draws sides into a box of the canvas, through a camera that looks at a place. */

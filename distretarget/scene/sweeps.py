@@ -225,7 +225,7 @@ def solve_scene(
     def constraints_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Constraints]:
         others = _carriers(performers, motions, props, places)
         return [
-            Constraints.of(contacts, one.clip, one.match.matching.target, one.settings.blend, others)
+            Constraints.of(contacts, one.clip, one.match.anchored_skin, one.settings.blend, others)
             for contacts, one in zip(contact_lists, performers, strict=True)
         ]
 

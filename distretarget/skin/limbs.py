@@ -95,12 +95,13 @@ def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
     return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)
 
 
-def reaching(motion: Motion, limb: Limb, by: Array, poles: Array) -> Array:
+def reaching(motion: Motion, limb: Limb, by: Array, poles: Array, firmness: Array | float = 0.0) -> Array:
     """Return the displacements of middle and end of a limb, (frames, 2, 3), that move its end by vectors, (frames, 3),
     as far as it reaches [file units].
 
     The limb turns about its top by the least rotation, and then bends in its plane. Where it turns far and is not bent,
     so that it hardly has a plane, its middle is on the side of the `poles`, unit vectors (frames, 3); zeros do nothing.
+    As far as the `firmness`, (frames,), 0 to 1, it is there anyway.
     """
     top, middle, end = (motion.positions[:, joint] for joint in limb.joints)
     upper, lower = (motion.skeleton.lengths[joint] for joint in (limb.middle, limb.end))
@@ -112,15 +113,17 @@ def reaching(motion: Motion, limb: Limb, by: Array, poles: Array) -> Array:
     turn = Rotation.from_quat(least_rotation(now, aim))
     to_pole = smoothstep(turn.magnitude() / FAR)[:, None]
     along = (upper**2 - lower**2 + far**2) / (2.0 * far)
-    own = _across(turn.apply(middle - top), aim) / upper
-    aside = own + to_pole * (1.0 - lengths(own)[:, None]) * _across(poles, aim)
+    own = across(turn.apply(middle - top), aim) / upper
+    firmly = np.asarray(firmness)[..., None]
+    to_pole = firmly + (1.0 - firmly) * to_pole * (1.0 - lengths(own)[:, None])
+    aside = (1.0 - firmly) * own + to_pole * across(poles, aim)
     aside *= np.sqrt(np.maximum(upper**2 - along**2, 0.0)) / np.maximum(lengths(aside)[:, None], LEAST)
     moved = np.stack([top + along / far * aim + aside - middle, top + aim - end], axis=1)
     return np.where((by != 0.0).any(axis=1)[:, None, None], moved, 0.0)
 
 
-def _across(vectors: Array, axes: Array) -> Array:
-    """(frames, 3), what vectors have across axes."""
+def across(vectors: Array, axes: Array) -> Array:
+    """Return what vectors have across axes, (frames, 3) each."""
     square = np.maximum((axes**2).sum(axis=1, keepdims=True), LEAST**2)
     return np.asarray(vectors - (vectors * axes).sum(axis=1, keepdims=True) / square * axes)
 

@@ -27,7 +27,7 @@ from distretarget.io.target_file import CharacterTarget, TargetFile, animations_
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Conversion, Converted, Recipe
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
-from distretarget.report.clip_page import Meshes, meshes_of, run_motions, run_page, run_timeline
+from distretarget.report.clip_page import Meshes, meshes_of, run_axes, run_motions, run_page, run_timeline
 from distretarget.report.diff_document import About
 from distretarget.skeleton import Skeleton
 from distretarget.studio.order import Names, Order, project_to_json
@@ -100,6 +100,7 @@ class Done:
             ],
             "drivers": _turning(result.source.skeleton),
             "anchors": _turning(result.motion.skeleton),
+            "axes": run_axes(result),
             "frame_time": result.motion.frame_time,
             "formats": formats_of(self.target),
             "format": self.format,

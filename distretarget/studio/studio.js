@@ -7,6 +7,7 @@ const EDITS = { start: "", end: "", speed: 1, turn: 0, mirror: false, loop: fals
 const OPTIONS = { supports: "hold", skin: "auto", objective: "contact", root_follows: "" };
 const TAB = crypto.randomUUID(); // a later order of the same tab takes the place of one that is not done
 const AROUND = 0.25; // how long a contact that is clicked holds before and after [s]
+const PLACED = /^(.*?)(?: at (-?[\d.]+), (-?[\d.]+))?$/; // a part, and where on its skin: along its axis, and round it
 const START = { clip: null, character: null, animation: null, fps: null, in_place: false, contacts: [], map: {}, rest: null, format: null, edits: {}, options: {} };
 
 const known = new Map(); // what each file is, by its number
@@ -245,7 +246,7 @@ function choose(contact) {
   const { entry } = contact;
   const kind = ["between", "plant", "look"].find((each) => each in entry);
   if (!kind) return;
-  [$("one").value, $("other").value = ""] = [entry[kind]].flat();
+  [$("one").value, $("other").value = ""] = [entry[kind]].flat().map((part, k) => placed(part, entry.anchors?.[k]));
   $("kind").value = kind;
   $("frames").value = entry.frames.join("-");
   $("gap").value = entry.gap ?? (parseFloat(entry.found) || 0);
@@ -264,12 +265,13 @@ function showKind() {
 function written() {
   const frames = $("frames").value.match(/\d+/g)?.map(Number);
   const span = frames?.length ? { frames: [frames[0], frames.at(-1)] } : {};
-  const one = $("one").value.trim();
+  const [[, one, ...first], [, other, ...second]] = ["one", "other"].map((id) => $(id).value.trim().match(PLACED));
   if ($("kind").value === "plant") return { plant: one, on: "where it is", ...span };
   if ($("kind").value === "look") return { look: one, like: "source", ...span };
   const firmness = Number($("firmness").value);
   const firm = firmness === 1 ? {} : { firmness };
-  return { between: [one, $("other").value.trim()], gap: Number($("gap").value), ...firm, ...span };
+  const anchors = first[0] && second[0] ? { anchors: [first.map(Number), second.map(Number)] } : {};
+  return { between: [one, other], gap: Number($("gap").value), ...firm, ...anchors, ...span };
 }
 
 function change(contacts) {
@@ -293,13 +295,25 @@ function warning(text) {
   return item;
 }
 
+const placed = (part, anchor) => (anchor ? `${part} at ${anchor.join(", ")}` : part);
+
+/** What was clicked in words: a part and, for parts that touch, where on its skin, as contact files say it. */
+function wordsOf(joint, at) {
+  const axes = at && $("kind").value === "between" ? done.axes[joint] : null;
+  if (!axes) return done.anchors[joint];
+  const off = at.map((x, k) => x - axes.start[k]);
+  const [along, side, front] = axes.directions.map((direction) => direction.reduce((sum, x, k) => sum + x * off[k], 0));
+  const anchor = [(along / axes.length).toFixed(3), ((Math.atan2(side, front) * 180) / Math.PI).toFixed(0)];
+  return placed(axes.name, anchor.map(Number));
+}
+
 /** Takes a part of the body that was clicked in the picture; the second makes the contact, about the frame that is seen. */
-function picked(joint) {
+function picked(joint, at) {
   const both = $("kind").value === "between";
-  const name = done.anchors[joint];
-  if (both && clicked && clicked !== name) $("other").value = name;
-  else $("one").value = name;
+  const words = wordsOf(joint, at);
+  const [, name] = words.match(PLACED);
   const complete = !both || (clicked && clicked !== name);
+  $(both && complete ? "other" : "one").value = words;
   clicked = name;
   pick(!complete);
   if (!complete) return;
@@ -441,9 +455,9 @@ addEventListener("message", (event) => {
     if (done) tell({ timeline: done.timeline });
   }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
-  const { joint = -1, skin, role } = event.data ?? {};
+  const { joint = -1, skin, at, role } = event.data ?? {};
   if ($("pick").getAttribute("aria-pressed") === "true") {
-    if (role !== "source" && Math.max(joint, skin) >= 0) picked(skin < 0 ? joint : skin);
+    if (role !== "source" && Math.max(joint, skin) >= 0) picked(skin < 0 ? joint : skin, at);
   } else if ($("who").open && joint >= 0) paired(joint, role === "source");
 });
 $("order").onsubmit = (event) => event.preventDefault();
