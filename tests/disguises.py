@@ -207,6 +207,25 @@ def hips_on_floor(motion: Motion) -> Motion:
     )
 
 
+def with_joints_before_thighs(motion: Motion) -> Motion:
+    """Each thigh hangs from one more joint at the place of the hips, which does not turn, as in CMU's files."""
+    skeleton = motion.skeleton
+    hips = np.sort([skeleton.index(f"{side}Hip") for side in SIDES])
+    parents = skeleton.parents + (skeleton.parents[:, None] >= hips).sum(axis=1)
+    parents[hips] = hips + np.arange(2)
+    channels = np.empty(len(skeleton), object)
+    channels[:] = skeleton.channels
+    made = Skeleton(
+        names=np.insert(np.array(skeleton.names, object), hips, ["HipJoint", "HipJoint2"]),
+        parents=np.insert(parents, hips, 0),
+        offsets=np.insert(skeleton.offsets, hips, 0.0, axis=0),
+        channels=np.insert(channels, hips, channels[hips]),
+        end_sites=np.insert(skeleton.end_sites, hips, values=False),
+    )
+    still = np.insert(motion.rotations, hips, [0.0, 0.0, 0.0, 1.0], axis=1)
+    return Motion(made, motion.root_positions, still, motion.frame_time_text)
+
+
 def toes_end(*way: float) -> Structure:
     """The End Sites of the toes are elsewhere: this way from the toes, in the rest pose [cm]."""
 

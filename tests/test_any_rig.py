@@ -155,6 +155,18 @@ def test_a_dog_moves_on_a_dog_of_another_build(own_names, turn):
     np.testing.assert_allclose(bones, target.lengths[1])
 
 
+def test_an_animal_that_stands_on_shorter_legs_stands_as_it_is():
+    """Hind legs of more bones than people's stand where the copied ones do."""
+    changed = {"Radius": 0.9, "Tibia": 0.8, "Hock": 1.1, "back": 1.3}
+    bodies = [dog(), lengthened(dog(), changed)]
+    source, target = (replace(body, names=tuple(f"J{joint}" for joint in range(len(body)))) for body in bodies)
+    result = retarget(still(source, frames=30), target)
+    held = [bodies[0].names[joint] for joint in result.supports.joints]
+    assert "LeftHindpaw" in held
+    turned = [Rotation.from_quat(each.rotations[15]) for each in (result.rotation_copy, result.motion)]
+    assert np.degrees((turned[0].inv() * turned[1]).magnitude()).max() < 2.0
+
+
 def test_half_the_names_are_enough_for_a_dog():
     body = dog()
     names = [f"{name}2" if name.startswith(("Tail", "Left")) else name for name in body.names]

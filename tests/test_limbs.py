@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from animals import dog
 from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, person, sample_target, tree_of
 from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 
@@ -39,6 +40,11 @@ def test_legs_of_a_rest_pose_that_lies_along_one_axis():
     body = person()
     lying = body.with_offsets(body.lengths[:, None] * [1.0, 0, 0])
     assert [ankle for _, ankle, _ in names_of_legs(lying)] == ["LeftAnkle", "RightAnkle"]
+
+
+def test_the_hock_of_an_animal_is_no_ankle():
+    expected = [(f"{side}Femur", f"{side}Hindpaw", f"{side}Hindpaw_End") for side in ("Left", "Right")]
+    assert names_of_legs(dog()) == expected
 
 
 @needs_corpus

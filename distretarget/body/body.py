@@ -286,10 +286,10 @@ class Body:
         return usual_pitch(-np.arcsin(np.clip(np.concatenate(bones) @ up, -1.0, 1.0))) if any(map(len, bones)) else None
 
     @of_rig
-    def hanging(self) -> Array | None:
-        """(joints, 3), the joints in the reference pose with hanging arms [file units]; None without an anatomy."""
+    def hanging(self) -> Array:
+        """(joints, 3), the joints in the reference pose, with hanging arms if there are any [file units]."""
         places, up = self.reference.positions, self.reference.axes[:, 1]
-        return with_hanging_arms(self.skeleton, places, self.arms, up) if self.anatomy else None
+        return with_hanging_arms(self.skeleton, places, self.arms, up)
 
     def _pose(self, rotations: Array) -> Pose:
         positions = self.skeleton.posed(rotations)

@@ -20,6 +20,7 @@ JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip
 SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [distance from the ankle to the end of the toes]
 LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
 HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]
+LOW_ANKLE = 0.2  # an ankle that bends is no higher than this over the leg's end [height of the hip over it]
 # An arm hangs while the angles of shoulder and elbow add up to less than the first angle; it is raised or bent from
 # the second one on [rad].
 RELAXED, RAISED = np.radians(60), np.radians(100)
@@ -144,7 +145,9 @@ def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain of joints: from the bend at the hip, or its first long bone, to the ankle's, or its last."""
+    """The leg in a chain of joints: from the bend at the hip, or its first long bone, to the ankle's, or its last.
+    A bend that is high, such as an animal's hock, is no ankle.
+    """
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
     long = np.flatnonzero(2 * lengths[1:] >= lengths[1:].max(initial=0.0)) + 1
@@ -153,7 +156,10 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     bones = skeleton.offsets[chain]
     bent = [k for k in range(1, len(chain) - 1) if is_bend(bones[k], bones[k + 1], JOINT_BEND)]
     first = max([k for k in bent if along[k] < LOWEST_HIP], default=long[0] - 1)
-    last = min([k for k in bent if along[k] > HIGHEST_ANKLE], default=long[-1])
+    places = skeleton.rest_positions[chain]
+    over = (places[-1] - places) @ (places[-1] - places[first])
+    last = min([k for k in bent if along[k] > HIGHEST_ANKLE], default=0)
+    last = last + int(np.argmax(over[last:] <= LOW_ANKLE * over[first])) if last else long[-1]
     return Leg(chain[first], chain[last], chain[min(last + 1, len(chain) - 1)])
 
 
@@ -191,11 +197,11 @@ def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], 
     return places
 
 
-def hanging_distances(hanging: Array | None, u: Numbers, v: Numbers, tau: Array) -> Array:
+def hanging_distances(hanging: Array, u: Numbers, v: Numbers, tau: Array) -> Array:
     """Return D of joints u and v, (pairs,) each, over the path lengths `tau`, (pairs,), in a body with hanging arms,
-    whose joints are at `hanging`, (joints, 3); infinite where that is not known.
+    whose joints are at `hanging`, (joints, 3).
     """
-    return np.full(len(u), np.inf) if hanging is None else lengths(hanging[u] - hanging[v]) / tau
+    return lengths(hanging[u] - hanging[v]) / tau
 
 
 def raised(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:

@@ -50,7 +50,7 @@ def way_to_thighs(body: Body) -> Way | None:
         return None
     hips, thighs, rest = body.anatomy.roles["hips"], [leg.hip for leg in body.legs], body.skeleton.rest_positions
     shift = rest[thighs].mean(axis=0) - rest[hips]
-    hang = (body.skeleton.parents[thighs] == hips).all()
+    hang = body.skeleton.meet(thighs) == hips
     return Way(hips, shift) if hang and np.linalg.norm(shift) > FAR * body.leg_length else None
 
 

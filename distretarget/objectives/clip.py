@@ -62,9 +62,10 @@ class Clip:
     unit: float  # the target's body unit [target file units]
     leg_lengths: tuple[float, float]  # of source and target [file units of each]; 0 without legs
     legs: tuple[LegPair, ...]  # both legs; none unless source and target have them
+    is_person: bool  # whether the target's body is that of a person
     target_legs: Legs | None  # the target's own legs, driven or not; None where it has none
     source_skeleton: Skeleton  # the source's joints with rigid bones
-    hanging: Array | None  # (source joints, 3), `Body.hanging` of the source [source file units]
+    hanging: Array  # (source joints, 3), `Body.hanging` of the source [source file units]
     # (frames, source joints), how far each joint of an arm is where it is on purpose, 0 to 1: those of hands while the
     # arm is raised or bent, and all that is put in front of the trunk or behind it, of arms that hang for longer than
     # they do as they swing; 0 for other joints
@@ -96,6 +97,7 @@ class Clip:
             unit=body.unit,
             leg_lengths=matching.leg_lengths,
             legs=tuple(LegPair(a, b, *soles) for a, b, soles in legs),
+            is_person=body.anatomy is not None,
             target_legs=body.legs,
             source_skeleton=source.skeleton,
             hanging=source.hanging,

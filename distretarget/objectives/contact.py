@@ -168,7 +168,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
         held = supports[block]
-        near = contacts.near(block, held.standing)
+        near = contacts.near(block, held)
         held_springs = support_springs(held, body, bones[block], unit, firmness)
         springs = joined(held_springs, held.scene_springs, held.user_springs)
         room = room_for_springs(len(near.a) + len(springs.a) + len(held.floor.joints))

@@ -15,6 +15,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings, SelfContact
 from distretarget.objectives.clip import Clip, Drop
 from distretarget.objectives.contact_terms import TOUCH, NearPairs, write_stiffness
+from distretarget.objectives.supports import Supports
 
 LEAST_PATH = 5  # |P| of a pair: joints that are close along the tree make no contact
 STIFFNESS = 400.0  # of a pair, over reach / D, with `strength` 1
@@ -30,7 +31,8 @@ class CandidatePairs:
     b: Numbers  # (pairs,), the target's joint at v
     tau1: Array  # (pairs,), path lengths on the source [source file units]
     ratio: Array  # (pairs,), tau2 / tau1 [body units / source file unit]
-    hanging: Array  # (pairs,), D in the source with hanging arms; infinite where that is not known
+    hanging: Array  # (pairs,), D in the source as it stands with hanging arms
+    regions: Numbers  # (pairs, 2), the body regions of a and b
     passing: Flags  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
 
     def without(self, some: Flags) -> CandidatePairs:
@@ -44,12 +46,12 @@ def candidate_pairs(
     regions: Regions,
     legs: Legs | None,
     unit: float,
-    hanging: Array | None,
+    hanging: Array,
     points: Flags,
 ) -> CandidatePairs:
     """Return all pairs of points that lie in two non-adjacent regions of the target and have a path size |P| of at
-    least `LEAST_PATH`. `legs` are the target's, `unit` is its body unit [file units], and `hanging`, if known, is
-    `Body.hanging` of the source; only `points`, (points,), count.
+    least `LEAST_PATH`. `legs` are the target's, `unit` is its body unit [file units], and `hanging` is `Body.hanging`
+    of the source; only `points`, (points,), count.
     """
     of_point = regions.of_joint[distances.targets]
     u, v = np.triu_indices(len(distances), 1)
@@ -57,11 +59,12 @@ def candidate_pairs(
     far &= (np.minimum(of_point[u], of_point[v]) >= 0) & ~regions.neighbours[of_point[u], of_point[v]]
     far &= points[u] & points[v]
     u, v = u[far], v[far]
-    passing = passing_regions(regions, legs)[of_point[u], of_point[v]]
+    of_pair = np.stack([of_point[u], of_point[v]], axis=1)
+    passing = passing_regions(regions, legs)[*of_pair.T]
     tau1, targets = distances.tau1[u, v], distances.targets
     ratio = distances.tau2[u, v] / unit / tau1
     D = np.maximum(hanging_distances(hanging, distances.sources[u], distances.sources[v], tau1), TOUCH)
-    return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, D, passing)
+    return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, D, of_pair, passing)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,6 +78,7 @@ class ContactSearch:
     raised: Array  # (frames, points), 1 while the arm of each is raised or bent
     frame_time: float  # [s]
     settings: ContactSettings
+    regions: int  # the number of body regions
     drops: tuple[Drop, ...] = ()  # contacts that do not count
 
     @classmethod
@@ -95,11 +99,14 @@ class ContactSearch:
             raised=clip.raised_arms[:, distances.sources],
             frame_time=clip.frame_time,
             settings=settings,
+            regions=len(clip.regions.names),
             drops=clip.drops,
         )
 
-    def near(self, block: slice, standing: Array) -> NearPairs:
-        """Return the pairs in contact in a block; `standing`, (frames of it,), is 1 while a foot rests."""
+    def near(self, block: slice, held: Supports) -> NearPairs:
+        """Return the pairs in contact in a block, in which `held` rests: what lies between two parts that rest on the
+        world is where these are placed, and no contact.
+        """
         pairs, contact = self.pairs, SelfContact.of(self.settings, self.frame_time)
         first = max(block.start - contact.window, 0)
         around, inside = slice(first, block.stop + contact.window), slice(block.start - first, block.stop - first)
@@ -114,7 +121,9 @@ class ContactSearch:
             kept[np.ix_(drop.frames[around], drop.of(a, b))] = 0.0
         arms = np.maximum(raised[:, u], raised[:, v])
         f = contact.activation(least, pairs.hanging[on], arms, self.shots[around], kept)[inside]
-        f[:, pairs.passing[on]] *= (1.0 - standing)[:, None]
+        f[:, pairs.passing[on]] *= (1.0 - held.standing)[:, None]
+        one, other = held.of_regions(self.regions)[:, pairs.regions[on]].transpose(2, 0, 1)
+        f *= 1.0 - one * other
         D = D[inside]
         w = pair_stiffness(f, D, (u, v), source.shape[1], self.settings)
         w /= 1.0 + np.square(np.square(D / self.settings.reach))  # sooner than the fourth power

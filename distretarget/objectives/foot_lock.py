@@ -12,7 +12,8 @@ source's does, and its sole meets the floor as the source's does:
 So the sole has the source's height, scaled. What is steadied is its mean while the source's foot stands still, and may
 change as far as the source's foot slides: the leg is on average splayed as the source's, and the foot does not skate.
 a is 0 while the foot rolls about its toe and 1 while it turns about its ankle: a trembling foot leaves that still.
-Feet that stand beside each other under narrow hips come no nearer than a foot's width.
+Feet that stand beside each other under narrow hips come no nearer than a foot's width. The legs of animals have more
+bones, which say where feet stand: the mean of the copied toe less the source's, scaled, is taken there.
 
 While a foot of the source rests, its sole lies on what it rests on: it does not rise or sink, and on a level floor it
 is as high as any other (`level_on_floor`). The height of a sole as
@@ -96,15 +97,27 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
     rests, weights, sources, copies = map(list, zip(*side_by_side(foot, clip.legs), strict=True))
     if undersides is not None and undersides.feet_have_mesh:
         copies = _on_mesh(clip, undersides, rests, sources, copies)
-    wider = _wider(clip, weights, sources, copies)
+    asides = _asides(clip, weights, sources, copies)
     places = [
         _places(clip, source, copy, of_foot.max(axis=1), aside)
-        for source, copy, of_foot, aside in zip(sources, copies, weights, (wider, -wider), strict=True)
+        for source, copy, of_foot, aside in zip(sources, copies, weights, asides, strict=True)
     ]
     joints = np.array([joint for pair in clip.legs for joint in (pair.target.ankle, pair.target.toe)])
     regions, of_feet = clip.regions.of_joint[joints], np.hstack(places)
     feet = no_supports(len(clip)).with_joints(joints, regions, np.hstack(weights), of_feet)
     return replace(feet, feet=len(joints))
+
+
+def _asides(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Sequence[Array]:
+    """How much farther to the side each foot belongs than the source's, scaled, along the floor, (frames, 3) each
+    [target file units]; the foot of an animal, or of another body that is no person's, as far away as the copied one.
+    """
+    if clip.is_person:
+        wider = _wider(clip, weights, sources, copies)
+        return wider, -wider
+    to_path, feet = clip.root - clip.copy.root_positions, zip(sources, copies, strict=True)
+    ankles = ((clip.scale.places(foot.toe + foot.bone, clip.up), own.toe + own.bone) for foot, own in feet)
+    return [level(own + to_path - scaled, clip.up) for scaled, own in ankles]
 
 
 def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Array:

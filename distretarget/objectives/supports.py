@@ -56,6 +56,12 @@ class Supports:
         """(frames,), 1 while something other than a foot rests, blended to 0."""
         return np.asarray(self.weights[:, self.feet :].max(axis=1, initial=0.0))
 
+    def of_regions(self, count: int) -> Array:
+        """(frames, regions), how firmly something of each of the `count` body regions rests, 0 to 1."""
+        firm = np.zeros((count + 1, len(self.weights)))  # the last are joints outside the body
+        np.maximum.at(firm, self.regions, self.weights.T)
+        return firm[:-1].T
+
     @property
     def touches(self) -> Iterator[tuple[int, Array]]:
         """The joints that touch other performers or props, each with how firmly, (frames,), 0 to 1."""

@@ -120,7 +120,7 @@ def _touching(matching: Matching, clip: Clip, supports: Supports, settings: Cont
     contacts = ContactSearch.of(clip, replace(settings, blend=0.0))
     f = {pair: np.zeros(len(clip)) for pair in combinations(range(len(names)), 2)}
     for block in blocks_of(len(clip)):
-        near = contacts.near(block, supports[block].standing)
+        near = contacts.near(block, supports[block])
         ends = np.sort(np.stack([of_joint[near.a], of_joint[near.b]], axis=1), axis=1)
         for column, (a, b) in enumerate(ends.tolist()):
             np.maximum(f[a, b][block], near.f[:, column], out=f[a, b][block])
