@@ -16,6 +16,7 @@ from distretarget.ik.springs import Springs
 from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
 from distretarget.objectives.contact_pairs import LEAST_PATH, STIFFNESS, CandidatePairs, ContactSearch, candidate_pairs
 from distretarget.objectives.contact_terms import WITHIN, write_pair_spring
+from distretarget.objectives.supports import Supports, no_supports
 
 REACH = ContactSettings().reach
 SELF = SelfContact(lead=5.0, held=5, reach=REACH)
@@ -164,7 +165,8 @@ PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
 UNIT = 1.7
 SETTINGS = ContactSettings()
 BODY = MATCHING.target
-PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, None, np.ones(len(PROBLEM), bool))
+FAR = np.outer(np.arange(len(PERSON)), [1e9, 0.0, 0.0])  # a body that is near itself nowhere
+PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, FAR, np.ones(len(PROBLEM), bool))
 SIZES = PERSON.path_sizes(np.arange(len(PERSON)))
 FARTHEST = SETTINGS.reach
 
@@ -176,10 +178,15 @@ def copied(source):
 def springs_of(source, block, lead):
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
-    return written(near(PAIRS, points, np.zeros(len(source))[block], block, replace(SETTINGS, blend=lead)))
+    return written(near(PAIRS, points, no_supports(len(source))[block], block, replace(SETTINGS, blend=lead)))
 
 
-def near(pairs, points, standing, block, settings=SETTINGS):
+def resting(weights: np.ndarray, *regions: int, feet: int = 0) -> Supports:
+    """Supports of these weights, (frames, supports), in regions, the first of them of feet."""
+    return replace(no_supports(len(weights)), regions=np.array(regions), feet=feet, weights=weights)
+
+
+def near(pairs, points, held, block, settings=SETTINGS):
     """The near pairs of points without cuts and without arms; a frame takes a second, so that a lead is in frames."""
     source, copy = points
     contacts = ContactSearch(
@@ -190,8 +197,9 @@ def near(pairs, points, standing, block, settings=SETTINGS):
         raised=np.zeros(source.shape[:2]),
         frame_time=1.0,
         settings=settings,
+        regions=len(BODY.regions.names),
     )
-    return contacts.near(block, standing)
+    return contacts.near(block, held)
 
 
 def written(near):
@@ -238,7 +246,7 @@ def test_joints_that_coincide_by_their_bones_are_no_pair():
     chain = tree_of(np.outer(np.arange(6) == 5, [0, 1, 0]))
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
     problem = distance_problem(chain, longer, np.arange(6))
-    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, None, np.ones(6, bool))
+    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, FAR[:6], np.ones(6, bool))
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
 
 
@@ -313,9 +321,10 @@ def lone_and_cluster(count):
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
     tau = np.full(len(u), 2 / FARTHEST)
     far = np.full(len(u), np.inf)
-    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), far, np.zeros(len(u), bool))
+    none = np.zeros((len(u), 2), np.intp)
+    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), far, none, np.zeros(len(u), bool))
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
-    springs = written(near(pairs, (x, x), np.zeros(3), slice(0, 3), replace(SETTINGS, blend=0.0)))
+    springs = written(near(pairs, (x, x), no_supports(3), slice(0, 3), replace(SETTINGS, blend=0.0)))
     return np.linalg.eigvalsh(springs.A[1])[:, -1]
 
 
@@ -332,13 +341,12 @@ def test_the_pull_of_a_pair_is_bounded_and_within_reach_it_grows_with_the_change
     """Two points at half the reach; in the rotation copy they are farther apart, by more and more."""
     asked = np.array([0.0, 0.001, 0.002, 0.3, 0.6, 1.2])
     one, far = np.ones(1), np.full(1, np.inf)
-    pairs = CandidatePairs(
-        np.array([0]), np.array([1]), np.array([0]), np.array([1]), 2 * one / FARTHEST, one, far, one == 0
-    )
+    u, v, regions = np.array([0]), np.array([1]), np.array([[0, 1]])
+    pairs = CandidatePairs(u, v, u, v, 2 * one / FARTHEST, one, far, regions, one == 0)
     source = np.tile([[0.0, 0, 0], [1.0, 0, 0]], (len(asked), 1, 1))
     copy = np.array(source)
     copy[:, 1, 0] += asked
-    springs = written(near(pairs, (source, copy), np.zeros(len(asked)), slice(0, len(asked)), SETTINGS))
+    springs = written(near(pairs, (source, copy), no_supports(len(asked)), slice(0, len(asked)), SETTINGS))
     np.testing.assert_allclose(springs.rest[:, 0], [[-1.0, 0, 0]] * len(asked), atol=1e-9)
     pull = springs.A[:, 0, 0, 0] * asked
     assert pull[2] == pytest.approx(2 * pull[1], rel=1e-3)
@@ -352,7 +360,7 @@ def test_feet_are_no_pair_while_one_of_them_rests():
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
     settings = replace(SETTINGS, reach=0.5, blend=0.0)
     both = {"LeftAnkle", "LeftToe", "LeftToe_End"}, {"RightAnkle", "RightToe", "RightToe_End"}
-    standing = np.array([0, 0.5, 1, 0])
+    standing = resting(np.array([[0.0], [0.5], [1.0], [0.0]]), BODY.regions.names.index("left foot"), feet=1)
     pairs = near(PAIRS, points, standing, slice(0, 4), settings)
     feet = [
         {PERSON.names[a], PERSON.names[b]} & both[0] and {PERSON.names[a], PERSON.names[b]} & both[1]
@@ -363,6 +371,17 @@ def test_feet_are_no_pair_while_one_of_them_rests():
     assert np.all(pairs.w[2, feet] == 0)
     assert np.all((pairs.w[1, feet] > 0) & (pairs.w[1, feet] < pairs.w[0, feet]))
     assert np.all(pairs.w[2, ~feet] > 0)
+
+
+def test_hands_that_both_rest_are_no_pair():
+    source = clapping(np.ones(3))
+    points = source.positions[:, PROBLEM.sources], copied(source)[:, PROBLEM.targets] / UNIT
+    hands = [BODY.regions.names.index(f"{side} hand") for side in ("left", "right")]
+    held = resting(np.array([[0.0, 1.0], [0.5, 1.0], [1.0, 1.0]]), *hands)
+    pairs = near(PAIRS, points, held, slice(0, 3), replace(SETTINGS, blend=0.0))
+    of_hands = np.all(np.isin(BODY.regions.of_joint[np.stack([pairs.a, pairs.b])], hands), axis=0)
+    assert of_hands.any()
+    np.testing.assert_allclose(pairs.f[:, of_hands], pairs.f[0, of_hands] * [[1.0], [0.5], [0.0]])
 
 
 def test_a_clip_without_near_pairs_has_no_springs():
