@@ -79,7 +79,7 @@ def _jumps(copy: Array, frame: int, joints: Numbers, scale: float, last: int) ->
 
 
 @inlined()
-def _mean_step(motion: Array, going_on: Array, frame: int, joint: int, around: int) -> float:
+def _mean_step(motion: Array, going_on: B1, frame: int, joint: int, around: int) -> float:
     """The mean of the steps up to so many before and after a frame, within its shot."""
     total, count = 0.0, 0
     for way in (-1, 1):
