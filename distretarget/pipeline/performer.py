@@ -29,6 +29,7 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_flesh, find_floor_springs, rise_of_flesh
 from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
 from distretarget.objectives.heels import with_low_heels
+from distretarget.objectives.knees import with_straight_knees
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.skin import Reach, with_skin
@@ -223,7 +224,8 @@ class Performer:
             supports = feet_within_reach(clip, supports)
             supports = replace(supports, floor=find_floor_springs(clip, supports.weights, undersides, flesh))
         if options.supports != "free":
-            clip = with_swinging_feet_up(clip, feet, limbs_of(self.match.matching.target), undersides)
+            limbs = limbs_of(self.match.matching.target)
+            clip = with_straight_knees(with_swinging_feet_up(clip, feet, limbs, undersides), supports, limbs)
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)
