@@ -483,6 +483,16 @@ def test_a_hand_that_reaches_for_the_head_has_its_elbow_in_front(walk, hero):
     assert np.median(((elbow - shoulder) * front).sum(axis=1)) > 0.03 * body.height
 
 
+def test_hands_that_clap_come_apart_each_to_its_own_side(hero):
+    """The hands of the rotation copy cross."""
+    made = asked(sample("clap"), hero, Contact(between=("left hand", "right hand"), gap=20.0, frames=(60, 200)))
+    roles, x = made.matching.target.anatomy.roles, made.motion.positions[60:201]
+    left, right = (x[:, roles[f"{side}Hand"], 0] - x[:, roles["hips"], 0] for side in ("left", "right"))
+    assert left.min() > 0.1
+    assert right.max() < -0.1
+    np.testing.assert_allclose(left, -right, atol=0.03)
+
+
 def test_no_part_of_an_arm_flips_as_it_reaches_for_the_head(walk, hero):
     """The forearm turns by nearly half a turn in all, from hanging to upright."""
     made = asked(walk, hero, Contact(between=("left hand", "head"), gap=0.0, frames=FRAMES))

@@ -101,8 +101,10 @@ def constrained_result(
         held = _held(bound, poses, mapper)
     log = np.where(made.share > 0.0, held.log, poses.log)
     whole = free.match.skins is not None and not made.rest_on_body
-    led = bound.posed(_with_arms(held, poses, free) if whole else held)
-    led = layered([made], free.posed(poses), led) if whole else led
+    led = bound.posed(held)
+    if whole:
+        start = free.posed(poses)
+        led = layered([made], start, _with_arms(led, start, unconstrained.motion, made, free))
     posed = layered([made], unconstrained.motion, met(bound, led, made), whole)
     bound = replace(bound, supports=blended_supports(free.supports, bound.supports, made.share))
     return replace(bound.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(bound, made, posed)))
@@ -125,16 +127,19 @@ def _held(performer: Performer, poses: Poses, mapper: Mapper) -> Poses:
     return replace(held, v=poses.v + _steady(performer, held.v - poses.v))
 
 
-def _with_arms(held: Poses, poses: Poses, performer: Performer) -> Poses:
-    """Poses as they are held, but with the arms and shoulders of others."""
+def _with_arms(held: Motion, free: Motion, apart: Motion, made: Constraints, performer: Performer) -> Motion:
+    """A motion with the arms and shoulders of one without constraints; those of arms that are to reach for each other
+    as skin keeps them `apart`, each on its own side.
+    """
     clip, body = performer.clip, performer.match.matching.target
-    trunk, joints = {0, clip.pelvis, *(body.anatomy.spine if body.anatomy else ())}, list[int]()
+    trunk, arms = {0, clip.pelvis, *(body.anatomy.spine if body.anatomy else ())}, list[int]()
     for limb in limbs_of(body):
         shoulder = [joint for joint in clip.skeleton.line(limb.top) if joint not in trunk]
-        joints += [*clip.skeleton.subtree(limb.top), *shoulder] if limb.is_arm else []
-    arms, v = clip.parts[joints], held.v.copy()
-    v[:, arms] = poses.v[:, arms]
-    return replace(held, v=v)
+        arms += [*clip.skeleton.subtree(limb.top), *shoulder] if limb.is_arm else []
+    meet = any({*constraint.pair} <= {*arms} for constraint in made if constraint.pair)
+    rotations = np.array(held.rotations)
+    rotations[:, arms] = (apart if meet else free).rotations[:, arms]
+    return replace(held, rotations=rotations)
 
 
 def _steady(performer: Performer, change: Array) -> Array:
