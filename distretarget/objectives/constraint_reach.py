@@ -161,7 +161,9 @@ class Reaching:
         vectors, (frames, 3), so that the arm is in the body as little as may be; else as usual.
         """
         skin, count = self.skin, len(POLES)
-        on = np.isin(skin.capsules.segments, TRUNK)
+        on, thick = np.isin(skin.capsules.segments, TRUNK), skin.unit * skin.thickness(limb.middle)
+        if not on.any() or not thick:
+            return usual
         many = motion[np.repeat(np.arange(len(motion)), count)]
         poles = (POLES @ trunk).reshape(-1, 3)
         moved = reaching(many, limb, np.repeat(by, count, axis=0), poles, 1.0)
@@ -169,7 +171,6 @@ class Reaching:
         middle, end, t = middle + moved[:, 0], end + moved[:, 1], ALONG[:, None, None]
         points = np.concatenate([top + t * (middle - top), middle + t * (end - middle)]).swapaxes(0, 1)
         ends = np.repeat(skin.capsules[on].posed(motion), count, axis=0)
-        thick = skin.unit * skin.thickness(limb.middle)
         inside = np.maximum(1.0 - distances(points, ends, skin.capsules.radii[on])[0] / thick, 0.0).sum(axis=1)
         return np.asarray(POLES[(inside.reshape(-1, count).mean(axis=0) - USUAL * POLES @ usual).argmin()])
 
