@@ -67,7 +67,8 @@ function skinAt({geometry: {index: {array: corners}}, body}, seen) {
   if (!found) return {skin: -1, at: null};
   const {bind, joints, geometry: {attributes: {position: {array: rest}}}} = body;
   const skin = joints[each * found.toSorted(([, one], [, other]) => other - one)[0][0]];
-  return {skin, at: [0, 1, 2].map(k => total(found, ([corner, share]) => share * rest[3 * corner + k]) - bind[3 * skin + k])};
+  const place = k => total(found, ([corner, share]) => share * rest[3 * corner + k]) - bind[3 * skin + k];
+  return {skin, at: [0, 1, 2].map(place)};
 }
 
 /** Frees what the graphics card holds of an object. */
