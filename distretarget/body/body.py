@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 from types import NoneType
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
@@ -23,7 +24,7 @@ from distretarget.errors import MotionError, name_difference
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
-from distretarget.numerics.vectors import Array, normalised
+from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.rig import KEPT, of_rig
 from distretarget.skeleton import Skeleton
 
@@ -46,6 +47,11 @@ class Pose:
     # (3, 3), the body's left, up and forward as columns, snapped to near axes of the file; the axes of the file without
     # an anatomy
     axes: Array
+
+    def places(self, joints: Numbers, offsets: Array) -> Array:
+        """Return where joints, (n,), carry what is at offsets from them while no joint is turned, (n, m, 3) each."""
+        turns = Rotation.from_quat(self.rotations[joints]).as_matrix()
+        return np.asarray(np.einsum("nij,nmj->nmi", turns, offsets) + self.positions[joints, None])
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,9 +82,7 @@ class Build:
     @classmethod
     def of(cls, body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Build:
         """Return the build of a body with these capsules and this mesh."""
-        pose = body.reference
-        turns = Rotation.from_quat(pose.rotations[capsules.joints]).as_matrix()
-        places = np.einsum("cij,cej->cei", turns, capsules.ends) + pose.positions[capsules.joints][:, None]
+        places = body.reference.places(capsules.joints, capsules.ends)
         parts: dict[str, Array] = {}
         left = np.ones(len(capsules), bool)  # fingers without joints of their own count as palm
         for part, frame in frames(body):

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
+from distretarget.body.build import built
 from distretarget.body.segments import find_segments, frames
 from distretarget.contact_entries import Anchor
 from distretarget.motion import Motion
@@ -71,7 +72,12 @@ class AnchoredSkin:
 
     body: Body
     capsules: Capsules
-    mesh: SkinnedMesh | None
+    mesh: SkinnedMesh | None = None
+
+    @classmethod
+    def of(cls, body: Body, capsules: Capsules | None, mesh: SkinnedMesh | None = None) -> AnchoredSkin:
+        """Return the skin of a body; an average one for a body without capsules, which has no mesh."""
+        return cls(body, built(body), None) if capsules is None else cls(body, capsules, mesh)
 
     def part_of(self, joint: int) -> str:
         """Return the part with an axis that a joint belongs to; empty for none."""
@@ -124,9 +130,7 @@ class AnchoredSkin:
     @cached_property
     def _ends(self) -> Array:
         """(capsules, 2, 3), the ends of the capsules in the reference pose."""
-        pose, joints = self.body.reference, self.capsules.joints
-        turns = Rotation.from_quat(pose.rotations[joints]).as_matrix()
-        return np.asarray(pose.positions[joints, None] + np.einsum("cij,cej->cei", turns, self.capsules.ends))
+        return self.body.reference.places(self.capsules.joints, self.capsules.ends)
 
     @cached_property
     def _vertices(self) -> Array:

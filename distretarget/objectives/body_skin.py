@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
@@ -56,8 +55,7 @@ class BodySkin:
         """Return the skin of a body with these capsules."""
         pose, skeleton = body.reference, body.skeleton
         capsules = capsules[np.argsort(capsules.segments, kind="stable")]
-        turned = Rotation.from_quat(pose.rotations[capsules.joints]).as_matrix()
-        posed = np.einsum("cij,cej->cei", turned, capsules.ends) + pose.positions[capsules.joints, None]
+        posed = pose.places(capsules.joints, capsules.ends)
         in_units = replace(capsules, ends=capsules.ends / body.unit, radii=capsules.radii / body.unit)
         balls = balls_of(in_units, posed / body.unit)
         own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))

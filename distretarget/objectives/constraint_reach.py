@@ -80,10 +80,10 @@ class Reaching:
         on them face those that they touch.
         """
         for constraint, weight in zip(self.constraints, weights, strict=True):
-            motion = self._facing(motion, constraint, weight)
+            motion = self._with_hands_facing(motion, constraint, weight)
         return self._moved(motion, self.displacements(motion, weights)[0], steady)
 
-    def _facing(self, motion: Motion, constraint: Constraint, weight: Array) -> Motion:
+    def _with_hands_facing(self, motion: Motion, constraint: Constraint, weight: Array) -> Motion:
         """The motion with the hands of a contact turned so that its anchors face each other, as far as they can, and
         about in line with their forearms.
         """
@@ -100,7 +100,7 @@ class Reaching:
                     spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
                     spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(bone, out)) / lengths(bone))
                     turn = Rotation.from_rotvec(spin[:, None] * out) * turn
-                    turns.append((arm.end, (free * weight)[:, None] * _steady(turn, weight)))
+                    turns.append((arm.end, (free * weight)[:, None] * _unwound(turn, weight)))
         for joint, way in turns:
             goal = Rotation.from_rotvec(way / len(turns)) * Rotation.from_quat(motion.world_rotations_of(joint))
             motion = _turned(motion, joint, goal, way.any(axis=1).astype(float))
@@ -277,7 +277,7 @@ def _turned(posed: Motion, joint: int, goal: Rotation, weight: Array) -> Motion:
     return replace(posed, rotations=rotations)
 
 
-def _steady(turns: Rotation, weight: Array) -> Array:
+def _unwound(turns: Rotation, weight: Array) -> Array:
     """The rotation vectors, (frames, 3), of turns that go on the same way round from frame to frame, by more than half
     a turn if need be, but not where the weight, (frames,), is largest.
     """

@@ -26,6 +26,7 @@ from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.constraints import Carrier, Constraint, Constraints
 from distretarget.objectives.contact import part_stiffness
+from distretarget.objectives.mesh_gaps import FARTHEST
 from distretarget.objectives.skin import SkinGap
 from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
@@ -34,7 +35,6 @@ from distretarget.skin.capsules import IS_ARM, PLACE
 BETWEEN_SPAN = 0.3  # what is to be between joints is averaged over this time before and after [s]
 FACING = 0.1  # and where skins face each other over this [s]
 SEEN = 7  # frames that show how far skins are apart, about
-FARTHEST = 0.06  # skins that are farther apart are taken to be so far from each other [body units]
 LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [body units]
 
 

@@ -22,7 +22,7 @@ from distretarget.ik.poses import Mapper, Poses
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.body_skin import limbs_of
+from distretarget.objectives.body_skin import BodySkin, limbs_of
 from distretarget.objectives.constraint_reach import Reaching, with_looks
 from distretarget.objectives.constraint_springs import between, eased_gap, off_by, with_anchors_apart, with_constraints
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
@@ -41,6 +41,7 @@ ROUNDS = 2  # in which what is between parts is found
 # until all are nearer than `MET` [heights], or a round brings them no nearer.
 CLOSING = (0.1, 0.05, 0.05, 0.03, 0.03, 0.02, 0.0, 0.0)
 MET = 0.002
+FACES = 4  # times that hands turn to what they touch at an anchor, and arms reach for it: hands turn with forearms
 SETTLES = 3  # times that it is found how far apart anchors are while skins touch
 EARLY = 0.3  # with skin, the blend is complete where the share of constraints reaches this
 TURNS = 4  # with skin it is solved so many times at most
@@ -91,8 +92,10 @@ def constrained_result(
     What limbs have to reach for after a round tells the next one how to bring parts together.
     """
     poses, bound = unconstrained.poses, constrain(free, constraints)
-    constraints = settled(bound, unconstrained.motion, constraints)
-    made, bound = constraints.made, constrain(free, constraints)
+    if free.match.skins and any(constraint.anchors for constraint in constraints.made):
+        constraints = settled(bound, unconstrained.motion, constraints, free.match.skins.target)
+        bound = constrain(free, constraints)
+    made = constraints.made
     held = _held(bound, poses, mapper)
     for _ in range(1, ROUNDS):
         closed = _closed(bound, bound.posed(held), made)
@@ -110,14 +113,12 @@ def constrained_result(
     return replace(bound.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(bound, made, posed)))
 
 
-def settled(performer: Performer, motion: Motion, constraints: Constraints) -> Constraints:
-    """Return constraints whose anchors are so far apart that the gaps of skin are as asked; others as they are."""
-    skins, made = performer.match.skins, constraints.made
-    if skins is None or not any(constraint.anchors for constraint in made):
-        return constraints
+def settled(performer: Performer, motion: Motion, constraints: Constraints, skin: BodySkin) -> Constraints:
+    """Return constraints whose anchors are so far apart that the gaps of skin are as asked."""
+    made = constraints.made
     for _ in range(SETTLES):
         motion = _closed(performer, motion, made)
-        made = with_anchors_apart(made, motion, skins.target)
+        made = with_anchors_apart(made, motion, skin)
     return replace(made, every=(*constraints.drops, *made))
 
 
@@ -169,7 +170,7 @@ def met(performer: Performer, motion: Motion, constraints: Constraints) -> Motio
     pairs = (skins.target.between(*constraint.joints) for constraint in constraints if constraint.anchors)
     anchored = np.concatenate([np.zeros(0, np.intp), *pairs])
     before = limbs.brought_out(with_looks(motion, constraints, body), weights)
-    for _ in range(4 if len(anchored) else 1):  # hands turn with forearms
+    for _ in range(FACES if len(anchored) else 1):
         before = limbs.reached(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]

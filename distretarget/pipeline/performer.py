@@ -75,9 +75,8 @@ class Match:
     @cached_property
     def anchored_skin(self) -> AnchoredSkin:
         """The skin of the target on which anchors are found; an average one of a stick figure."""
-        body = self.matching.target
-        capsules = self.skins.target.capsules if self.skins else built(body)
-        return AnchoredSkin(body, capsules, self.mesh if self.skins and not self.hips else None)
+        capsules = self.skins.target.capsules if self.skins else None
+        return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -226,7 +225,7 @@ class Performer:
         if options.supports != "free":
             limbs = limbs_of(self.match.matching.target)
             clip = with_straight_knees(with_swinging_feet_up(clip, feet, limbs, undersides), supports, limbs)
-        if options.supports == "free":
+        else:
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from distretarget.body.build import built, capsules_of
+from distretarget.body.build import capsules_of
 from distretarget.body.skin_anchors import AnchoredSkin
 from distretarget.checks import check_kind
 from distretarget.errors import DistretargetError
@@ -87,7 +87,7 @@ def run_axes(result: RetargetResult) -> list[dict[str, object] | None]:
     and the name of the part that is anchored there; None for joints of no part.
     """
     body, turn, unit = result.matching.target, to_y_up(result.world.up_vector), _units(result.matching)[1]
-    skin = AnchoredSkin(body, result.skins.target.capsules if result.skins else built(body), None)
+    skin = AnchoredSkin.of(body, result.skins.target.capsules if result.skins else None)
     found = list[dict[str, object] | None]()
     for joint, region in enumerate(body.regions.of_joint.tolist()):
         axes, name = skin.axes_at(joint), body.regions.names[region] if region >= 0 else ""
