@@ -5,6 +5,7 @@ from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from bodies import sample_target
 
 from distretarget import Body, Motion
@@ -69,3 +70,40 @@ def test_a_hand_in_a_large_head_goes_to_the_sources_side_and_out_as_far_as_it_re
 def test_a_hand_that_cannot_move_and_the_same_body_stay_as_they_are():
     for result in (brought(skin(4.0), free=0.0), brought(skin())):
         np.testing.assert_allclose(result.positions, overhead().positions, atol=1e-9)
+
+
+def centres(body, motion):
+    """The middles of the left and of the right hand, (2, frames, 3)."""
+    ends = body.posed(motion)
+    return body.unit * np.array([body.centres(ends, body.of_joint[limb.end]).mean(axis=1) for limb in body.limbs[:2]])
+
+
+def with_hands(motion, at):
+    """The motion with the middles of the two hands at places, (2, 3)."""
+    body = skin()
+    for _ in range(20):  # hands turn with their forearms
+        moved = np.zeros((len(motion), len(body.limbs), 2, 3))
+        for number, way in enumerate(at[:, None] - centres(body, motion)):
+            moved[:, number] = reaching(motion, body.limbs[number], way, np.zeros_like(way))
+        motion = bent(motion, body.limbs, moved)
+    return motion
+
+
+@pytest.mark.parametrize(
+    ("apart", "passed", "moves"),
+    [(1.0, -0.8, True), (1.0, 0.2, True), (1.0, 1.0, False), (3.5, -0.8, False)],
+    ids=["passed each other", "deep in each other", "as in the source", "apart in the source"],
+)
+def test_hands_that_touch_are_on_the_sides_on_which_the_source_has_them(apart, passed, moves):
+    body, still = skin(), overhead()
+    hand = body.unit * float(
+        np.mean([body.balls.radii[body.balls_of(body.of_joint[limb.end])].mean() for limb in body.limbs[:2]])
+    )
+    left = np.array([1.0, 0.0, 0.0])
+    front = still.positions[0, body.limbs[0].top] * [0.0, 1.0, 1.0] + [0.0, 0.0, 0.25 * body.unit]
+    source, copy = (with_hands(still, front + hand * far * np.array([left, -left])) for far in (apart, passed))
+    clip = SimpleNamespace(source=source, averaged=lambda values, _: values, widened=lambda values, _: values)
+    result = approached(clip, Skins(body, body), copy, np.ones((len(copy), len(body.limbs))))
+    wanted = centres(body, source if moves else copy)
+    (found, other), (left_hand, right_hand) = centres(body, result), wanted
+    np.testing.assert_allclose(found - other, left_hand - right_hand, atol=0.5 * hand)

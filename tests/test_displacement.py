@@ -7,6 +7,7 @@ from bodies import PERSON
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
+from distretarget.body.build import average_for
 from distretarget.objectives.body_skin import ELBOW, BodySkin
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules, gap_at, may_touch, write_axis
@@ -14,6 +15,7 @@ from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import WRIST, bent
 
 BODY = Body.of(PERSON)
+SKIN = BodySkin.of(BODY, average_for(BODY).on(BODY))
 HAND, BELLY = 0.03, 0.2  # radii
 
 
@@ -35,6 +37,15 @@ def gap_along(share, part, depth=0.01, radius=0.04):
     place = share * wrist + (2 * radius - depth) * across
     gaps = segment_gaps(skin.balls, np.array([[[0.0 * wrist, wrist], [place, place]]]) / skin.unit, 1.0)
     return gaps[0].min() * skin.unit
+
+
+def test_a_body_and_its_mirror_image_touch_in_the_same_pairs():
+    number = {name: SEGMENTS.index(name) for name in SEGMENTS}
+    other = {"left": "right", "right": "left"}
+    opposite = [number[" ".join(other.get(word, word) for word in name.split())] for name in SEGMENTS]
+    pairs = {*map(tuple, SKIN.balls.pairs.tolist())}
+    assert pairs == {(opposite[a], opposite[b]) for a, b in pairs}
+    assert (number["left hand"], number["right hand"]) in pairs
 
 
 @pytest.mark.parametrize("part", ["chest", "belly", "pelvis"])

@@ -119,7 +119,7 @@ def _carried(heights: Array) -> Array:
     carried, heights = np.zeros((*heights.shape, 2)), np.clip(heights, 0.0, 1.0)
     for part, name in enumerate(PARTS):
         if name in ARM_PARTS:
-            s = heights[:, part]
+            s = heights[:, part] if "hand" not in name else np.ones(len(heights))
             carried[:, part] = np.stack([s, 0.0 * s] if "upper" in name else [1.0 - s, s], axis=1)
     return carried
 

@@ -11,7 +11,7 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.objectives.part_axes import Landmarks
 from distretarget.rig import found_once
 from distretarget.skeleton import Skeleton
@@ -74,13 +74,18 @@ class BodySkin:
         balls.spare[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
         mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms give way to arms and legs to legs, but legs not to arms
         head = capsules.radii[capsules.segments == SEGMENTS.index("head")]
+        tips = [2.0 * float(head.mean()) if head.size else 0.0]
+        for side in SIDES:
+            hand, wrist = posed[capsules.segments == SEGMENTS.index(f"{side} hand")], body.roles.get(f"{side}Hand")
+            known = len(hand) and wrist is not None
+            tips.append(2.0 * float(lengths(hand.mean(axis=(0, 1)) - pose.positions[wrist])) if known else 0.0)
         return cls(
             capsules=capsules,
             balls=balls,
             limbs=limbs,
             displaced=Displaced(of_capsule, shares, mutual),
             of_joint=np.array(of_joint, np.intp),
-            landmarks=Landmarks.of(body, 2.0 * float(head.mean()) if head.size else 0.0),
+            landmarks=Landmarks.of(body, tips),
             unit=body.unit,
         )
 

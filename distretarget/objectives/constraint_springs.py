@@ -184,10 +184,8 @@ def gap_between(constraints: Constraints, constraint: Constraint, skins: Skins) 
 
 def _to_gap(clip: Clip, constraint: Constraint, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
     """(frames, 3), how far the first part of a contact has to go for this gap at the pairs `on` [body units]."""
-    first = np.isin(body.of_joint[constraint.joints[0]], body.balls.pairs[on, 0]).any()
-    own, away = nearest_skin(body.balls, body.posed(motion), on)
-    away = normalised(clip.averaged(away, FACING))
-    return np.asarray((1.0 if first else -1.0) * (gap - own)[:, None] * away)
+    own, away = nearest_skin(body.balls, body.posed(motion), on, body.of_joint[constraint.joints[0]])
+    return np.asarray((gap - own)[:, None] * normalised(clip.averaged(away, FACING)))
 
 
 def _nearest_way(motion: Motion, parts: Sequence[Numbers]) -> Array:

@@ -7,7 +7,7 @@ the same place, however thick the part is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -23,6 +23,7 @@ from distretarget.numerics.vectors import Array, cross, lengths, normalised
 PARTS = {"trunk": ("chest", "belly", "pelvis"), "left thigh": ("left thigh",), "right thigh": ("right thigh",)}
 PARTS |= {"head": ("head", "neck")}  # each with its segments
 ARM_PARTS = tuple(f"{side} {part}" for side in SIDES for part in ("upper arm", "forearm"))
+ARM_PARTS += tuple(f"{side} hand" for side in SIDES)
 PARTS |= {part: (part,) for part in ARM_PARTS}
 ARMS = tuple((f"{side}UpperArm", f"{side}LowerArm", f"{side}Hand") for side in SIDES)
 ROLES = ("leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg", "head", *ARMS[0], *ARMS[1])
@@ -36,47 +37,68 @@ class Axes(NamedTuple):
     lengths: Array  # (frames, parts) [file units]
 
 
+class Tip(NamedTuple):
+    """A part beyond the last joint of a body that moves it: the head, or a hand."""
+
+    joint: int
+    axes: Array  # (3, 3), its directions, as rows, while its joint is not turned
+    length: float  # [file units]
+
+
 @dataclass(frozen=True, eq=False)
 class Landmarks:
     """What the axes of a body's parts are found from."""
 
     joints: Mapping[str, int]  # of `ROLES`
-    head: Array  # (3, 3), the directions of the head's axes, as rows, while its joint is not turned
-    head_length: float  # [file units]
+    tips: tuple[Tip, ...]  # head, left hand and right hand
     fronts: Mapping[str, Array]  # (3,), the front of each upper arm and forearm while its joint is not turned, by role
 
     @classmethod
-    def of(cls, body: Body, head_length: float) -> Landmarks | None:
-        """Return those of a body; None where it lacks any."""
-        roles = body.roles
-        if not roles.keys() >= {*ROLES} or head_length <= 0.0:
+    def of(cls, body: Body, lengths: Sequence[float]) -> Landmarks | None:
+        """Return those of a body with these lengths of head and hands; None where it lacks any."""
+        roles, pose = body.roles, body.reference
+        if not roles.keys() >= {*ROLES} or min(lengths) <= 0.0:
             return None
-        up, front = body.reference.axes[:, 1], body.reference.axes[:, 2]
-        turned = Rotation.from_quat(body.reference.rotations[roles["head"]]).inv()
-        head = turned.apply(np.stack([up, front, np.cross(up, front)]))
-        arms = {role: body.reference.rotations[roles[role]] for arm in ARMS for role in arm[:2]}
-        fronts = {role: Rotation.from_quat(turn).inv().apply(front) for role, turn in arms.items()}
-        return cls({role: roles[role] for role in ROLES}, head, head_length, fronts)
+        up, front = pose.axes[:, 1], pose.axes[:, 2]
+
+        def unturned(role: str, *directions: Array) -> Array:
+            return Rotation.from_quat(pose.rotations[roles[role]]).inv().apply(np.stack(directions))
+
+        axes = [unturned("head", up, front, np.cross(up, front))]
+        for _, middle, end in ARMS:
+            along = (pose.positions[roles[end]] - pose.positions[roles[middle]])[None]
+            axes.append(unturned(end, *_directions(along, np.cross(along, front))[0]))
+        joints = [roles[role] for role in ("head", *(arm[-1] for arm in ARMS))]
+        fronts = {role: unturned(role, front)[0] for arm in ARMS for role in arm[:2]}
+        return cls({role: roles[role] for role in ROLES}, tuple(map(Tip, joints, axes, lengths)), fronts)
 
     def axes(self, motion: Motion) -> Axes:
         """Return the axes in each frame of a motion."""
         at = {role: motion.positions[:, joint] for role, joint in self.joints.items()}
         hips, arms = (0.5 * (at[f"left{part}"] + at[f"right{part}"]) for part in ("UpperLeg", "UpperArm"))
         across = at["leftUpperArm"] - at["rightUpperArm"], at["leftUpperLeg"] - at["rightUpperLeg"]
+        of_tips = [np.einsum("fij,kj->fki", _matrices(motion, tip.joint), tip.axes) for tip in self.tips]
         starts = [hips, at["leftUpperLeg"], at["rightUpperLeg"], at["head"]]
         ends = [arms, at["leftLowerLeg"], at["rightLowerLeg"]]
-        head = Rotation.from_quat(motion.world_rotations_of(self.joints["head"])).as_matrix()
-        of_head = np.einsum("fij,kj->fki", head, self.head)
         bones, sides = [end - start for start, end in zip(starts, ends, strict=False)], across[:1] + 2 * across[1:]
-        directions = [*map(_directions, bones, sides), of_head]
-        sizes = [*map(lengths, bones), np.full(len(motion), self.head_length)]
+        directions = [*map(_directions, bones, sides), of_tips[0]]
+        sizes = [*map(lengths, bones), np.full(len(motion), self.tips[0].length)]
         for top, end in (bone for arm in ARMS for bone in pairwise(arm)):
             bone = at[end] - at[top]
             front = Rotation.from_quat(motion.world_rotations_of(self.joints[top])).apply(self.fronts[top])
             starts.append(at[top])
             directions.append(_directions(bone, cross(bone, front)))
             sizes.append(lengths(bone))
+        for (*_, wrist), tip, of_hand in zip(ARMS, self.tips[1:], of_tips[1:], strict=True):
+            starts.append(at[wrist])
+            directions.append(of_hand)
+            sizes.append(np.full(len(motion), tip.length))
         return Axes(np.stack(starts, axis=1), np.stack(directions, axis=1), np.stack(sizes, axis=1))
+
+
+def _matrices(motion: Motion, joint: int) -> Array:
+    """(frames, 3, 3), how a joint is turned in the world."""
+    return Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
 
 
 def _directions(along: Array, left: Array) -> Array:

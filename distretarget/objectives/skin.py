@@ -43,6 +43,7 @@ TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [bod
 # The mesh is looked at before each round of the solve, as other places of it may be nearest once limbs have moved; the
 # steps of a round, at most. More rounds of fewer steps keep skin out better than fewer that settle.
 ROUNDS = (4, 4, 8)
+EACH_OF_TWO = np.sqrt(0.5)  # two arms that touch are two spots, each half as stiff, as stiffness is firmness squared
 BY_USER = 2.0  # contacts that a user asks for are firmer than others by this factor
 PRESSED = 0.01  # in the source's own body hands and forearms sink in as they do there, but by no more [body units]
 REACH = 0.3  # what is farther apart than this in the result, half an arm, is not brought to touch [body units]
@@ -182,6 +183,7 @@ def _of_source(
     touching = how_touching(spots, gaps)
     firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
     firmness *= _alone(body, spots, alone) * stays(source, clip.source, ends, spots, touching, clip.shots)
+    firmness[:, np.isin(spots.places, PLACE[:-1][IS_ARM])] *= EACH_OF_TWO
     least = -PRESSED if skins.are_alike else 0.0
     pressed = np.where(spots.are_hard, np.clip(-gaps, 0.0, -least), 0.0)
     frames = Frames(

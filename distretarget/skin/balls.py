@@ -20,25 +20,26 @@ MOST_BALLS = 7  # of a capsule
 NEVER = 1e9  # the spare gap of a ball and a capsule that never meet
 OVERLAP = 0.5  # balls that are deeper than this in another part in the reference pose do not meet it [radii]
 
+NO_SEGMENTS = np.zeros(0, np.intp)
 ARM_PARTS, LEG_PARTS = LIMB_SEGMENTS[:3], LIMB_SEGMENTS[3:]
 
 
 def _touching_segments() -> list[tuple[int, int]]:
-    """The pairs of segments that can touch, numbers of `SEGMENTS`: arms and trunk, arms and legs, the two arms,
-    hand and shoulder of one arm, and the two legs.
+    """The pairs of segments that can touch, numbers of `SEGMENTS`: arms and trunk, arms and legs, the two arms, hand
+    and shoulder of one arm, and the two legs. Of the two arms, and of the two legs, each is balls once, so that a body
+    and its mirror image are alike; but a hand or a forearm touches an upper arm, and not the upper arm the hand.
     """
     number = SEGMENTS.index
     pairs = []
-    for side in ("left", "right"):
+    for side, opposite in (("left", "right"), ("right", "left")):
         for part in ARM_PARTS:
             limb = number(f"{side} {part}")
             pairs += [(limb, number(trunk)) for trunk in TRUNK_SEGMENTS]
             pairs += [(limb, number(f"{leg} {below}")) for leg in ("left", "right") for below in LEG_PARTS]
-            others = [number(f"right {arm}") for arm in ARM_PARTS if side == "left"]
-            # What touches comes first: a hand or a forearm, before an upper arm.
-            pairs += [(other, limb) if part == "upper arm" else (limb, other) for other in others]
+            others = ARM_PARTS if part != "upper arm" else ("upper arm",)
+            pairs += [(limb, number(f"{opposite} {other}")) for other in others]
         pairs.append((number(f"{side} hand"), number(f"{side} upper arm")))
-    pairs += [(number(f"left {a}"), number(f"right {b}")) for a in LEG_PARTS for b in LEG_PARTS]
+        pairs += [(number(f"{side} {a}"), number(f"{opposite} {b}")) for a in LEG_PARTS for b in LEG_PARTS]
     return pairs
 
 
@@ -231,25 +232,26 @@ def _write_gaps(balls: Balls, posed: F4, farthest: float, placed: Placed, gaps: 
             gaps[frame, pair] = least
 
 
-def nearest_skin(balls: Balls, posed: Array, pairs: Numbers) -> tuple[Array, Array]:
-    """Return the least gap of some `pairs` of segments in each frame, (frames,), and the direction there from the
-    capsules to the balls, (frames, 3). Capsules end at `posed`, (frames, capsules, 2, 3); gaps are as in
+def nearest_skin(balls: Balls, posed: Array, pairs: Numbers, of_first: Numbers = NO_SEGMENTS) -> tuple[Array, Array]:
+    """Return the least gap of some `pairs` of segments in each frame, (frames,), and the direction there to those of
+    the segments `of_first`, (frames, 3). Capsules end at `posed`, (frames, capsules, 2, 3); gaps are as in
     `segment_gaps`.
     """
     gaps, away = np.full(len(posed), NEVER), np.zeros((len(posed), 3))
-    _write_nearest(balls, posed, pairs, room_for(balls), gaps, away)
+    signs = np.where(np.isin(balls.pairs[pairs, 0], of_first), 1.0, -1.0)
+    _write_nearest(balls, posed, pairs, signs, room_for(balls), gaps, away)
     return gaps, away
 
 
 @compiled()
-def _write_nearest(balls: Balls, posed: F4, pairs: I1, placed: Placed, gaps: Out[F1], away: Out[F2]) -> None:
+def _write_nearest(balls: Balls, posed: F4, pairs: I1, signs: F1, placed: Placed, gaps: Out[F1], away: Out[F2]) -> None:
     for frame in range(len(posed)):
         place(balls, posed[frame], placed)
-        for pair in pairs:
+        for pair, sign in zip(pairs, signs):  # noqa: B905 - compiled
             for meeting in range(find_meetings(balls, pair, gaps[frame], placed)):
                 gap, _, x, y, z = gap_of(balls, placed.meetings[meeting, 0], placed.meetings[meeting, 1], placed)
                 if gap < gaps[frame]:
-                    gaps[frame], away[frame, 0], away[frame, 1], away[frame, 2] = gap, x, y, z
+                    gaps[frame], away[frame, 0], away[frame, 1], away[frame, 2] = gap, sign * x, sign * y, sign * z
 
 
 @compiled(fastmath=True)
