@@ -55,9 +55,9 @@ class Landmarks:
 
     @classmethod
     def of(cls, body: Body, lengths: Sequence[float]) -> Landmarks | None:
-        """Return those of a body with these lengths of head and hands; None where it lacks any."""
+        """Return those of a body with these lengths of its head and hands; None where it lacks any but the hands."""
         roles, pose = body.roles, body.reference
-        if not roles.keys() >= {*ROLES} or min(lengths) <= 0.0:
+        if not roles.keys() >= {*ROLES} or lengths[0] <= 0.0:
             return None
         up, front = pose.axes[:, 1], pose.axes[:, 2]
 
