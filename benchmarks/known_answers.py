@@ -87,7 +87,7 @@ def known_answer(frames: int, corpus: Path, way: tuple[str, str], clip: str) -> 
     """
     motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in way)
     result = retarget(motion, answer)
-    body, rests = result.matching.target, result.comparison.feet.stance[:, ::2]
+    body, rests = result.matching.target, result.comparison.stance[:, ::2]
     bones = shared_bones(result.matching)
     legs, up = body.legs or (), body.up_vector
     metrics: dict[str, list[float]] = {"direction": [], "foot": [], "hips": []}

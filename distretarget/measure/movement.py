@@ -1,4 +1,4 @@
-"""How bones point and joints move in a result: directions, lengths, jerk and turns."""
+"""How bones point in a result."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import rest_alignment
-from distretarget.body.body import Body
 from distretarget.matching.matching import Matching, by_soles
 from distretarget.motion import Motion
-from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along, write_directions
+from distretarget.numerics.joint_paths import angles_to_bones, write_directions
 from distretarget.numerics.parallel import in_blocks
-from distretarget.numerics.vectors import Array, Numbers, lengths
+from distretarget.numerics.vectors import Array, Numbers
 from distretarget.rig import found_once
 
 Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
@@ -81,27 +80,3 @@ def _built_differently(matching: Matching) -> list[int]:
         return []
     joints = [joint for role, joint in anatomy.roles.items() if role.endswith(BUILT_DIFFERENTLY)]
     return [*joints, *anatomy.spine, *anatomy.neck, *matching.target.above_hips]
-
-
-def bone_error(result: Motion, body: Body) -> Array:
-    """(frames,), the largest relative error of the length of a bone of the body."""
-    skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
-    lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
-    upper, known = skeleton.parents[lower], skeleton.lengths[lower]
-
-    def errors(block: slice) -> Array:
-        x = result.positions[block]
-        return np.asarray(np.abs(lengths(x[:, lower] - x[:, upper]) / known - 1.0).max(axis=1, initial=0.0))
-
-    return in_blocks(errors, len(result))
-
-
-def jerk(motion: Motion, body: Body) -> Array:
-    """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
-    size = body.skeleton.longest_path * motion.frame_time**3
-    return np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size)
-
-
-def turns(motion: Motion, joints: Numbers) -> Array:
-    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad]."""
-    return turns_along(motion.skeleton.parents, motion.rotations, joints)

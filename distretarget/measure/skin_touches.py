@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
 from distretarget.measure.skin import OWN_ARM, Skin, are_parts
 from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
-from distretarget.measure.touches import around, hanging_parts, off_times, passing, speeds
+from distretarget.measure.touches import hanging_parts, passing, speeds
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
@@ -30,8 +29,6 @@ VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the 
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
 # (limbs, segments), those beside an arm that hangs
 BESIDE = np.array([are_parts(limb.split()[0], BESIDE_ARM) for limb in LIMBS])
-# (limbs, places), the places of these
-BESIDE_PLACES = np.array([np.isin(np.arange(PLACE_OF.max() + 1), PLACE_OF[beside]) for beside in BESIDE])
 OF_AN_ARM = np.array([name.endswith(OWN_ARM) for name in SEGMENTS])  # (segments,)
 # (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
 # at the wrist, which is not at the same place of every mesh.
@@ -53,10 +50,6 @@ class SkinMeasured:
     # what is touched [half widths], and the number of these places
     place_error: Array
     placed: Numbers
-    # (frames, limbs), how far begins and ends of touches are off, in the frames where those of the source are [ms], and
-    # their number
-    time_error: Array
-    timed: Numbers
 
     @property
     def tracks(self) -> Tracks:
@@ -68,25 +61,7 @@ class SkinMeasured:
             "skin_gap": Track(self.gap_error, self.touching > 0, LIMBS),
             "touch_missed": Track(np.where(self.gap_error > TOUCHING, 100.0, 0.0), self.touching, LIMBS),
             "touch_place": Track(self.place_error, self.placed, LIMBS),
-            "touch_time": Track(self.time_error, self.timed, LIMBS),
         }
-
-
-class _Seen(NamedTuple):
-    """What is seen of a result in the frames that are measured. Lengths are in file units."""
-
-    deepest: Array  # (frames, parts), how deep each is inside others
-    vertices: Array  # (frames,), how many of hands and forearms are inside
-    gaps: Array  # (contacts,), of what touches in the source
-    spots: Array  # (contacts, 3), as `PartFrames.coordinates`
-    touching: Flags  # (frames, limbs, places)
-
-    @classmethod
-    def of(cls, frames: int, contacts: int) -> _Seen:
-        """Room for so many frames and contacts."""
-        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
-        none, spots = np.zeros(contacts), np.full((contacts, 3), np.nan)
-        return cls(np.zeros((frames, len(PARTS))), np.zeros(frames), none, spots, touching)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,102 +73,51 @@ class SourceSkin:
     touches: Numbers  # (3, contacts), which of these, limb and segment, by frames
     gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
     spots: Array  # (contacts, 3), where on the segment, as `PartFrames.coordinates`
-    hanging: Flags  # (frames, limbs), whether the arm of each hangs
-    frame_time: float  # [s]
-
-    @classmethod
-    def without_touches(cls, target: Skin, seen: Numbers, frame_time: float) -> SourceSkin:
-        """A source in which nothing touches."""
-        none = np.zeros((3, 0), np.intp)
-        hanging = np.zeros((seen.max(initial=-1) + 1, len(LIMBS)), bool)
-        return cls(target, seen, none, np.zeros(0), np.zeros((0, 3)), hanging, frame_time)
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""
-        skin = self.target
+        skin, to_percent = self.target, 100.0 / self.target.height
         frames = len(self.seen) if skin.can_touch.any() else 0
-        found, to_percent = self._look_at(result, frames), 100.0 / skin.height
-        errors = self._gap_errors(to_percent * found.gaps)
-        frame, limb, segment = self.touches[:, errors <= TOUCHING]
-        found.touching[frame, limb, PLACE_OF[segment]] = True
-        last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
-        gap_error, counts = self._means(errors, frames)
-        place_error, placed = self._means(difference(self.spots, found.spots), frames)
-        time_error, timed = self._times(found.touching, len(last))
-        of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
-        return SkinMeasured(
-            deepest=to_percent * found.deepest[last, : len(LIMBS)],
-            deepest_parts=to_percent * found.deepest[last, len(LIMBS) :],
-            inside=100.0 * found.vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
-            gap_error=gap_error[last],
-            touching=counts[last],
-            place_error=place_error[last],
-            placed=placed[last],
-            time_error=time_error,
-            timed=timed,
-        )
-
-    def _look_at(self, result: Motion, frames: int) -> _Seen:
-        """What is seen in the first of the frames that are measured."""
-        skin, seen = self.target, _Seen.of(frames, len(self.gaps))
-        near = around(self.times[:frames], self._touching(frames))
-        near &= ~(self.hanging[self.seen[:frames], :, None] & BESIDE_PLACES)
+        deepest, vertices = np.zeros((frames, len(PARTS))), np.zeros(frames)
+        gaps, spots = np.zeros(len(self.gaps)), np.full((len(self.gaps), 3), np.nan)
 
         def look(block: slice) -> None:
             rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
             frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
-            reach, alone = self._reach(near[block], frame, limb, segment)
-            depths, places, seen.vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
-            seen.deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            seen.gaps[rows], seen.spots[rows] = _touch(skin, depths, places, frame, limb, segment)
-            for place in range(near.shape[2]):
-                nearest_skin = _of_arms(depths)[:, :, place == PLACE_OF].max(axis=2)
-                seen.touching[block, :, place] = near[block, :, place] & (nearest_skin > -self._touch_distance)
+            reach, alone = self._reach(block.stop - block.start, frame, limb, segment)
+            depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
+            deepest[block] = to_percent * np.maximum(depths, 0.0).max(axis=2)
+            gaps[rows], spots[rows] = _touch(skin, depths, places, frame, limb, segment)
 
         if frames:
             over_blocks(look, frames, len(skin.patches.counts))
-        return seen
+        # off those of the source, or off touching where the source overlaps
+        off = np.maximum(to_percent * gaps - np.maximum(self.gaps, 0.0), self.gaps - to_percent * gaps)
+        gap_error, counts = self._means(np.maximum(off, 0.0), frames)
+        place_error, placed = self._means(difference(self.spots, spots), frames)
+        last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
+        of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
+        return SkinMeasured(
+            deepest=deepest[last, : len(LIMBS)],
+            deepest_parts=deepest[last, len(LIMBS) :],
+            inside=100.0 * vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
+            gap_error=gap_error[last],
+            touching=counts[last],
+            place_error=place_error[last],
+            placed=placed[last],
+        )
 
-    def _reach(self, near: Flags, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
+    def _reach(self, frames: int, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
         """How far from each segment to look for each part in some frames, (frames, parts, segments), and for which of
-        these to look apart from others of its place. `near`, (frames, limbs, places), says what may be touched; the
-        other arguments, (touches,), say what is touched in the source.
+        these to look apart from others of its place; by what is touched in the source, (touches,) each.
         """
-        skin, count = self.target, len(LIMBS)
-        reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (len(near), 1, 1))
-        beside = near[:, :, PLACE_OF]
-        for forearm, hand in enumerate(HAND):  # what a forearm may touch, its hand may touch for it
-            beside[:, hand] |= beside[:, forearm]
-        reach[:, :count][beside & skin.can_touch[:count]] = self._touch_distance
+        reach = np.tile(np.where(self.target.can_touch, 0.0, -np.inf), (frames, 1, 1))
         alone = np.zeros(reach.shape, bool)
         there, of_part = (of[segment][:, None] == of for of in (PLACE_OF, PART_OF))
         for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
-            reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height
+            reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * self.target.height
             alone[frame[of_part[:, part]], either[of_part[:, part]], part] = True
         return reach, alone
-
-    def _gap_errors(self, gaps: Array) -> Array:
-        """(contacts,), how far gaps are off those of the source, or off touching where the source overlaps [% of
-        height].
-        """
-        return np.maximum(np.maximum(gaps - np.maximum(self.gaps, 0.0), self.gaps - gaps), 0.0)
-
-    @property
-    def _touch_distance(self) -> float:
-        """Up to which a result touches [file units]."""
-        return TOUCHING / 100.0 * self.target.height
-
-    @property
-    def times(self) -> Array:
-        """(seen frames,) [s]."""
-        return np.asarray(self.seen * self.frame_time, float)
-
-    def _touching(self, frames: int) -> Flags:
-        """(seen frames, limbs, places), what touches in the source."""
-        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
-        frame, limb, segment = self.touches
-        touching[frame, limb, PLACE_OF[segment]] = True
-        return touching
 
     def _means(self, values: Array, frames: int) -> tuple[Array, Numbers]:
         """The means of what was measured of contacts, (seen frames, limbs), and how many have a value there."""
@@ -204,19 +128,6 @@ class SourceSkin:
         means = np.asarray(sums / np.maximum(counts, 1), float)
         return means.reshape(shape), counts.reshape(shape)
 
-    def _times(self, touching: Flags, frames: int) -> tuple[Array, Numbers]:
-        """(frames, limbs), how far begins and ends of touches of arms are off on average [ms], and how many there are,
-        in the columns of their hands.
-        """
-        off, counts = np.zeros((frames, len(LIMBS))), np.zeros((frames, len(LIMBS)), np.intp)
-        of_source = self._touching(len(touching))
-        for hand, place in product(np.unique(HAND), range(touching.shape[2] if len(off) else 0)):
-            source, result = (np.asarray(each[:, hand == HAND, place].any(axis=1)) for each in (of_source, touching))
-            values, some = off_times(self.times, source, result)
-            off[self.seen, hand] += values
-            counts[self.seen, hand] += some
-        return off / np.maximum(counts, 1), counts
-
 
 def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> SourceSkin:
     """Find what touches in a source; `skin` is that of its `body`. About `RATE` frames a second are looked at, and
@@ -225,7 +136,7 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
     both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
     seen = _spread(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
     if not both.any():
-        return SourceSkin.without_touches(target, seen, source.frame_time)
+        return SourceSkin(target, seen, np.zeros((3, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
     hanging = _hanging(source, body)
     reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
     reach[:, len(LIMBS) :] = -np.inf
@@ -257,7 +168,7 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
     stay = ~_passing(source, body, skin, seen, touches)
     touches, gaps, spots = touches[:, stay], gaps[stay], spots[stay]
     touches[0] = np.searchsorted(seen, touches[0])
-    return SourceSkin(target, seen, touches, gaps, spots, hanging, source.frame_time)
+    return SourceSkin(target, seen, touches, gaps, spots)
 
 
 def _passing(source: Motion, body: Body, skin: Skin, seen: Numbers, touches: Numbers) -> Flags:
@@ -270,18 +181,13 @@ def _passing(source: Motion, body: Body, skin: Skin, seen: Numbers, touches: Num
     return passing(speed, np.searchsorted(seen, frame), of_place, skin.height)
 
 
-def _of_arms(depths: Array) -> Array:
-    """(frames, limbs, segments), the depths of limbs, those of forearms being the larger of forearm and hand."""
-    return np.maximum(depths[:, : len(LIMBS)], depths[:, HAND])
-
-
 def _touch(
     skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers
 ) -> tuple[Array, Array]:
     """Return how far limbs, or the hands of their arms, are off the places of the segments that they touch, (n,) each
     [file units], and where they are nearest to the same part, (n, 3), as `PartFrames.coordinates`.
     """
-    of_arm = _of_arms(depths)[frame, limb]
+    of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
     of_place = np.where(PLACE_OF[segment][:, None] == PLACE_OF, of_arm, -np.inf)
     segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
     limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)

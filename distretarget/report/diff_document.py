@@ -198,8 +198,8 @@ def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float
         "frame": count.tolist(),
         "time": [rounded(time) for time in count * diff.b.frame_time],
         "contacts": diff.comparison.contacts.counts.tolist(),
-        "stance": diff.comparison.feet.stance.sum(axis=1).tolist(),
-        "supports": diff.comparison.supports.rest.sum(axis=1).tolist(),
+        "stance": diff.comparison.stance.sum(axis=1).tolist(),
+        "supports": diff.comparison.others_rest.sum(axis=1).tolist(),
         **{key: [*map(_known, values)] for key, values in frame_metrics(sides, len(diff)).items()},
     }
 

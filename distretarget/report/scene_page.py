@@ -211,7 +211,7 @@ def _touching(pair: Pair, bodies: Sequence[ShownBody], leg: float, scale: float)
             off[name][frame] = np.fmin(off[name][frame], 100.0 * abs(gap - gaps[k, n]) / leg)
             joints.setdefault(name, ends)
     for name, values in off.items():
-        yield Row(name, "contact", values, OFF, BY_KEY["contact_gap"].symbol, _marks(pair, bodies, joints[name]))
+        yield Row(name, "contact", values, OFF, BY_KEY["hips_height"].symbol, _marks(pair, bodies, joints[name]))
 
 
 def _joints(body: ShownBody) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
