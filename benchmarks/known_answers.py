@@ -34,8 +34,8 @@ from zoo import LYING, MEMBERS, member, on_member, on_twin
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.batch.summary import largest_spread, role_rotations
 from distretarget.matching.matching import match
+from distretarget.measure.comparison import shared_bones
 from distretarget.measure.metrics import BY_KEY
-from distretarget.measure.movement import shared_bones
 from distretarget.numerics.vectors import Array, angles_between, level
 
 Row = tuple[str, str, str]

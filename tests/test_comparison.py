@@ -6,9 +6,8 @@ from bodies import LEG, PERSON, UP, clapping, lengthened, matched, moved, other_
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Options, Skeleton, retarget
-from distretarget.measure.comparison import Reference
+from distretarget.measure.comparison import Reference, direction_error, expected_directions, shared_bones
 from distretarget.measure.metrics import clip_metrics
-from distretarget.measure.movement import direction_error, expected_directions, shared_bones
 
 TIME = 0.02
 

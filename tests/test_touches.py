@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Body, Motion
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.measure.metrics import BY_KEY, Track, middles
-from distretarget.measure.touches import PASSES_BY, SPEED_SPAN, hanging_parts, passing, speeds
+from distretarget.measure.skin_touches import PASSES_BY, SPEED_SPAN, hanging_parts, passing, speeds
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import raised_arms

@@ -17,7 +17,7 @@ from distretarget.body.limbs import Legs
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import Track
-from distretarget.measure.touches import hanging_gaps
+from distretarget.measure.skin_touches import hanging_gaps
 from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import write_nearest
 from distretarget.numerics.moving import largest

@@ -1,4 +1,6 @@
-"""How far hands and forearms sink into a body, and how well the gaps between skins that touch are kept."""
+"""How far hands and forearms sink into a body, and how well the gaps between skins that touch are kept. Arms that hang
+and hands that pass by touch nothing.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +8,20 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
+from distretarget.body.limbs import Arm
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
 from distretarget.measure.skin import OWN_ARM, Skin, are_parts
 from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
-from distretarget.measure.touches import hanging_parts, passing, speeds
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.time_series import lasting, spans_of
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, lengths, normalised
 from distretarget.skin.capsules import SEGMENTS
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
@@ -25,6 +29,11 @@ GRAZING = 0.1  # points that are less deep than this lie on the skin [% of heigh
 BESIDE_POINTS = 0.5  # where a point is nearer than this, its neighbours may be inside [% of height]
 FARTHEST = 10.0  # what touches in the source and is farther off than this in the result is so far off [% of height]
 RATE = 30.0  # skin is measured about as often [1/s]
+SPEED_SPAN = 0.1  # speeds are those between so long before and after a frame, in which a hand that claps comes back [s]
+PASSES_BY = 50.0  # what is faster than this, on average while it touches, passes by [% of the height/s]
+HANGS = np.radians(60)  # an arm hangs while the angles of shoulder and elbow add up to no more than this [rad]
+ASIDE = np.radians(45)  # what is farther than this round the trunk from straight before or behind it is beside it [rad]
+LASTS = 1.0  # hands of arms that hang are in front of the trunk for less than this while they swing [s]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
 # (limbs, segments), those beside an arm that hangs
@@ -233,3 +242,95 @@ def _hanging(motion: Motion, body: Body) -> Flags:
             hand, forearm = (LIMBS.index(f"{side} {part}") for part in ("hand", "forearm"))
             hanging[:, hand], hanging[:, forearm] = hanging_parts(body, motion, arm)
     return hanging
+
+
+def speeds(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers) -> Array:
+    """Return how fast joints move as seen from the joints that they are `on`, (n,), in some frames, each (n,)
+    [file units/s].
+    """
+    reach = max(round(SPEED_SPAN / motion.frame_time), 1)
+    ends = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(motion) - 1)
+    before, after = (_seen_from(motion, at, joints, on) for at in ends)
+    return np.asarray(lengths(after - before) / (np.maximum(ends[1] - ends[0], 1) * motion.frame_time))
+
+
+def passing(speed: Array, rows: Numbers, of: Numbers, height: float) -> Flags:
+    """Return whether touches pass by, (n,), by their `speed`, (n,) [file units/s]; each is of a row of frames and of
+    something, (n,) each, such as a limb and a place, and lasts while that has touches in consecutive rows.
+    """
+    passes = np.zeros(len(speed), bool)
+    for one in np.unique(of):
+        own = np.flatnonzero(of == one)
+        touched = np.zeros(rows[own].max() + 1, bool)
+        touched[rows[own]] = True
+        for first, end in spans_of(touched):
+            span = own[(rows[own] >= first) & (rows[own] < end)]
+            passes[span] = speed[span].mean() > PASSES_BY / 100.0 * height
+    return passes
+
+
+def _seen_from(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers) -> Array:
+    """(n, 3), where joints are in the axes of others."""
+    result = np.zeros((len(frames), 3))
+    for joint in np.unique(on).tolist():
+        own = np.flatnonzero(on == joint)
+        at = frames[own]
+        off = motion.positions[at, joints[own]] - motion.positions[at, joint]
+        result[own] = Rotation.from_quat(motion.world_rotations_of(joint)[at]).apply(off, inverse=True)
+    return result
+
+
+def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
+    """How far joints u and v, (pairs,) each, are apart while the body stands and its arms hang, (pairs,) [file units];
+    infinite where it is not known which joints are its arms.
+    """
+    if not body.anatomy:
+        return np.full(len(u), np.inf)
+    places, down = np.array(body.reference.positions), -body.reference.axes[:, 1]
+    for arm in body.arms:
+        along = body.skeleton.paths_from(arm.shoulder)
+        for joint in body.skeleton.subtree(arm.shoulder):
+            places[joint] = places[arm.shoulder] + along[joint] * down
+    return np.asarray(lengths(places[u] - places[v]))
+
+
+def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
+    """Return whether a hand hangs beside the body, or swings past it, and whether the forearm of its arm is beside the
+    trunk, where it is as well while the elbow is bent, (frames,) each.
+    """
+    positions, low = motion.positions, _hangs(body, motion.positions, arm)
+    if not _hips(body) or len(body.arms) < 2:
+        return low, low
+    parts = [*body.skeleton.subtree(arm.wrist)], [arm.elbow, arm.wrist]
+    apart = [~_beside(body, positions, joints) for joints in parts]
+    of_hand, of_forearm = (lasting(flags.astype(float), LASTS / motion.frame_time) > 0.0 for flags in apart)
+    return low & ~of_hand, ~np.where(low, of_forearm, apart[1])
+
+
+def _hangs(body: Body, positions: Array, arm: Arm) -> Flags:
+    """(frames,), whether an arm of a body hangs, along gravity or, where hip joints are known, along the trunk.
+    `positions`, (frames, joints, 3), are those of the body.
+    """
+    shoulder, elbow, wrist = (positions[:, joint] for joint in (arm.shoulder, arm.elbow, arm.wrist))
+    off, hips = angles_between(elbow - shoulder, np.broadcast_to(-body.up_vector, elbow.shape)), _hips(body)
+    if hips:
+        off = np.minimum(off, angles_between(elbow - shoulder, positions[:, hips].mean(axis=1) - shoulder))
+    return np.asarray(off + angles_between(elbow - shoulder, wrist - elbow) <= HANGS)
+
+
+def _beside(body: Body, positions: Array, joints: list[int]) -> Flags:
+    """(frames,), whether the middle of joints is beside the trunk, and not in front of it or behind it; `positions` as
+    for `_hangs`, of a body with hips and two arms.
+    """
+    left, right = (positions[:, each.shoulder] for each in body.arms)
+    pelvis = positions[:, _hips(body)].mean(axis=1)
+    off = positions[:, joints].mean(axis=1) - pelvis
+    trunk = normalised(0.5 * (left + right) - pelvis)
+    across = normalised(left - right)
+    forwards = cross(across, trunk)
+    aside, forward = (np.abs((off * axis).sum(axis=1)) for axis in (across, forwards))
+    return np.asarray(aside >= np.tan(ASIDE) * forward)
+
+
+def _hips(body: Body) -> list[int]:
+    return [leg.hip for leg in body.legs or ()]
