@@ -150,7 +150,8 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
     reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
     reach[:, len(LIMBS) :] = -np.inf
 
-    def touch(frames: Numbers) -> tuple[Numbers, Array, Array]:
+    def touch(frames: Numbers) -> Array:
+        """Frame, limb and segment of what touches in some frames, its gap and its spot, (touches, 7)."""
         depths, places, _ = _depths(skin, source, frames, reach)
         of_limbs = depths[:, : len(LIMBS)]
         touching = (of_limbs > -reach[:, : len(LIMBS)]) & both & ~(hanging[frames, :, None] & BESIDE)
@@ -160,29 +161,26 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
             touching[:, :, on] &= np.arange(len(on)) == some.argmax(axis=2)[:, :, None]
         frame, limb, segment = np.nonzero(touching)
         gaps, spots = _touch(skin, depths, places, frame, limb, segment)
-        return np.stack([frames[frame], limb, segment]), 100.0 / skin.height * gaps, spots
+        return np.column_stack([frames[frame], limb, segment, 100.0 / skin.height * gaps, spots])
 
-    def touches_in(frames: Numbers) -> tuple[Numbers, Array, Array]:
-        in_blocks = [frames[block] for block in blocks_of(len(frames))]
-        found = mapper_for(len(frames), len(skin.patches.counts))(touch, in_blocks)
-        touches, gaps, spots = zip(*found, strict=True)
-        return np.concatenate(touches, axis=1), np.concatenate(gaps), np.concatenate(spots)
+    def touches_in(frames: Numbers) -> Array:
+        blocks = [frames[block] for block in blocks_of(len(frames))]
+        return np.concatenate([*mapper_for(len(frames), len(skin.patches.counts))(touch, blocks)])
 
-    touches, gaps, spots = touches_in(seen)
-    if len(between := _around_changes(seen, touches)):
-        others, of_others, spots_of_others = touches_in(between)
-        touches, gaps, seen = np.hstack([touches, others]), np.append(gaps, of_others), np.union1d(seen, between)
-        order = np.argsort(touches[0], kind="stable")
-        touches, gaps, spots = touches[:, order], gaps[order], np.concatenate([spots, spots_of_others])[order]
-    stay = ~_passing(source, body, skin, seen, touches)
-    touches, gaps, spots = touches[:, stay], gaps[stay], spots[stay]
+    found = touches_in(seen)
+    if len(between := _around_changes(seen, found[:, :3].astype(np.intp))):
+        found, seen = np.concatenate([found, touches_in(between)]), np.union1d(seen, between)
+        found = found[np.argsort(found[:, 0], kind="stable")]
+    found = found[~_passing(source, body, skin, seen, *found[:, :3].T.astype(np.intp))]
+    touches = found[:, :3].T.astype(np.intp)
     touches[0] = np.searchsorted(seen, touches[0])
-    return SourceSkin(target, seen, touches, gaps, spots)
+    return SourceSkin(target, seen, touches, found[:, 3], found[:, 4:])
 
 
-def _passing(source: Motion, body: Body, skin: Skin, seen: Numbers, touches: Numbers) -> Flags:
+def _passing(
+    source: Motion, body: Body, skin: Skin, seen: Numbers, frame: Numbers, limb: Numbers, segment: Numbers
+) -> Flags:
     """(contacts,), whether the hand of what touches passes by; arms that meet never do."""
-    frame, limb, segment = touches
     wrists = np.array([body.roles.get(f"{name.split()[0]}Hand", -1) for name in LIMBS])[limb]
     known, speed = (wrists >= 0) & ~OF_AN_ARM[segment], np.zeros(len(frame))
     speed[known] = speeds(source, frame[known], wrists[known], skin.frames.joints[segment[known]])
@@ -211,7 +209,7 @@ def _spread(frames: Numbers, step: float) -> Numbers:
 def _around_changes(seen: Numbers, touches: Numbers) -> Numbers:
     """The frames between two of those that were `seen` in which not the same parts touch."""
     touching = np.zeros((len(seen), len(LIMBS), len(SEGMENTS)), bool)
-    touching[np.searchsorted(seen, touches[0]), touches[1], touches[2]] = True
+    touching[np.searchsorted(seen, touches[:, 0]), touches[:, 1], touches[:, 2]] = True
     changes = np.flatnonzero((touching[1:] != touching[:-1]).any(axis=(1, 2)))
     spans = [np.arange(seen[change] + 1, seen[change + 1]) for change in changes]
     return np.concatenate([np.zeros(0, np.intp), *spans])
