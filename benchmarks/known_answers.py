@@ -34,8 +34,8 @@ from zoo import LYING, MEMBERS, member, on_member, on_twin
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.batch.summary import largest_spread, role_rotations
 from distretarget.matching.matching import match
+from distretarget.measure.comparison import shared_bones
 from distretarget.measure.metrics import BY_KEY
-from distretarget.measure.movement import shared_bones
 from distretarget.numerics.vectors import Array, angles_between, level
 
 Row = tuple[str, str, str]
@@ -87,7 +87,7 @@ def known_answer(frames: int, corpus: Path, way: tuple[str, str], clip: str) -> 
     """
     motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in way)
     result = retarget(motion, answer)
-    body, rests = result.matching.target, result.comparison.feet.stance[:, ::2]
+    body, rests = result.matching.target, result.comparison.stance[:, ::2]
     bones = shared_bones(result.matching)
     legs, up = body.legs or (), body.up_vector
     metrics: dict[str, list[float]] = {"direction": [], "foot": [], "hips": []}

@@ -224,7 +224,7 @@ class Column(NamedTuple):
 
 
 COLUMNS = {key: Column(*column) for key, column in TABLES["columns"].items()}
-FURTHER = ("touch_missed", "touch_place", "touch_time", "part_depth", "floor", "sole_tilt", "needless")
+FURTHER = ("touch_missed", "touch_place", "part_depth", "floor", "sole_tilt", "needless")
 
 
 def summary(

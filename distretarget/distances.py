@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,54 +127,30 @@ def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
 
 
 def posture_stress(problem: DistanceProblem, source: Array, result: Array) -> Array:
-    """(frames,), the stress sigma of the postures `result`, Eq. (2) [body sizes squared].
+    """(frames,), the stress sigma of the postures `result`, Eq. (2) [body sizes squared]; exactly 0 for the source's.
 
     `source`, (frames, source joints, 3), and `result`, (frames, target joints, 3), are positions [file units of each].
     """
-    tau = 1.0 / np.where(problem.ratio > 0, problem.ratio, 1.0)  # where the ratio is 0, so is the priority
-    x, y = (source, problem.sources, tau), (result, problem.targets, np.full_like(tau, problem.body_size))
-    return 0.5 * differences_of_distances(x, y, problem.priorities, 2)
-
-
-def differences_of_distances(
-    x: tuple[Array, NDArray[np.intp], Array],
-    y: tuple[Array, NDArray[np.intp], Array],
-    weights: Array,
-    power: Literal[1, 2],
-) -> Array:
-    """(frames,), the sum over all pairs u < v of weights_uv | ||x_u - x_v|| / tau_uv - ||y_u - y_v|| / tau'_uv |^power.
-
-    `x` and `y` are each positions, (frames, joints, 3), the joint at each point, (points,), and the length tau that
-    each distance is divided by, (points, points); `weights` is (points, points). It is exactly 0 for equal x and y.
-    """
-    sums = np.empty(len(y[0]))
-    (of_x, points_x, tau_x), (of_y, points_y, tau_y) = x, y
-    of_x, of_y = (np.ascontiguousarray(positions) for positions in (of_x, of_y))
-    scales = 1.0 / tau_x, 1.0 / tau_y
+    ratio = np.where(problem.ratio > 0, problem.ratio, 1.0)  # where it is 0, so is the priority
+    stress, weights = np.empty(len(result)), problem.priorities
+    x, y = (np.ascontiguousarray(positions) for positions in (source, result))
+    per_x, per_y = ratio, np.full_like(ratio, 1.0 / problem.body_size)
 
     def write(block: slice) -> None:
-        each, other = (of_x[block], points_x, scales[0]), (of_y[block], points_y, scales[1])
-        _write_differences(*each, *other, weights, power == 1, np.empty((2, 3, len(weights))), sums[block])
+        points = x[block], problem.sources, per_x, y[block], problem.targets, per_y
+        _write_stress(*points, weights, np.empty((2, 3, len(weights))), stress[block])
 
-    over_blocks(write, len(sums), len(weights))
-    return sums
+    over_blocks(write, len(stress), len(weights))
+    return 0.5 * stress
 
 
 @compiled(fastmath=True)
-def _write_differences(
-    x: F3,
-    of_x: I1,
-    per_x: F2,
-    y: F3,
-    of_y: I1,
-    per_y: F2,
-    weights: F2,
-    linear: bool,
-    scratch: Out[F3],
-    sums: Out[F1],
+def _write_stress(
+    x: F3, of_x: I1, per_x: F2, y: F3, of_y: I1, per_y: F2, weights: F2, scratch: Out[F3], stress: Out[F1]
 ) -> None:
+    """Write the sum over all pairs u < v of weights_uv (||x_u - x_v|| per_uv - ||y_u - y_v|| per'_uv)^2."""
     points, p, q = len(of_x), scratch[0], scratch[1]
-    for frame in range(len(sums)):
+    for frame in range(len(stress)):
         for point in range(points):
             for i in range(3):
                 p[i, point], q[i, point] = x[frame, of_x[point], i], y[frame, of_y[point], i]
@@ -184,9 +159,9 @@ def _write_differences(
             for v in range(u):
                 one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
                 other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
-                difference = abs(one * per_x[u, v] - other * per_y[u, v])
-                total += weights[u, v] * (difference if linear else difference * difference)
-        sums[frame] = total
+                difference = one * per_x[u, v] - other * per_y[u, v]
+                total += weights[u, v] * difference * difference
+        stress[frame] = total
 
 
 def columns(positions: Array) -> Array:

@@ -66,8 +66,6 @@ from distretarget.pipeline.options import Options as Options
 from distretarget.pipeline.result import RetargetResult as RetargetResult
 from distretarget.pipeline.retargeting import retarget as retarget
 from distretarget.report.clip_page import write_report as write_report
-from distretarget.report.diff_document import DiffDocument as DiffDocument
-from distretarget.report.diff_document import RunMetricsDocument as RunMetricsDocument
 from distretarget.report.scene_page import write_scene_report as write_scene_report
 from distretarget.scene.props import Grip as Grip
 from distretarget.scene.props import Prop as Prop

@@ -189,6 +189,10 @@ class Skeleton:
                 keys[j] = f"{self.names[tops[j]]}/{keys[j]}"
                 tops[j] = self.parents.item(tops[j])
 
+    def keys_of(self, joints: Iterable[int]) -> tuple[str, ...]:
+        """The keys of some joints."""
+        return tuple(self.keys[joint] for joint in joints)
+
     def index(self, key: str) -> int:
         """Return the index of the joint with this key, or raise a SkeletonError with the closest keys."""
         try:

@@ -58,24 +58,24 @@ def flagged(name, **metrics):
 
 
 def test_clips_to_look_at_are_listed_with_the_reasons_worst_first():
-    """By how many times the worst limit of each is exceeded: 5 degrees of pitch, 1.5 % of depth; reasons, too."""
+    """By how many times the worst limit of each is exceeded: 2.2 % of height, 1.5 % of depth; reasons, too."""
     records = [
-        flagged("tilted.bvh", foot_pitch=7.5),
-        flagged("inside.bvh", foot_pitch=7.5, skin_depth=6.0),
+        flagged("tilted.bvh", foot_height=7.5),
+        flagged("inside.bvh", foot_height=7.5, skin_depth=6.0),
         done("good.bvh", 0.0),
         flagged("away.bvh"),
     ]
     assert summary(records)[2:] == [
         "look at 3 of 4 clips, worst first; metrics.csv has the frames:",
         "  inside.bvh: hands or forearms sink into the body (skin inside 6 % of height); "
-        "feet are visibly tilted (foot pitch 7.5 degrees)",
-        "  tilted.bvh: feet are visibly tilted (foot pitch 7.5 degrees)",
+        "feet float over the floor or sink into it (foot height 7.5 % of leg length)",
+        "  tilted.bvh: feet float over the floor or sink into it (foot height 7.5 % of leg length)",
         "  away.bvh: a warning",
     ]
 
 
 def test_of_many_clips_to_look_at_the_worst_are_listed():
-    lines = summary([flagged(f"{angle}.bvh", foot_pitch=float(angle)) for angle in range(6, 40)])
+    lines = summary([flagged(f"{angle}.bvh", foot_height=float(angle)) for angle in range(6, 40)])
     assert lines[2].startswith("look at 34 of 34 clips, worst first, the worst 10 of which are here; ")
     assert [line.split(":")[0] for line in lines[3:]] == [f"  {angle}.bvh" for angle in range(39, 29, -1)]
 

@@ -6,9 +6,8 @@ from bodies import LEG, PERSON, UP, clapping, lengthened, matched, moved, other_
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Options, Skeleton, retarget
-from distretarget.measure.comparison import Reference
+from distretarget.measure.comparison import Reference, direction_error, expected_directions, shared_bones
 from distretarget.measure.metrics import clip_metrics
-from distretarget.measure.movement import direction_error, expected_directions, shared_bones
 
 TIME = 0.02
 
@@ -40,73 +39,35 @@ def of_clip(comparison):
     return clip_metrics(comparison.tracks) | source
 
 
-def test_distance_error_of_a_square_that_does_not_close():
-    source, result = squared(1.0), squared(1.4)
-    metrics = compared(source, result)
-    gap = 0.4 / 4.4
-    np.testing.assert_allclose(result.positions[0, 4], [0, -0.4, 0], atol=1e-12)
-    across = abs(np.sqrt(1 + 1.4**2) / 2.4 - np.sqrt(2) / 2)
-    behind = abs(np.sqrt(1 + 0.4**2) / 3.4 - 1 / 3)
-    np.testing.assert_allclose(metrics.distance_error, (gap + across + behind) / 10)
-    assert of_clip(metrics)["contact_error"] is None
-
-
 def test_direction_error_is_the_angle_between_bones():
     source = squared(1.0)
     turned = moved(source, Rotation.from_euler("z", 10, degrees=True))
     metrics = compared(source, turned)
-    np.testing.assert_allclose(metrics.direction_error, np.full((4, 4), 10.0))
-    np.testing.assert_allclose(metrics.turn, 0.0, atol=1e-9)
+    np.testing.assert_allclose(metrics.tracks["direction_error"].values, np.full((4, 4), 10.0))
+    np.testing.assert_allclose(metrics.tracks["turn"].values, 0.0, atol=1e-9)
     opposite = moved(source, Rotation.from_euler("z", 180, degrees=True))
-    np.testing.assert_allclose(compared(source, opposite).direction_error, 180.0)
+    np.testing.assert_allclose(compared(source, opposite).tracks["direction_error"].values, 180.0)
 
 
 def test_direction_error_of_one_joint_is_that_of_the_bones_below_it():
     source = standing()
     result = standing(turns={"LeftElbow": np.radians([0, 0, 40.0])})
     metrics = compared(source, result)
-    assert metrics.direction_error.shape == (30, len(PERSON) - 1)
-    errors = dict(zip(PERSON.names[1:], metrics.direction_error[3], strict=True))
+    assert metrics.tracks["direction_error"].values.shape == (30, len(PERSON) - 1)
+    errors = dict(zip(PERSON.names[1:], metrics.tracks["direction_error"].values[3], strict=True))
     bent = {"LeftWrist": 40.0, "LeftWrist_End": 40.0}
     assert errors == pytest.approx(dict.fromkeys(PERSON.names[1:], 0.0) | bent, abs=1e-6)
     assert of_clip(metrics)["direction_error_p99"] == pytest.approx(40.0)
     assert of_clip(metrics)["direction_error"] == pytest.approx(80 / (len(PERSON) - 1))
 
 
-def test_the_worst_contact_gap_is_what_opens_farthest():
-    """The wrists are 2 cm apart in the source's contact; elsewhere they are in no contact, and no gap counts."""
-    together = np.where(np.arange(40) < 20, 1.0, 0.0)
-    source = clapping(together)
-    assert of_clip(compared(source, source))["contact_gap"] == 0.0
-    apart = np.where(np.arange(40) == 10, 0.8, together)
-    result = clapping(apart)
-    metrics = compared(source, result)
-    wrists = [PERSON.index(f"{side}Wrist") for side in ("Left", "Right")]
-    opened = [np.linalg.norm(np.diff(each.positions[10, wrists], axis=0)) for each in (source, result)]
-    assert metrics.contact_gap[10] >= 100 * (opened[1] - opened[0]) / LEG > 5.0
-    assert not np.delete(metrics.contact_gap, 10).any()
-    assert of_clip(metrics)["contact_gap"] == pytest.approx(np.percentile(metrics.contact_gap[:20], 99))
-
-
-def test_bone_error_is_the_largest_of_a_frame():
-    source = squared(1.0)
-    translations = source.translations
-    translations[1, 2] *= 1.05
-    translations[2, 3] *= 0.9
-    translations[2, 4] *= 1.05
-    stretched = Motion.of_translations(source.skeleton, translations, source.rotations, source.frame_time_text)
-    metrics = compared(source, stretched)
-    np.testing.assert_allclose(metrics.bone_error, [0, 0.05, 0.1, 0], atol=1e-12)
-    assert of_clip(metrics)["bone_error"] == pytest.approx(0.1)
-
-
 def test_jerk_is_the_third_difference_over_the_size_of_the_body():
     frames = np.arange(12)
     source = posed(chain([1, 2, 1]), {}, np.outer(0.01 * frames**3, [0.6, 0.8, 0]), str(TIME))
     metrics = compared(source, source)
-    np.testing.assert_allclose(metrics.jerk, np.full(9, 0.06 / (4 * TIME**3)))
+    np.testing.assert_allclose(metrics.tracks["jerk"].values, np.full(9, 0.06 / (4 * TIME**3)))
     even = posed(chain([1, 2, 1]), {}, np.outer(frames**2, [1.0, 0, 0]), str(TIME))
-    np.testing.assert_allclose(compared(even, even).jerk, 0.0, atol=1e-6)
+    np.testing.assert_allclose(compared(even, even).tracks["jerk"].values, 0.0, atol=1e-6)
 
 
 def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
@@ -114,9 +75,9 @@ def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
     slow, fast = (standing(10, turns={"LeftElbow": np.outer(np.radians(a) * frames, UP)}) for a in (2, 5))
     metrics = compared(slow, fast)
     turned = [PERSON.index(name) for name in ("LeftElbow", "LeftWrist", "LeftWrist_End")]
-    assert metrics.turn.shape == (9, len(PERSON))
-    np.testing.assert_allclose(metrics.turn[:, turned], 3.0 / 60 / TIME)
-    np.testing.assert_allclose(np.delete(metrics.turn, turned, axis=1), 0.0, atol=1e-6)
+    assert metrics.tracks["turn"].values.shape == (9, len(PERSON))
+    np.testing.assert_allclose(metrics.tracks["turn"].values[:, turned], 3.0 / 60 / TIME)
+    np.testing.assert_allclose(np.delete(metrics.tracks["turn"].values, turned, axis=1), 0.0, atol=1e-6)
     assert of_clip(compared(slow, fast))["turn"] == pytest.approx(3.0 / 60 / TIME)
     assert of_clip(compared(fast, slow))["turn"] == pytest.approx(0.0, abs=1e-6)
 
@@ -125,11 +86,11 @@ def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
 def test_a_motion_is_as_good_as_itself(name):
     source = sample(name)
     values = of_clip(compared(source, source))
-    for metric in ("distance_error", "contact_error", "direction_error", "direction_error_p99", "bone_error", "turn"):
+    for metric in ("contact_error", "direction_error", "direction_error_p99", "turn"):
         assert (values[metric] or 0.0) == pytest.approx(0.0, abs=1e-9)  # in the walk nothing touches
     assert values["foot_skate"] == values["foot_skate_source"]
-    for metric in ("foot_height", "foot_pitch", "ankle_height", "hips_height", "hips_height_largest"):
-        assert values[metric] == pytest.approx(0.0, abs=0.1 if metric == "ankle_height" else 1e-9)
+    for metric in ("foot_height", "hips_height", "hips_height_largest"):
+        assert values[metric] == pytest.approx(0.0, abs=1e-9)
     assert values["jerk"] > 0
 
 
@@ -148,7 +109,7 @@ def assert_same(values, expected):
 def test_metrics_do_not_depend_on_units():
     source, result = pair()
     expected = of_clip(compared(source, result.motion))
-    assert min(expected[name] for name in ("contact_error", "direction_error", "distance_error")) > 0
+    assert min(expected[name] for name in ("contact_error", "direction_error")) > 0
     still = Rotation.identity()
     inches, metres = moved(source, still, scale=39.37), moved(result.motion, still, scale=0.01)
     assert_same(of_clip(compared(inches, metres)), expected)
@@ -188,7 +149,7 @@ def test_joints_that_are_no_part_of_the_body_count_for_nothing():
     metrics = Reference(source, matching, UP).compare(Motion.of_translations(tail, translations, rotations, "0.02"))
     values = of_clip(metrics)
     assert_same(values, expected)
-    assert metrics.turn.shape == (39, len(body))
+    assert metrics.tracks["turn"].values.shape == (39, len(body))
 
 
 def test_joints_that_coincide_for_good_count_once():
@@ -197,7 +158,6 @@ def test_joints_that_coincide_for_good_count_once():
     result = posed(body, dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
     longer = posed(chain([1, 1, 1, 1, 0]), dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
     metrics, expected = compared(longer, result), compared(source, squared(1.4))
-    np.testing.assert_allclose(metrics.distance_error, expected.distance_error)
     assert_same(of_clip(metrics), of_clip(expected))
 
 
@@ -205,8 +165,8 @@ def test_joints_that_coincide_for_good_count_once():
 def test_the_shortest_motions_have_metrics(frames):
     source = swaying(PERSON, frames=frames)
     metrics = compared(source, retarget(source, other_lengths(PERSON)).rotation_copy)
-    assert metrics.jerk.shape == (0,)
-    assert metrics.turn.shape == (frames - 1, len(PERSON))
+    assert metrics.tracks["jerk"].values.shape == (0,)
+    assert metrics.tracks["turn"].values.shape == (frames - 1, len(PERSON))
     assert all(value is None or np.isfinite(value) for value in of_clip(metrics).values())
     assert of_clip(metrics)["jerk"] is None
 

@@ -44,7 +44,7 @@ def test_the_error_of_a_contact_is_that_of_the_nearest_joints():
     (touch,) = contacts.touches
     assert touch.name == "a0 - b0"
     np.testing.assert_array_equal(contacts.counts, 1)
-    np.testing.assert_allclose(contacts.error_of_frames, 0.4 / 4.4)
+    np.testing.assert_allclose(contacts.track.values, 0.4 / 4.4)
     assert (touch.distance_source, touch.distance_result) == pytest.approx((0, 0.4 / 4.4))
     assert (touch.u, touch.v) == (2, 5)
 
@@ -56,7 +56,6 @@ def test_joints_near_along_the_tree_are_no_contact():
 def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames():
     none, ends = np.zeros(0, np.intp), {"u": np.array([1, 2, 3]), "v": np.array([4, 5, 6])}
     candidates = Candidates(
-        points=none,
         names=("hand - head", "hand - hips"),
         passing=np.zeros(2, bool),
         first=none,
@@ -75,13 +74,11 @@ def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames
         distance_result=np.array([0.1, 0.3, 0.6]),
     )
     np.testing.assert_array_equal(contacts.counts, [2, 0, 1])
-    np.testing.assert_allclose(contacts.error_of_frames, [0.2, 0, 0.6])
+    np.testing.assert_allclose(contacts.track.values, [0.2, 0, 0.6])
     head, hips = contacts.touches
     assert (head.name, head.error, head.worst_frame) == ("hand - head", pytest.approx(0.1), 0)
     assert (hips.error, hips.worst_frame, hips.u, hips.v) == (pytest.approx(0.45), 2, 3, 6)
-    source = standing(frames=3)
-    comparison = replace(Reference(source, matched(PERSON, PERSON), UP).compare(source), contacts=contacts)
-    assert BY_KEY["contact_error"].of_clip(comparison.tracks) == pytest.approx(0.4)
+    assert BY_KEY["contact_error"].of_clip({"contact_error": contacts.track}) == pytest.approx(0.4)
 
 
 def test_a_clap_is_a_contact_of_the_hands_and_comes_first():

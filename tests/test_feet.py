@@ -1,12 +1,12 @@
 """Metrics of feet, of hips over feet and of what else rests, on postures that are known by construction."""
 
 from functools import cache, partial
+from types import SimpleNamespace
 
 import bodies
 import numpy as np
 import pytest
-from bodies import ALONG, LEG, PERSON, SAMPLES, UP, body_of, lengthened, matched, moved, person, posed, taken, tree_of
-from built_rigs import along_bones, with_axes
+from bodies import ALONG, LEG, PERSON, SAMPLES, UP, lengthened, matched, moved, person, posed, taken, tree_of
 from sample_supports import SUPPORTED
 from scipy.spatial.transform import Rotation
 
@@ -16,12 +16,19 @@ from distretarget.measure.metrics import clip_metrics
 from distretarget.measure.supports import find_feet, find_supports
 
 TIME = 0.02
-OVER_FEET = ("foot_height", "foot_pitch", "ankle_height", "hips_height")
+OVER_FEET = ("foot_height", "hips_height")
 standing = partial(bodies.standing, height=LEG)
 
 
-def measured(source, result, up=UP):
-    return find_feet(source, matched(source, result), up).in_result(result, np.zeros(len(result), bool))
+def measured(source, result, others_carry=None):
+    """What is measured of feet, nan where it does not count."""
+    matching, carry = matched(source, result), np.zeros(len(result), bool) if others_carry is None else others_carry
+    found, supports = find_feet(source, matching, UP), find_supports(source, matching, UP).in_result(result)
+    alone = SimpleNamespace(**vars(supports) | {"carry": lambda _time: carry})
+    tracks = found.in_result(result, alone)
+    known = {key: np.where(tracks[key].weights > 0, tracks[key].values, np.nan) for key in OVER_FEET}
+    known |= {"skate": tracks["foot_skate"].values, "skate_source": found.paths.skate}
+    return SimpleNamespace(stance=found.stance, **known)
 
 
 def metrics(source, result):
@@ -66,7 +73,7 @@ def test_one_frame_far_below_the_floor_leaves_the_feet_of_all_others_in_stance()
 def test_hips_are_compared_only_while_the_feet_alone_carry_the_body():
     """Hands, knees or a seat that rest as well ask for another height of the hips than the feet do."""
     source, others_carry = standing(), np.arange(30) < 10
-    feet = find_feet(source, matched(source, source), UP).in_result(source, others_carry)
+    feet = measured(source, source, others_carry)
     assert np.isnan(feet.hips_height[:10]).all()
     np.testing.assert_allclose(feet.hips_height[10:], 0.0, atol=1e-9)
 
@@ -115,7 +122,6 @@ def test_heights_are_scaled_by_leg_length_and_in_percent_of_it():
     big = moved(standing(), Rotation.identity(), (0, 0.1, 0), scale=2.0)
     feet = measured(standing(), big)
     np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / (2 * LEG))
-    np.testing.assert_allclose(feet.ankle_height, 100 * 0.1 / (2 * LEG))
     np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
 
 
@@ -125,8 +131,7 @@ def test_hips_are_measured_over_the_ankle():
     crouching = standing(height=LEG * np.cos(angle), turns=bent_knees(angle))
     feet = measured(standing(), crouching)
     np.testing.assert_allclose(feet.hips_height, 100 * (1 - np.cos(angle)))
-    for key in ("foot_height", "foot_pitch", "ankle_height"):
-        np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-6)
+    np.testing.assert_allclose(feet.foot_height, 0.0, atol=1e-6)
     np.testing.assert_allclose(measured(standing(), standing(height=LEG + 0.2)).hips_height, 0.0, atol=1e-9)
 
 
@@ -154,13 +159,6 @@ def test_the_largest_hips_height_is_of_a_frame():
     assert values["hips_height"] == pytest.approx(100 * (1 - np.cos(0.4)) / 30)
 
 
-def test_a_foot_that_is_turned_at_the_ankle_is_pitched():
-    turns = {"LeftAnkle": np.radians([12.0, 0, 0])}
-    feet = measured(standing(), standing(turns=turns))
-    np.testing.assert_allclose(feet.foot_pitch, np.tile([12.0, 0.0], (30, 1)), atol=1e-9)
-    np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
-
-
 def test_a_foot_of_another_build_that_stands_on_its_own_sole_is_no_error():
     body = high_ankles()
     feet = measured(standing(), standing(body=body, height=LEG + ankle_over_sole(body)))
@@ -168,38 +166,10 @@ def test_a_foot_of_another_build_that_stands_on_its_own_sole_is_no_error():
         np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-9)
 
 
-def test_a_foot_of_another_build_that_lies_as_the_sources_is_an_error():
-    """High ankles laid flat, at the height of the source's ankles."""
-    body = high_ankles()
-    flat = {f"{side}Ankle": np.radians([-30.0, 0, 0]) for side in ("Left", "Right")}
-    feet = measured(standing(), standing(body=body, turns=flat))
-    np.testing.assert_allclose(feet.foot_pitch, 30.0)
-    np.testing.assert_allclose(feet.ankle_height, 100 * ankle_over_sole(body) / LEG)
-    np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
-
-
 def test_a_sole_in_the_floor_is_an_error_whatever_its_build():
     body = high_ankles()
     feet = measured(standing(), standing(body=body))
     np.testing.assert_allclose(feet.foot_height, 100 * ankle_over_sole(body) / LEG)
-
-
-def test_an_ankle_has_a_height_only_while_the_sources_foot_is_flat():
-    for degrees, flat in ((4.0, True), (6.0, False)):
-        turns = {"LeftAnkle": np.radians([degrees, 0, 0])}
-        feet = measured(standing(turns=turns), standing(turns=turns))
-        assert np.isfinite(feet.ankle_height[:, 0]).all() == flat
-        assert np.isfinite(feet.ankle_height[:, 1]).all()
-        np.testing.assert_allclose(feet.foot_pitch, 0.0, atol=1e-6)
-
-
-@pytest.mark.parametrize(("degrees", "measures"), [(50.0, True), (70.0, False), (180.0, False)])
-def test_a_foot_on_its_tip_or_back_says_nothing_of_its_sole(degrees, measures):
-    """Where the source's foot lies on its back the sole of another build is not to be compared, whatever its pitch."""
-    turns = {"LeftAnkle": np.radians([degrees, 0, 0])}
-    feet = measured(standing(turns=turns), standing(body=high_ankles(), turns=turns))
-    assert np.isfinite(feet.foot_pitch[:, 0]).all() == measures
-    assert np.isnan(feet.ankle_height[:, 0]).all()
 
 
 def test_the_heel_below_the_ankle_is_part_of_the_sole():
@@ -221,34 +191,11 @@ def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
     feet = measured(on_the_floor, standing())
     for key in OVER_FEET:
         np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-6)
-    pitched = standing(turns={"LeftAnkle": np.radians([12.0, 0, 0])})
-    np.testing.assert_allclose(measured(on_the_floor, pitched).foot_pitch[:, 0], 12.0, atol=1e-6)
 
 
-def test_a_foot_on_tiptoe_is_not_flat_though_it_rests_in_a_rig_whose_rest_pose_shows_no_sole():
-    """Both feet are flat as one of them rests; the other one is always on tiptoe."""
-    body = high_ankles(25.0)
-    stands = standing(body=body, turns={"RightAnkle": np.radians([35.0, 0, 0])})
-    source = with_axes(stands, along_bones(body_of(stands)))
-    assert not body_of(source).stands_at_rest
-    feet = measured(source, stands)
-    np.testing.assert_allclose(feet.foot_pitch, 0.0, atol=1.0)
-    np.testing.assert_allclose(feet.ankle_height[:, 0], 0.0, atol=1.0)
-
-
-def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():
-    found = find_feet(standing(), matched(PERSON, high_ankles(90.0)), UP)
-    feet = found.in_result(standing(body=high_ankles(90.0)), np.zeros(30, bool))
-    assert np.isnan(feet.foot_pitch).all()
-    assert np.isnan(feet.ankle_height).all()
-    assert np.isfinite(feet.hips_height).all()
-
-
-def test_without_toes_feet_have_no_pitch_and_heights_are_those_of_ankles():
+def test_without_toes_heights_are_those_of_ankles():
     body = taken(PERSON, [joint for joint, name in enumerate(PERSON.names) if "Toe" not in name])
     feet = measured(standing(), standing(body=body, height=LEG + 0.1))
-    assert np.isnan(feet.foot_pitch).all()
-    assert np.isnan(feet.ankle_height).all()
     np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / LEG)
     np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
 
@@ -317,9 +264,9 @@ def test_a_hand_holds_on_to_something_while_the_shoulder_goes_eight_times_as_far
 
 
 def test_the_same_motion_slides_as_much_and_is_as_high():
-    found = found_in("crawl")
-    np.testing.assert_array_equal(found.skate, found.skate_source)
-    np.testing.assert_array_equal(found.height, 0)
+    motion = source("crawl")
+    np.testing.assert_array_equal(found_in("crawl").skate, find_supports(motion, matched(motion, motion), UP).skate)
+    np.testing.assert_array_equal(found_in("crawl").height, 0)
 
 
 def test_a_raised_and_sliding_result_is_measured_in_leg_lengths():
@@ -327,7 +274,7 @@ def test_a_raised_and_sliding_result_is_measured_in_leg_lengths():
     leg = matched(motion, motion).leg_lengths[0]
     raised = found_in("push_up", moved(motion, Rotation.identity(), shift=(0, 0.05 * leg, 0)))
     np.testing.assert_allclose(raised.height, 5.0)
-    np.testing.assert_allclose(raised.skate, raised.skate_source, atol=1e-9)
+    np.testing.assert_allclose(raised.skate, found_in("push_up").skate, atol=1e-9)
 
 
 def test_the_body_is_carried_by_others_a_little_longer_than_they_rest():

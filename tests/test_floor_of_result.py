@@ -8,7 +8,7 @@ from bodies import HERO, SAMPLES, UP, matched, person, posed
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
-from distretarget.measure.resting import NEAR, Floor, find_floor
+from distretarget.measure.supports import NEAR, find_feet, off_floor
 from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
 from distretarget.skin.capsules import Capsules
 
@@ -20,7 +20,7 @@ def walked():
 
 def floor_of(result, motion):
     surface = find_surface(motion.skeleton, result.skins.target.capsules, result.mesh)
-    return Reference(result.source, result.matching, UP, surface=surface).compare(motion)
+    return Reference(result.source, result.matching, UP, surface=surface).compare(motion).tracks["floor"]
 
 
 @pytest.mark.parametrize("rise", [0.05, -0.05, 0.3])
@@ -28,29 +28,21 @@ def test_a_shift_of_the_whole_body_is_seen_as_far_as_it_is(walked, rise):
     leg = walked.matching.leg_lengths[1]
     shifted = replace(walked.motion, root_positions=walked.motion.root_positions + rise * leg * UP)
     before, after = floor_of(walked, walked.motion), floor_of(walked, shifted)
-    assert before.floor[before.on_floor].mean() < 0.2
+    assert before.values[before.counts].mean() < 0.2
     # the source's own sole may be as much as `NEAR` off its floor, and the result as much less
-    assert after.floor[after.on_floor].mean() == pytest.approx(100 * abs(rise), abs=1.0)
+    assert after.values[after.counts].mean() == pytest.approx(100 * abs(rise), abs=1.0)
 
 
 def test_what_stands_on_a_step_belongs_there_and_what_is_near_the_floor_on_it():
-    floor = Floor(1.0)
     heights, of_source = np.array([1.5, 1.4, 1.0, 1.04, 0.9]), np.array([1.5, 1.5, 1.05, 1.05, 1.05])
-    np.testing.assert_allclose(floor.off(heights, of_source), [0.0, -0.1, 0.0, 0.0, -0.1])
-    assert floor.off(np.array([1.0]), np.array([1.0 + 1.01 * NEAR])) == pytest.approx(-1.01 * NEAR)
-
-
-def test_the_floor_is_the_usual_height_of_soles_that_rest():
-    soles = np.array([[0.1, 0.9], [0.1, 0.8], [0.7, 0.12], [0.6, 0.08], [0.9, 0.9]])
-    rests = soles < 0.2
-    assert find_floor(soles, rests).height == np.median([0.1, 0.1, 0.12, 0.08])
-    assert np.isnan(find_floor(soles, np.zeros_like(rests)).height)
+    np.testing.assert_allclose(off_floor(heights, of_source, 1.0), [0.0, -0.1, 0.0, 0.0, -0.1])
+    assert off_floor(np.array([1.0]), np.array([1.0 + 1.01 * NEAR]), 1.0) == pytest.approx(-1.01 * NEAR)
 
 
 def test_a_body_that_never_rests_has_no_figure_of_the_floor():
     rising = posed(person(), {}, np.outer(np.arange(30.0), UP))
-    compared = Reference(rising, matched(rising, rising), UP).compare(rising)
-    assert not compared.on_floor.any()
+    assert np.isnan(find_feet(rising, matched(rising, rising), UP).floor)
+    assert not Reference(rising, matched(rising, rising), UP).compare(rising).tracks["floor"].counts.any()
 
 
 def test_the_lowest_point_of_a_surface_is_that_of_the_posed_one(walked):

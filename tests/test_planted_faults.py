@@ -16,7 +16,7 @@ from distretarget.objectives import contact_pairs, foot_lock
 BY = {
     "root 3 % of height lower": "floor",
     "root 2 % of height higher": "floor",
-    "a foot's toes 20 degrees up": "foot_pitch",
+    "a foot's toes 20 degrees up": "sole_tilt",
     "a foot 20 degrees on its edge": "sole_tilt",
     "a foot points 20 degrees aside": "heading",
     "a hand's contact 5 % of height aside": "skin_gap",
@@ -39,7 +39,7 @@ BY = {
 }
 # Those of the solver's start that it does not mend.
 OF_SOLVER = {
-    "a foot's toes 20 degrees up": "foot_pitch",
+    "a foot's toes 20 degrees up": "sole_tilt",
     "a foot 20 degrees on its edge": "sole_tilt",
     "a foot points 20 degrees aside": "heading",
     "a head 30 degrees down": "head_tilt",

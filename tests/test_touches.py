@@ -4,22 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, PERSON, person, sample, sample_target
+from bodies import PERSON, person, sample, sample_target
 from scipy.spatial.transform import Rotation
 
-from distretarget import Body, Builds, Motion, load_build, retarget
+from distretarget import Body, Motion
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.measure.metrics import BY_KEY, Track, middles
-from distretarget.measure.touches import (
-    AROUND,
-    PASSES_BY,
-    SPEED_SPAN,
-    around,
-    hanging_parts,
-    off_times,
-    passing,
-    speeds,
-)
+from distretarget.measure.skin_touches import PASSES_BY, SPEED_SPAN, hanging_parts, passing, speeds
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import raised_arms
@@ -63,53 +54,6 @@ def test_a_clap_that_meets_is_right_however_far_hands_are_apart_before_and_after
 def test_a_clap_that_does_not_meet_is_off():
     off = np.array([[5.0], [4.0], [4.0], [4.0], [5.0]])
     assert GAP.of_clip({"skin_gap": Track(off, off > 0)}) == pytest.approx(4.0)
-
-
-TIMES = np.arange(100) / 100.0  # [s]
-
-
-def flags(*spans):
-    return np.array([any(first <= frame < end for first, end in spans) for frame in range(len(TIMES))])
-
-
-@pytest.mark.parametrize(
-    ("result", "begin", "end"),
-    [
-        ([(30, 60)], 0, 0),
-        ([(35, 60)], 50, 0),  # late
-        ([(25, 70)], 50, 100),  # early, and too long
-        ([(30, 40), (50, 60)], 0, 0),  # a gap between is no begin
-        ([(40, 50)], 100, 100),
-    ],
-)
-def test_begins_and_ends_are_off_by_what_is_known(result, begin, end):
-    off, counts = off_times(TIMES, flags((30, 60)), flags(*result))
-    np.testing.assert_array_equal(np.flatnonzero(counts), [30, 59])
-    np.testing.assert_allclose(off[[30, 59]], [begin, end], atol=1e-9)
-
-
-def test_a_touch_that_is_never_kept_has_no_time():
-    off, counts = off_times(TIMES, flags((30, 60)), flags((70, 80)))
-    assert not counts.any()
-    assert not off.any()
-
-
-def test_what_happens_beyond_the_clip_is_not_known():
-    _, counts = off_times(TIMES, flags((0, 20), (90, 100)), flags((0, 20), (90, 100)))
-    np.testing.assert_array_equal(np.flatnonzero(counts), [19, 90])
-
-
-def test_frames_around_a_touch_are_those_that_are_near_in_time():
-    near = around(TIMES, flags((50, 60))[:, None])
-    np.testing.assert_array_equal(np.flatnonzero(near[:, 0])[[0, -1]], [50 - 100 * AROUND, 59 + 100 * AROUND])
-
-
-def test_touches_on_the_same_body_begin_and_end_as_in_the_source():
-    hero, file = sample_target("hero"), load_build(HERO)
-    motion = retarget(sample("clap")[40:160], hero).motion
-    metrics = retarget(motion, hero, builds=Builds(source=file)).metrics["rotation_copy"]
-    assert metrics["touch_missed"] == 0.0
-    assert metrics["touch_time"] < 10.0  # of frames of 16.7 ms; where hands nearly touch, rounding decides
 
 
 BODY = Body.of(PERSON)

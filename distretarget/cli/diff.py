@@ -33,7 +33,7 @@ from distretarget.measure.verdict import limit_warnings
 from distretarget.motion import Motion
 from distretarget.pipeline.retargeting import with_advice
 from distretarget.report.clip_page import diff_page
-from distretarget.report.diff_document import DiffDocument, MetricValues, Table, Values, csv_text, document, json_text
+from distretarget.report.diff_document import MetricValues, Table, Values, csv_text, document, json_text
 from distretarget.report.scene_page import (
     GAP_ERROR,
     gap_table,
@@ -55,16 +55,10 @@ FAIL_OVER_HELP = (
 )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Account:
-    """A diff of clips or scenes, to be written and printed."""
-
-    path: str | Path  # of B
-    document: Mapping[str, object]
-    page: Callable[[], str]  # makes the HTML report
-    csv: Callable[[], str]
-    lines: Sequence[str]
-    faults: Sequence[str]  # metrics over their limits
+Account = tuple[Values, Callable[[], str], Callable[[], str], Sequence[str], str]
+"""A diff of clips or scenes: its document, what makes the HTML report and the CSV, the lines that are printed, and what
+is over its limit; empty if nothing is.
+"""
 
 
 def of_metric(text: str) -> tuple[str, float]:
@@ -139,11 +133,11 @@ def diff_command(
             raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
         check_outputs(outputs, [a, b, map_path], overwrite)
         account = _measure_clips(a, b, clip, map_path, limits, verbose)
-    texts = {report: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
-    write_outputs(texts, overwrite)
-    say(*account.lines)
-    if account.faults:
-        raise click.ClickException(f"{account.path}: {'; '.join(account.faults)}")
+    found, page, csv, lines, fault = account
+    write_outputs({report: page, json_path: lambda: json_text(found), csv_path: csv}, overwrite)
+    say(*lines)
+    if fault:
+        raise click.ClickException(fault)
 
 
 def _measure_clips(
@@ -153,14 +147,9 @@ def _measure_clips(
     first, second = (_motion(file, clip) for file in (a_text, b_text))
     result = measure(first, second, a_text.path, b_text.path, map_path)
     metrics = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
-    return Account(
-        path=b_text.path,
-        document=metrics,
-        page=lambda: diff_page(result, metrics),
-        csv=lambda: csv_text(metrics["frames"]),
-        lines=[*_lines(metrics, [] if verbose else [*over_limits(result)], verbose)],
-        faults=[*over(metrics["limits"])],
-    )
+    lines = [*_lines(metrics, [] if verbose else [*over_limits(result)], verbose)]
+    made = metrics, lambda: diff_page(result, metrics), lambda: csv_text(metrics["frames"])
+    return *made, lines, _fault(b_text.path, over(metrics["limits"]))
 
 
 def _motion(file: InputFile, clip: str | None) -> Motion:
@@ -169,7 +158,7 @@ def _motion(file: InputFile, clip: str | None) -> Motion:
     return parse_motion(file, clip if several else None)[0]
 
 
-def _lines(metrics: DiffDocument, verdict: Sequence[str], verbose: bool) -> Iterator[str]:
+def _lines(metrics: Values, verdict: Sequence[str], verbose: bool) -> Iterator[str]:
     """The lines that are printed, with the lines of the verdict, or if `verbose` all metrics and contacts."""
     for name, body in (("A", metrics["a"]), ("B", metrics["b"])):
         named = f", named as in {body['convention']}" if body["convention"] else ""
@@ -245,6 +234,11 @@ def over(limits: Iterable[Values]) -> Iterator[str]:
             yield f"{limit['metric']} is {limit['value']:.6g}, over {limit['limit']:g}"
 
 
+def _fault(path: str | Path, clauses: Iterable[str]) -> str:
+    told = "; ".join(clauses)
+    return told and f"{path}: {told}"
+
+
 def over_limits(result: Diff) -> Iterator[str]:
     """Yield the verdict on B: a line for each metric over its limit, with the worst frame, or that there is none."""
     found = [*limit_warnings(result.metrics, {"result": result.tracks})]
@@ -315,14 +309,8 @@ def measure_scenes(
     metrics = scene_document(result, documents, props, replace(run, limits=of_scene))
     verdicts = {} if verbose else {name: [*over_limits(one)] for name, one in performers.items()}
     faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
-    return Account(
-        path=b.path,
-        document=metrics,
-        page=lambda: scene_diff_page(result, metrics),
-        csv=lambda: scene_csv(metrics),
-        lines=[*_scene_lines(metrics, verdicts)],
-        faults=[*over(metrics["limits"]), *faults],
-    )
+    made = metrics, lambda: scene_diff_page(result, metrics), lambda: scene_csv(metrics)
+    return *made, [*_scene_lines(metrics, verdicts)], _fault(b.path, [*over(metrics["limits"]), *faults])
 
 
 def _props(a: SceneInput, b: SceneInput) -> list[str]:

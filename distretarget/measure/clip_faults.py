@@ -17,7 +17,7 @@ from distretarget.body.limbs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, steps_along
-from distretarget.numerics.time_series import Shots, spans_of
+from distretarget.numerics.time_series import Shots, spans_of, usual_steps
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 
 MOST = 0.3  # at a cut the median step of the joints is at least this share of their mean step
@@ -184,13 +184,10 @@ def _sudden(steps: Array, far: float, inside: Flags, joints: Numbers, body: Body
     """The number of frames to which a joint goes farther than `far`, and `SUDDEN` times as far as around; `steps` are
     (frames - 1, joints), those at cuts are not `inside`.
     """
-    padded = np.pad(np.where(inside[:, None], steps, 0.0), ((2, 2), (0, 0)), "reflect" if len(steps) > 2 else "edge")
+    usual = usual_steps(np.where(inside[:, None], steps, 0.0))
     far_steps = (steps > far) & inside[:, None]
     far_steps[[0, -1]] = False  # nothing shows how the body moves before and after
-    frames, some = np.nonzero(far_steps)
-    around = np.sort([padded[frames + k, some] for k in (0, 1, 3, 4)], axis=0)[1:3].mean(axis=0)
-    sudden = steps[frames, some] > SUDDEN * around
-    frames, some = frames[sudden], some[sudden]
+    frames, some = np.nonzero(far_steps & (steps > SUDDEN * usual))
     if not len(frames):
         return Finding(0.0)
     worst = int(steps[frames, some].argmax())

@@ -16,7 +16,8 @@ from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
-from distretarget.measure.touches import hanging_gaps
+from distretarget.measure.metrics import Track
+from distretarget.measure.skin_touches import hanging_gaps
 from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import write_nearest
 from distretarget.numerics.moving import largest
@@ -34,9 +35,6 @@ FAR_ALONG = 5  # ... and at least this many joints on the path between them
 class Candidates:
     """The pairs of target joints that may touch, ordered by their pairs of regions."""
 
-    # the joints and End Sites with a driver; of coinciding ones, only the first; of more than `MOST_POINTS`, those on
-    # the longest branches
-    points: Numbers  # (points,)
     names: tuple[str, ...]  # (pairs of regions,), as "left hand - hips", the most interesting first
     passing: Flags  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
@@ -99,20 +97,10 @@ class Contacts:
         return np.bincount(self.frame, minlength=len(self.strides))
 
     @property
-    def error_of_frames(self) -> Array:
-        """(frames,), the mean error of the contacts of a frame; 0 without contacts."""
-        sums = np.bincount(self.frame, self.error, minlength=len(self.strides))
-        return np.asarray(sums / np.maximum(self.counts, 1))
-
-    def largest_gaps(self, source_leg: float, leg: float) -> Array:
-        """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame;
-        0 where none are farther [% of leg length]. The lengths of legs are in file units.
-        """
-        before = self.distance_source * self.candidates.tau_source[self.nearest] / source_leg
-        after = self.distance_result * self.candidates.tau[self.nearest] / leg
-        farthest = np.zeros(len(self.strides))
-        np.maximum.at(farthest, self.frame, 100.0 * (after - before))
-        return farthest
+    def track(self) -> Track:
+        """(frames,), the mean error of the contacts of a frame, where it has some."""
+        sums, counts = np.bincount(self.frame, self.error, minlength=len(self.strides)), self.counts
+        return Track(np.asarray(sums / np.maximum(counts, 1)), counts > 0)
 
     @property
     def touches(self) -> tuple[RegionContact, ...]:
@@ -153,7 +141,11 @@ def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -
 
 @found_once
 def find_candidates(matching: Matching) -> Candidates:
-    """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree."""
+    """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree.
+
+    They are joints and End Sites with a driver; of coinciding ones, only the first; of more than `MOST_POINTS`, those
+    on the longest branches.
+    """
     source, target = matching.source.skeleton, matching.target.skeleton
     drivers, regions = matching.drivers, matching.regions
     driven = np.flatnonzero(drivers >= 0)
@@ -174,7 +166,7 @@ def find_candidates(matching: Matching) -> Candidates:
     names = tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs)
     passing = _pass_by(regions, pairs.reshape(-1, 2), matching.legs[1] if matching.legs else None)
     limits = np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE)
-    return Candidates(points, names, passing, first, u, v, tau_source, tau, limits)
+    return Candidates(names, passing, first, u, v, tau_source, tau, limits)
 
 
 def _pass_by(regions: Regions, pairs: Numbers, legs: Legs | None) -> Flags:

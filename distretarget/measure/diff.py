@@ -122,12 +122,9 @@ def diff(
 
 def turned_note(world: World) -> tuple[str, ...]:
     """Notes on how A was turned into the axes of B."""
-    notes = []
-    if world.source_up != world.up:
-        notes.append(f"A was turned: {world.source_up} is up in A, {world.up} in B")
-    if world.half_turn:
-        notes.append("A was turned round: in one of the files bodies look to -Z, as in VRM 0")
-    return tuple(notes)
+    turned = world.source_up != world.up, f"A was turned: {world.source_up} is up in A, {world.up} in B"
+    half = world.half_turn, "A was turned round: in one of the files bodies look to -Z, as in VRM 0"
+    return tuple(note for is_so, note in (turned, half) if is_so)
 
 
 def _check(motion: Motion, name: str) -> None:

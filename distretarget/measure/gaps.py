@@ -126,26 +126,13 @@ class SkinContact(NamedTuple):
     parts: tuple[str, str]  # the parts of the first and the second performer that touch
 
 
-@dataclass(frozen=True)
-class SkinContacts:
-    """How well two performers keep touching, by their touches, one or more."""
+class SkinContacts(NamedTuple):
+    """How well two performers keep touching."""
 
-    touches: tuple[SkinContact, ...]
-
-    @property
-    def frames(self) -> int:
-        """The number of frames in which they touch."""
-        return len({touch.frame for touch in self.touches})
-
-    @property
-    def error(self) -> float:
-        """The mean error [% of height]."""
-        return float(np.mean([touch.error for touch in self.touches]))
-
-    @property
-    def worst(self) -> SkinContact:
-        """The touch with the largest error."""
-        return max(self.touches, key=lambda touch: touch.error)
+    touches: tuple[SkinContact, ...]  # one or more
+    frames: int  # the number of frames in which they touch
+    error: float  # the mean of the touches' [% of height]
+    worst: SkinContact  # the touch with the largest error
 
     @property
     def sentence(self) -> str:
@@ -156,19 +143,12 @@ class SkinContacts:
         )
 
 
-@dataclass(frozen=True)
-class Overlap:
-    """Where two performers are deepest in each other.
+class Overlap(NamedTuple):
+    """Where two performers are deepest in each other."""
 
-    Attributes:
-        depth: how deep a point of one is beneath the surface of the other [% of height].
-        frame: of the clip.
-        parts: the parts of the first and the second performer.
-    """
-
-    depth: float
-    frame: int
-    parts: tuple[str, str]
+    depth: float  # how deep a point of one is beneath the surface of the other [% of height]
+    frame: int  # of the clip
+    parts: tuple[str, str]  # of the first and the second performer
 
     @property
     def sentence(self) -> str:
@@ -209,7 +189,11 @@ def measure_skin_contacts(
                 error = float(max(now - max(gap, 0.0), gap - now, 0.0))
                 names = str(LIMBS[limb]), str(SEGMENTS[part])
                 touches.append(SkinContact(block.start + int(frame), error, names if one == 0 else names[::-1]))
-    return SkinContacts(tuple(touches)) if touches else None
+    if not touches:
+        return None
+    errors = [touch.error for touch in touches]
+    frames, worst = len({touch.frame for touch in touches}), touches[int(np.argmax(errors))]
+    return SkinContacts(tuple(touches), frames, float(np.mean(errors)), worst)
 
 
 def _gaps(

@@ -1,7 +1,7 @@
 """The metrics: their names and meanings, how they are computed from a clip, and their limits.
 
 Everything that prints, writes or draws metrics takes them from `METRICS`, the entries of `metrics.toml`. To add one,
-add its entry there and its track to `comparison.Comparison`, or to `RetargetResult.tracks` if it takes more than source
+add its entry there and its track to those of `Comparison`, or to `RetargetResult.tracks` if it takes more than source
 and result, and run `tools/make_docs.py`.
 """
 

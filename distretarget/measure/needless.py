@@ -1,4 +1,4 @@
-"""Turns and shaking of a result that copied rotations do not have and that no contact or support explains."""
+"""Turns, shaking and pops of a result that copied rotations do not have and that no contact or support explains."""
 
 from __future__ import annotations
 
@@ -7,28 +7,54 @@ from scipy.ndimage import median_filter
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.measure.comparison import Comparison
+from distretarget.measure.comparison import INSTANT, Comparison
 from distretarget.measure.contacts import Contacts
 from distretarget.measure.metrics import Track
-from distretarget.measure.pops import INSTANT
 from distretarget.measure.skin_depths import LIMBS
 from distretarget.motion import Motion
 from distretarget.numerics.moving import largest
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.time_series import Shots
+from distretarget.numerics.time_series import Shots, usual_steps
 from distretarget.numerics.vectors import Array, Flags, lengths
 
 HELD = ("head", "upperChest", "chest", "leftHand", "rightHand")  # what arms and legs carry to a contact as it is
 SINKS = 2.0  # copied rotations by which a limb sinks in by less than this need no change [% of height]
 AROUND = 0.75  # an arm may turn for this long before and after what it turns for [s]
 LASTS = 0.1  # what shakes does so for this long before and after [s]
+FAR = 4.0  # a joint pops if its deviation from the copy goes farther than this [% of leg length in INSTANT] ...
+SUDDEN = 3.0  # ... and this many times its usual way
+JUMP = 2.0  # a joint of the source that goes so far, and so many times its usual way, jumps: the data are wrong there
 
 
 def find_turned(copy: Motion, result: Motion, body: Body) -> Track:
     """How far head, chest and hands are turned away from the rotation copy, (frames, parts) [degrees]."""
     joints = body.anatomy.joints(*HELD) if body.anatomy else []
     angles = [_angles(copy, result, joint) for joint in joints]
-    return Track(_columns(angles, len(result)), parts=tuple(result.skeleton.keys[joint] for joint in joints))
+    return Track(_columns(angles, len(result)), parts=result.skeleton.keys_of(joints))
+
+
+def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
+    """(frames - 1, joints), how far the deviation of each joint of a result from its copy pops on the way to the next
+    frame [% of leg length in `INSTANT`]; 0 where it does not pop.
+
+    Joints outside the body, such as a root on the floor, do not pop, and no joint pops at a cut of the source between
+    `shots`, (frames,), or where the source itself jumps.
+    """
+    pops, going_on = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
+    joints, scale = np.flatnonzero(body.regions.of_joint >= 0), 100 * INSTANT / (body.leg * result.frame_time)
+    for block in blocks_of(len(pops)):
+        first = max(block.start - 2, 0)
+        frames, rows = slice(first, block.stop + 3), slice(block.start - first, block.stop - first)
+        of_copy, of_result = (np.diff(each.positions_in(frames)[:, joints], axis=0) for each in (copy, result))
+        own, off = scale * lengths(of_copy), scale * lengths(of_result - of_copy)
+        goes_on = going_on[block] & ~_sudden(own, JUMP)[rows].any(axis=1)
+        pops[block, joints] = np.where(_sudden(off, SUDDEN)[rows] & goes_on[:, None], off[rows], 0.0)
+    return pops
+
+
+def _sudden(steps: Array, times: float) -> Flags:
+    """Which steps, (frames, joints), are farther than `FAR` and than so many times the usual."""
+    return np.asarray((steps > FAR) & (steps > times * usual_steps(steps)))
 
 
 def find_needless(copy: Motion, result: Motion, body: Body, of_copy: Comparison, of_result: Comparison) -> Track:
@@ -40,10 +66,12 @@ def find_needless(copy: Motion, result: Motion, body: Body, of_copy: Comparison,
     """
     sides = [side for side in SIDES if f"{side}UpperArm" in body.roles]
     joints = body.anatomy.joints(*(f"{side}UpperArm" for side in sides)) if body.anatomy else []
-    angles = [np.maximum(_angles(copy, result, joint), _off_direction(of_result, joint)) for joint in joints]
+    keys = result.skeleton.keys_of(joints)
+    off = [_off_direction(of_result, key) for key in keys]
+    angles = [np.maximum(_angles(copy, result, joint), each) for joint, each in zip(joints, off, strict=True)]
     needed = [_needed(of_copy, side, result.frame_time) for side in sides]
     counts = _columns([~each for each in needed], len(result)) > 0
-    return Track(_columns(angles, len(result)), counts, tuple(result.skeleton.keys[joint] for joint in joints))
+    return Track(_columns(angles, len(result)), counts, keys)
 
 
 def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
@@ -82,18 +110,19 @@ def _angles(copy: Motion, result: Motion, joint: int) -> Array:
     return np.asarray(np.degrees(2.0 * np.arccos(np.minimum(cosine, 1.0))))
 
 
-def _off_direction(of_result: Comparison, joint: int) -> Array:
+def _off_direction(of_result: Comparison, key: str) -> Array:
     """(frames,), how far the bones below a joint are off the directions of the source's [degrees]."""
-    own = of_result.skeleton.parents[of_result.bones] == joint
-    return np.asarray(of_result.direction_error[:, own].max(axis=1, initial=0.0))
+    off = of_result.tracks["direction_error"]
+    return np.asarray(off.values[:, np.array(off.parts) == key].max(axis=1, initial=0.0))
 
 
 def _needed(of_copy: Comparison, side: str, frame_time: float) -> Flags:
     """(frames,), whether an arm has something to turn for."""
-    needed = _touching(of_copy.contacts, side) | of_copy.supports.rest.any(axis=1)
-    own = [limb.startswith(side) for limb in LIMBS]
-    if len(of_copy.skin.deepest):
-        needed |= (of_copy.skin.deepest[:, own].max(axis=1) >= SINKS) | (of_copy.skin.touching[:, own] > 0).any(axis=1)
+    needed, own = _touching(of_copy.contacts, side), [limb.startswith(side) for limb in LIMBS]
+    needed |= of_copy.others_rest.any(axis=1)
+    depths, touches = (of_copy.tracks[key] for key in ("skin_depth", "skin_gap"))
+    if len(depths.values):
+        needed |= (depths.values[:, own].max(axis=1) >= SINKS) | touches.weights[:, own].any(axis=1)
     reach = int(min(AROUND / frame_time, len(needed)))
     return np.asarray(largest(needed.astype(np.float64)[:, None], reach)[:, 0] > 0.0)
 

@@ -19,16 +19,18 @@ from distretarget.body.axes import axis_vector, direction, nearest_axis
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.matching.matching import Matching
-from distretarget.measure.resting import feet_rest
+from distretarget.measure.metrics import Track
+from distretarget.measure.supports import feet_rest
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import turned_by
-from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, level, normalised
+from distretarget.numerics.vectors import Array, Flags, angles_between, cross, level, normalised
 
 MEANT = 20  # axes are taken from the mean of no fewer frames
 ON_AXIS = np.cos(np.radians(15))  # a joint with a bone this near to one of its axes is built along it [cosine]
 NEAR = np.cos(np.radians(35))  # what a motion shows on average means an axis of a joint that is this near [cosine]
 FLAT = np.sin(np.radians([5, 40]))  # a flat foot points downwards by an angle between these [sine]
 STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
+HELD = ("trunk_tilt", "head_tilt", "palm_turn", "sole_tilt", "heading", "splay")  # the keys of the metrics
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
 
 
@@ -60,14 +62,7 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
 
     `up`, (3,), is the unit vector up; `stance`, (frames, foot joints), whether ankle and toe of each leg rest.
     """
-    held: dict[str, list[Held]] = {
-        "trunk_tilt": [],
-        "head_tilt": [],
-        "palm_turn": [],
-        "sole_tilt": [],
-        "heading": [],
-        "splay": [],
-    }
+    held = {key: list[Held]() for key in HELD}
 
     def add(key: str, joint: int, sides: Iterable[Callable[[Motion], Array]], measured: Flags | None = None) -> None:
         of_source, of_target = sides
@@ -104,10 +99,10 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
     return held
 
 
-def errors_of(held: Sequence[Held], result: Motion) -> tuple[Numbers, Array]:
-    """The joints that name the parts, (parts,), and their errors in a result, (frames, parts) [degrees]."""
-    joints = np.array([each.joint for each in held], np.intp)
-    return joints, np.reshape([each.error(result) for each in held], (len(held), len(result))).T
+def errors_of(held: Sequence[Held], result: Motion) -> Track:
+    """The errors of what is held, (frames, held) [degrees]."""
+    errors = np.reshape([each.error(result) for each in held], (len(held), len(result))).T
+    return Track(errors, np.isfinite(errors), result.skeleton.keys_of(each.joint for each in held))
 
 
 def _trunk_ends(body: Body) -> list[int]:

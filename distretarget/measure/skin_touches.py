@@ -1,24 +1,27 @@
-"""How far hands and forearms sink into a body, and how well the gaps between skins that touch are kept."""
+"""How far hands and forearms sink into a body, and how well the gaps between skins that touch are kept. Arms that hang
+and hands that pass by touch nothing.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
+from distretarget.body.limbs import Arm
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
 from distretarget.measure.skin import OWN_ARM, Skin, are_parts
 from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
-from distretarget.measure.touches import around, hanging_parts, off_times, passing, speeds
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.time_series import lasting, spans_of
+from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, lengths, normalised
 from distretarget.skin.capsules import SEGMENTS
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
@@ -26,12 +29,15 @@ GRAZING = 0.1  # points that are less deep than this lie on the skin [% of heigh
 BESIDE_POINTS = 0.5  # where a point is nearer than this, its neighbours may be inside [% of height]
 FARTHEST = 10.0  # what touches in the source and is farther off than this in the result is so far off [% of height]
 RATE = 30.0  # skin is measured about as often [1/s]
+SPEED_SPAN = 0.1  # speeds are those between so long before and after a frame, in which a hand that claps comes back [s]
+PASSES_BY = 50.0  # what is faster than this, on average while it touches, passes by [% of the height/s]
+HANGS = np.radians(60)  # an arm hangs while the angles of shoulder and elbow add up to no more than this [rad]
+ASIDE = np.radians(45)  # what is farther than this round the trunk from straight before or behind it is beside it [rad]
+LASTS = 1.0  # hands of arms that hang are in front of the trunk for less than this while they swing [s]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
 # (limbs, segments), those beside an arm that hangs
 BESIDE = np.array([are_parts(limb.split()[0], BESIDE_ARM) for limb in LIMBS])
-# (limbs, places), the places of these
-BESIDE_PLACES = np.array([np.isin(np.arange(PLACE_OF.max() + 1), PLACE_OF[beside]) for beside in BESIDE])
 OF_AN_ARM = np.array([name.endswith(OWN_ARM) for name in SEGMENTS])  # (segments,)
 # (limbs,), the hand of each: what a forearm touches in the source, its hand may touch in the result, since the two meet
 # at the wrist, which is not at the same place of every mesh.
@@ -53,10 +59,6 @@ class SkinMeasured:
     # what is touched [half widths], and the number of these places
     place_error: Array
     placed: Numbers
-    # (frames, limbs), how far begins and ends of touches are off, in the frames where those of the source are [ms], and
-    # their number
-    time_error: Array
-    timed: Numbers
 
     @property
     def tracks(self) -> Tracks:
@@ -68,25 +70,7 @@ class SkinMeasured:
             "skin_gap": Track(self.gap_error, self.touching > 0, LIMBS),
             "touch_missed": Track(np.where(self.gap_error > TOUCHING, 100.0, 0.0), self.touching, LIMBS),
             "touch_place": Track(self.place_error, self.placed, LIMBS),
-            "touch_time": Track(self.time_error, self.timed, LIMBS),
         }
-
-
-class _Seen(NamedTuple):
-    """What is seen of a result in the frames that are measured. Lengths are in file units."""
-
-    deepest: Array  # (frames, parts), how deep each is inside others
-    vertices: Array  # (frames,), how many of hands and forearms are inside
-    gaps: Array  # (contacts,), of what touches in the source
-    spots: Array  # (contacts, 3), as `PartFrames.coordinates`
-    touching: Flags  # (frames, limbs, places)
-
-    @classmethod
-    def of(cls, frames: int, contacts: int) -> _Seen:
-        """Room for so many frames and contacts."""
-        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
-        none, spots = np.zeros(contacts), np.full((contacts, 3), np.nan)
-        return cls(np.zeros((frames, len(PARTS))), np.zeros(frames), none, spots, touching)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,102 +82,51 @@ class SourceSkin:
     touches: Numbers  # (3, contacts), which of these, limb and segment, by frames
     gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
     spots: Array  # (contacts, 3), where on the segment, as `PartFrames.coordinates`
-    hanging: Flags  # (frames, limbs), whether the arm of each hangs
-    frame_time: float  # [s]
-
-    @classmethod
-    def without_touches(cls, target: Skin, seen: Numbers, frame_time: float) -> SourceSkin:
-        """A source in which nothing touches."""
-        none = np.zeros((3, 0), np.intp)
-        hanging = np.zeros((seen.max(initial=-1) + 1, len(LIMBS)), bool)
-        return cls(target, seen, none, np.zeros(0), np.zeros((0, 3)), hanging, frame_time)
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""
-        skin = self.target
+        skin, to_percent = self.target, 100.0 / self.target.height
         frames = len(self.seen) if skin.can_touch.any() else 0
-        found, to_percent = self._look_at(result, frames), 100.0 / skin.height
-        errors = self._gap_errors(to_percent * found.gaps)
-        frame, limb, segment = self.touches[:, errors <= TOUCHING]
-        found.touching[frame, limb, PLACE_OF[segment]] = True
-        last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
-        gap_error, counts = self._means(errors, frames)
-        place_error, placed = self._means(difference(self.spots, found.spots), frames)
-        time_error, timed = self._times(found.touching, len(last))
-        of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
-        return SkinMeasured(
-            deepest=to_percent * found.deepest[last, : len(LIMBS)],
-            deepest_parts=to_percent * found.deepest[last, len(LIMBS) :],
-            inside=100.0 * found.vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
-            gap_error=gap_error[last],
-            touching=counts[last],
-            place_error=place_error[last],
-            placed=placed[last],
-            time_error=time_error,
-            timed=timed,
-        )
-
-    def _look_at(self, result: Motion, frames: int) -> _Seen:
-        """What is seen in the first of the frames that are measured."""
-        skin, seen = self.target, _Seen.of(frames, len(self.gaps))
-        near = around(self.times[:frames], self._touching(frames))
-        near &= ~(self.hanging[self.seen[:frames], :, None] & BESIDE_PLACES)
+        deepest, vertices = np.zeros((frames, len(PARTS))), np.zeros(frames)
+        gaps, spots = np.zeros(len(self.gaps)), np.full((len(self.gaps), 3), np.nan)
 
         def look(block: slice) -> None:
             rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
             frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
-            reach, alone = self._reach(near[block], frame, limb, segment)
-            depths, places, seen.vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
-            seen.deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            seen.gaps[rows], seen.spots[rows] = _touch(skin, depths, places, frame, limb, segment)
-            for place in range(near.shape[2]):
-                nearest_skin = _of_arms(depths)[:, :, place == PLACE_OF].max(axis=2)
-                seen.touching[block, :, place] = near[block, :, place] & (nearest_skin > -self._touch_distance)
+            reach, alone = self._reach(block.stop - block.start, frame, limb, segment)
+            depths, places, vertices[block] = _depths(skin, result, self.seen[block], _of_first(reach), alone)
+            deepest[block] = to_percent * np.maximum(depths, 0.0).max(axis=2)
+            gaps[rows], spots[rows] = _touch(skin, depths, places, frame, limb, segment)
 
         if frames:
             over_blocks(look, frames, len(skin.patches.counts))
-        return seen
+        # off those of the source, or off touching where the source overlaps
+        off = np.maximum(to_percent * gaps - np.maximum(self.gaps, 0.0), self.gaps - to_percent * gaps)
+        gap_error, counts = self._means(np.maximum(off, 0.0), frames)
+        place_error, placed = self._means(difference(self.spots, spots), frames)
+        last = np.searchsorted(self.seen, np.arange(len(result) if frames else 0), side="right") - 1
+        of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
+        return SkinMeasured(
+            deepest=deepest[last, : len(LIMBS)],
+            deepest_parts=deepest[last, len(LIMBS) :],
+            inside=100.0 * vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
+            gap_error=gap_error[last],
+            touching=counts[last],
+            place_error=place_error[last],
+            placed=placed[last],
+        )
 
-    def _reach(self, near: Flags, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
+    def _reach(self, frames: int, frame: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
         """How far from each segment to look for each part in some frames, (frames, parts, segments), and for which of
-        these to look apart from others of its place. `near`, (frames, limbs, places), says what may be touched; the
-        other arguments, (touches,), say what is touched in the source.
+        these to look apart from others of its place; by what is touched in the source, (touches,) each.
         """
-        skin, count = self.target, len(LIMBS)
-        reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (len(near), 1, 1))
-        beside = near[:, :, PLACE_OF]
-        for forearm, hand in enumerate(HAND):  # what a forearm may touch, its hand may touch for it
-            beside[:, hand] |= beside[:, forearm]
-        reach[:, :count][beside & skin.can_touch[:count]] = self._touch_distance
+        reach = np.tile(np.where(self.target.can_touch, 0.0, -np.inf), (frames, 1, 1))
         alone = np.zeros(reach.shape, bool)
         there, of_part = (of[segment][:, None] == of for of in (PLACE_OF, PART_OF))
         for part, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
-            reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * skin.height
+            reach[frame[there[:, part]], either[there[:, part]], part] = FARTHEST / 100.0 * self.target.height
             alone[frame[of_part[:, part]], either[of_part[:, part]], part] = True
         return reach, alone
-
-    def _gap_errors(self, gaps: Array) -> Array:
-        """(contacts,), how far gaps are off those of the source, or off touching where the source overlaps [% of
-        height].
-        """
-        return np.maximum(np.maximum(gaps - np.maximum(self.gaps, 0.0), self.gaps - gaps), 0.0)
-
-    @property
-    def _touch_distance(self) -> float:
-        """Up to which a result touches [file units]."""
-        return TOUCHING / 100.0 * self.target.height
-
-    @property
-    def times(self) -> Array:
-        """(seen frames,) [s]."""
-        return np.asarray(self.seen * self.frame_time, float)
-
-    def _touching(self, frames: int) -> Flags:
-        """(seen frames, limbs, places), what touches in the source."""
-        touching = np.zeros((frames, len(LIMBS), PLACE_OF.max() + 1), bool)
-        frame, limb, segment = self.touches
-        touching[frame, limb, PLACE_OF[segment]] = True
-        return touching
 
     def _means(self, values: Array, frames: int) -> tuple[Array, Numbers]:
         """The means of what was measured of contacts, (seen frames, limbs), and how many have a value there."""
@@ -204,19 +137,6 @@ class SourceSkin:
         means = np.asarray(sums / np.maximum(counts, 1), float)
         return means.reshape(shape), counts.reshape(shape)
 
-    def _times(self, touching: Flags, frames: int) -> tuple[Array, Numbers]:
-        """(frames, limbs), how far begins and ends of touches of arms are off on average [ms], and how many there are,
-        in the columns of their hands.
-        """
-        off, counts = np.zeros((frames, len(LIMBS))), np.zeros((frames, len(LIMBS)), np.intp)
-        of_source = self._touching(len(touching))
-        for hand, place in product(np.unique(HAND), range(touching.shape[2] if len(off) else 0)):
-            source, result = (np.asarray(each[:, hand == HAND, place].any(axis=1)) for each in (of_source, touching))
-            values, some = off_times(self.times, source, result)
-            off[self.seen, hand] += values
-            counts[self.seen, hand] += some
-        return off / np.maximum(counts, 1), counts
-
 
 def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> SourceSkin:
     """Find what touches in a source; `skin` is that of its `body`. About `RATE` frames a second are looked at, and
@@ -225,12 +145,13 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
     both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
     seen = _spread(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
     if not both.any():
-        return SourceSkin.without_touches(target, seen, source.frame_time)
+        return SourceSkin(target, seen, np.zeros((3, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
     hanging = _hanging(source, body)
     reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
     reach[:, len(LIMBS) :] = -np.inf
 
-    def touch(frames: Numbers) -> tuple[Numbers, Array, Array]:
+    def touch(frames: Numbers) -> Array:
+        """Frame, limb and segment of what touches in some frames, its gap and its spot, (touches, 7)."""
         depths, places, _ = _depths(skin, source, frames, reach)
         of_limbs = depths[:, : len(LIMBS)]
         touching = (of_limbs > -reach[:, : len(LIMBS)]) & both & ~(hanging[frames, :, None] & BESIDE)
@@ -240,39 +161,31 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
             touching[:, :, on] &= np.arange(len(on)) == some.argmax(axis=2)[:, :, None]
         frame, limb, segment = np.nonzero(touching)
         gaps, spots = _touch(skin, depths, places, frame, limb, segment)
-        return np.stack([frames[frame], limb, segment]), 100.0 / skin.height * gaps, spots
+        return np.column_stack([frames[frame], limb, segment, 100.0 / skin.height * gaps, spots])
 
-    def touches_in(frames: Numbers) -> tuple[Numbers, Array, Array]:
-        in_blocks = [frames[block] for block in blocks_of(len(frames))]
-        found = mapper_for(len(frames), len(skin.patches.counts))(touch, in_blocks)
-        touches, gaps, spots = zip(*found, strict=True)
-        return np.concatenate(touches, axis=1), np.concatenate(gaps), np.concatenate(spots)
+    def touches_in(frames: Numbers) -> Array:
+        blocks = [frames[block] for block in blocks_of(len(frames))]
+        return np.concatenate([*mapper_for(len(frames), len(skin.patches.counts))(touch, blocks)])
 
-    touches, gaps, spots = touches_in(seen)
-    if len(between := _around_changes(seen, touches)):
-        others, of_others, spots_of_others = touches_in(between)
-        touches, gaps, seen = np.hstack([touches, others]), np.append(gaps, of_others), np.union1d(seen, between)
-        order = np.argsort(touches[0], kind="stable")
-        touches, gaps, spots = touches[:, order], gaps[order], np.concatenate([spots, spots_of_others])[order]
-    stay = ~_passing(source, body, skin, seen, touches)
-    touches, gaps, spots = touches[:, stay], gaps[stay], spots[stay]
+    found = touches_in(seen)
+    if len(between := _around_changes(seen, found[:, :3].astype(np.intp))):
+        found, seen = np.concatenate([found, touches_in(between)]), np.union1d(seen, between)
+        found = found[np.argsort(found[:, 0], kind="stable")]
+    found = found[~_passing(source, body, skin, seen, *found[:, :3].T.astype(np.intp))]
+    touches = found[:, :3].T.astype(np.intp)
     touches[0] = np.searchsorted(seen, touches[0])
-    return SourceSkin(target, seen, touches, gaps, spots, hanging, source.frame_time)
+    return SourceSkin(target, seen, touches, found[:, 3], found[:, 4:])
 
 
-def _passing(source: Motion, body: Body, skin: Skin, seen: Numbers, touches: Numbers) -> Flags:
+def _passing(
+    source: Motion, body: Body, skin: Skin, seen: Numbers, frame: Numbers, limb: Numbers, segment: Numbers
+) -> Flags:
     """(contacts,), whether the hand of what touches passes by; arms that meet never do."""
-    frame, limb, segment = touches
     wrists = np.array([body.roles.get(f"{name.split()[0]}Hand", -1) for name in LIMBS])[limb]
     known, speed = (wrists >= 0) & ~OF_AN_ARM[segment], np.zeros(len(frame))
     speed[known] = speeds(source, frame[known], wrists[known], skin.frames.joints[segment[known]])
     of_place = limb * len(SEGMENTS) + PLACE_OF[segment]
     return passing(speed, np.searchsorted(seen, frame), of_place, skin.height)
-
-
-def _of_arms(depths: Array) -> Array:
-    """(frames, limbs, segments), the depths of limbs, those of forearms being the larger of forearm and hand."""
-    return np.maximum(depths[:, : len(LIMBS)], depths[:, HAND])
 
 
 def _touch(
@@ -281,7 +194,7 @@ def _touch(
     """Return how far limbs, or the hands of their arms, are off the places of the segments that they touch, (n,) each
     [file units], and where they are nearest to the same part, (n, 3), as `PartFrames.coordinates`.
     """
-    of_arm = _of_arms(depths)[frame, limb]
+    of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
     of_place = np.where(PLACE_OF[segment][:, None] == PLACE_OF, of_arm, -np.inf)
     segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
     limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)
@@ -296,7 +209,7 @@ def _spread(frames: Numbers, step: float) -> Numbers:
 def _around_changes(seen: Numbers, touches: Numbers) -> Numbers:
     """The frames between two of those that were `seen` in which not the same parts touch."""
     touching = np.zeros((len(seen), len(LIMBS), len(SEGMENTS)), bool)
-    touching[np.searchsorted(seen, touches[0]), touches[1], touches[2]] = True
+    touching[np.searchsorted(seen, touches[:, 0]), touches[:, 1], touches[:, 2]] = True
     changes = np.flatnonzero((touching[1:] != touching[:-1]).any(axis=(1, 2)))
     spans = [np.arange(seen[change] + 1, seen[change + 1]) for change in changes]
     return np.concatenate([np.zeros(0, np.intp), *spans])
@@ -327,3 +240,95 @@ def _hanging(motion: Motion, body: Body) -> Flags:
             hand, forearm = (LIMBS.index(f"{side} {part}") for part in ("hand", "forearm"))
             hanging[:, hand], hanging[:, forearm] = hanging_parts(body, motion, arm)
     return hanging
+
+
+def speeds(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers) -> Array:
+    """Return how fast joints move as seen from the joints that they are `on`, (n,), in some frames, each (n,)
+    [file units/s].
+    """
+    reach = max(round(SPEED_SPAN / motion.frame_time), 1)
+    ends = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(motion) - 1)
+    before, after = (_seen_from(motion, at, joints, on) for at in ends)
+    return np.asarray(lengths(after - before) / (np.maximum(ends[1] - ends[0], 1) * motion.frame_time))
+
+
+def passing(speed: Array, rows: Numbers, of: Numbers, height: float) -> Flags:
+    """Return whether touches pass by, (n,), by their `speed`, (n,) [file units/s]; each is of a row of frames and of
+    something, (n,) each, such as a limb and a place, and lasts while that has touches in consecutive rows.
+    """
+    passes = np.zeros(len(speed), bool)
+    for one in np.unique(of):
+        own = np.flatnonzero(of == one)
+        touched = np.zeros(rows[own].max() + 1, bool)
+        touched[rows[own]] = True
+        for first, end in spans_of(touched):
+            span = own[(rows[own] >= first) & (rows[own] < end)]
+            passes[span] = speed[span].mean() > PASSES_BY / 100.0 * height
+    return passes
+
+
+def _seen_from(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers) -> Array:
+    """(n, 3), where joints are in the axes of others."""
+    result = np.zeros((len(frames), 3))
+    for joint in np.unique(on).tolist():
+        own = np.flatnonzero(on == joint)
+        at = frames[own]
+        off = motion.positions[at, joints[own]] - motion.positions[at, joint]
+        result[own] = Rotation.from_quat(motion.world_rotations_of(joint)[at]).apply(off, inverse=True)
+    return result
+
+
+def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
+    """How far joints u and v, (pairs,) each, are apart while the body stands and its arms hang, (pairs,) [file units];
+    infinite where it is not known which joints are its arms.
+    """
+    if not body.anatomy:
+        return np.full(len(u), np.inf)
+    places, down = np.array(body.reference.positions), -body.reference.axes[:, 1]
+    for arm in body.arms:
+        along = body.skeleton.paths_from(arm.shoulder)
+        for joint in body.skeleton.subtree(arm.shoulder):
+            places[joint] = places[arm.shoulder] + along[joint] * down
+    return np.asarray(lengths(places[u] - places[v]))
+
+
+def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
+    """Return whether a hand hangs beside the body, or swings past it, and whether the forearm of its arm is beside the
+    trunk, where it is as well while the elbow is bent, (frames,) each.
+    """
+    positions, low = motion.positions, _hangs(body, motion.positions, arm)
+    if not _hips(body) or len(body.arms) < 2:
+        return low, low
+    parts = [*body.skeleton.subtree(arm.wrist)], [arm.elbow, arm.wrist]
+    apart = [~_beside(body, positions, joints) for joints in parts]
+    of_hand, of_forearm = (lasting(flags.astype(float), LASTS / motion.frame_time) > 0.0 for flags in apart)
+    return low & ~of_hand, ~np.where(low, of_forearm, apart[1])
+
+
+def _hangs(body: Body, positions: Array, arm: Arm) -> Flags:
+    """(frames,), whether an arm of a body hangs, along gravity or, where hip joints are known, along the trunk.
+    `positions`, (frames, joints, 3), are those of the body.
+    """
+    shoulder, elbow, wrist = (positions[:, joint] for joint in (arm.shoulder, arm.elbow, arm.wrist))
+    off, hips = angles_between(elbow - shoulder, np.broadcast_to(-body.up_vector, elbow.shape)), _hips(body)
+    if hips:
+        off = np.minimum(off, angles_between(elbow - shoulder, positions[:, hips].mean(axis=1) - shoulder))
+    return np.asarray(off + angles_between(elbow - shoulder, wrist - elbow) <= HANGS)
+
+
+def _beside(body: Body, positions: Array, joints: list[int]) -> Flags:
+    """(frames,), whether the middle of joints is beside the trunk, and not in front of it or behind it; `positions` as
+    for `_hangs`, of a body with hips and two arms.
+    """
+    left, right = (positions[:, each.shoulder] for each in body.arms)
+    pelvis = positions[:, _hips(body)].mean(axis=1)
+    off = positions[:, joints].mean(axis=1) - pelvis
+    trunk = normalised(0.5 * (left + right) - pelvis)
+    across = normalised(left - right)
+    forwards = cross(across, trunk)
+    aside, forward = (np.abs((off * axis).sum(axis=1)) for axis in (across, forwards))
+    return np.asarray(aside >= np.tan(ASIDE) * forward)
+
+
+def _hips(body: Body) -> list[int]:
+    return [leg.hip for leg in body.legs or ()]

@@ -1,15 +1,16 @@
 """What rests on the world in a source, feet and other joints: whether it slides in a result or leaves its height.
 
-All is found from positions alone. Heights are compared in leg lengths of each body. A foot is compared with how the
-target's own foot stands on its flat sole, so that a foot of another build is not an error. Where the target's feet have
-a mesh, its lowest vertices are their soles, and are right from the mean height of the source's sole over a rest to the
-source's floor, if the one is near the other.
+All is found from positions alone: what rests is slow, and near its lowest heights; and the floor is where that is,
+without any fitting, so that nothing hides a shift of all. Heights are compared in leg lengths of each body. Where the
+target's feet have a mesh, its lowest vertices are their soles, and are right from the mean height of the source's sole
+over a rest to the source's floor, if the one is near the other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from distretarget.body.body import Body
 from distretarget.body.limbs import Leg
 from distretarget.body.segments import find_segments
 from distretarget.body.soles import Sole
-from distretarget.matching.matching import Matching, by_soles
-from distretarget.measure.resting import NEAR, SLOW, THICK, Floor, feet_rest, find_floor, foot_joints
+from distretarget.matching.matching import Matching
+from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
@@ -28,9 +29,15 @@ from distretarget.numerics.time_series import over_runs
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 from distretarget.skin.capsules import SEGMENTS
 
-LOW = 0.1  # joints but the feet's that rest are no higher than this above the lowest joint [leg lengths]
-FLAT = 5.0  # a foot within this of the pitch of its flat sole stands flat [degrees]
-LEVEL = 0.5  # a sole stands on the floor, not on the tip or the back of the foot, if it is nearer to level [cosine]
+SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
+LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
+LOWEST = 2.0  # which is this percentile of them [%]; ...
+LOW = 0.1  # ... if another's, no higher than this above the lowest joint [leg lengths]
+# Nobody sees how feet rest that do so for less than this and than half of a clip, all rests together: a foot in a run
+# carries the body for longer [s].
+LEAST = 0.1
+NEAR = 0.06  # a sole that rests this near to the floor may be on it: points below joints wander by half of it ...
+THICK = 0.2  # ... and so may the skin about other joints that rest this near to it [both leg lengths]
 HOLD = 1.0  # a hand or head that holds on to something stays in its place for this long [s],
 PLACE = 0.02  # which is no larger than this [leg lengths],
 SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
@@ -42,84 +49,39 @@ BASES = ("trunk", "hips")  # the regions where their limbs begin
 TRUNK = ("chest", "belly", "pelvis")  # segments that rest as one
 
 
-@dataclass(frozen=True, eq=False)
-class FlatFoot:
-    """A foot, and how it stands on its flat sole."""
-
-    leg: Leg
-    points: Numbers  # (points,), the ankle and all joints below it; only the ankle if there is no toe
-    flat_pitch: float = np.nan  # elevation of the bone from ankle to toe on the flat sole [degrees]; nan if unknown
-    flat_height: float = np.nan  # of the ankle over the lowest point on the flat sole [file units]; nan if unknown
-    normal: Array | None = None  # (3,), the unit vector up from the flat sole in the ankle's axes; None if unknown
-
-    @classmethod
-    def of(cls, body: Body, leg: Leg, sole: Sole) -> FlatFoot:
-        """Return the foot of a leg: on its flat sole as in the rest pose if a person can stand in that pose and the
-        foot does not hang there, else as the motion shows.
-        """
-        toe = np.flatnonzero(sole.joints == leg.toe)
-        bone = np.linalg.norm(body.reference.positions[leg.toe] - body.reference.positions[leg.ankle])
-        if not (len(toe) and bone and sole.known):
-            return cls(leg, sole.joints)
-        sine = (sole.heights[toe[0]] - sole.ankle) / bone
-        pitch = float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
-        return cls(leg, sole.joints, pitch, sole.ankle, sole.normal)
-
-    def over_time(self, motion: Motion, up: Array) -> Array:
-        """(6, frames), the foot's `_FootTracks` but the first, heights in file units; nan what is unknown; `up`, (3,),
-        is the unit vector up.
-        """
-        ankle, normals = motion.positions[:, self.leg.ankle], np.full((len(motion), 3), np.nan)
-        if self.normal is not None:
-            normals = turned_by(motion.world_rotations_of(self.leg.ankle), self.normal)
-        heel, bone = ankle - self.flat_height * normals, motion.positions[:, self.leg.toe] - ankle
-        length = lengths(bone)
-        sine = np.divide(bone @ up, length, out=np.full_like(length, np.nan), where=length > 0)
-        pitch = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
-        lowest = np.fmin(lowest_heights(motion.positions, up, self.points), heel @ up)
-        over_sole = ankle @ up - self.flat_height
-        hip = motion.positions[:, self.leg.hip]
-        return np.stack([lowest, normals @ up, pitch - self.flat_pitch, over_sole, ankle @ up, hip @ up])
+def foot_joints(legs: Sequence[Leg]) -> Numbers:
+    """Ankle and toe of each leg in turn, (foot joints,)."""
+    return np.array([joint for leg in legs for joint in (leg.ankle, leg.toe)], np.intp)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Feet:
-    """The feet of a result against those of its source. Arrays have no columns if the bodies have no legs; errors are
-    nan in frames in which nothing is to be measured.
+def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Flags:
+    """(frames, foot joints), whether each foot joint rests; `length` is that of a leg, `up`, (3,), the vector up. A
+    foot that is higher than the hip joint of its leg carries nothing, as in a clip of a single kick.
     """
-
-    joints: Numbers  # (foot joints,), the target's left ankle and toe, then the right ones
-    stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
-    skate_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
-    skate: Array  # the same of the result
-    sole: Array  # (frames, legs), the height of its lowest point, less that of a flat foot on the floor [leg lengths]
-    foot_height: Array  # (frames, legs), of the sole while ankle or toe rests [% of leg length]
-    foot_pitch: Array  # (frames, legs), from the flat sole, while ankle and toe rest and the sole is down [degrees]
-    ankle_height: Array  # (frames, legs), over the source's floor, while the foot rests flat [% of leg length]
-    hips_height: Array  # (frames, legs), over a resting ankle, while only feet carry the body [% of leg length]
+    paths = motion.positions[:, foot_joints(legs)] / length
+    heights, hips = paths @ up, motion.positions[:, [leg.hip for leg in legs for _ in range(2)]] @ up / length
+    low = (heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT) & (heights < hips)
+    rests = np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
+    count = np.count_nonzero(rests.any(axis=1))
+    return rests & (count >= min(LEAST / motion.frame_time, 0.5 * len(rests)))
 
 
-@dataclass(frozen=True, eq=False)
-class _FootTracks:
+def off_floor(heights: Array, of_source: Array, floor: float, near: Array | float = NEAR) -> Array:
+    """How far heights in a result are above where they belong, negative below, in any shape [leg lengths].
+
+    They belong where they are in the source, on its floor if that is so near, or anywhere between.
+    """
+    other = np.where(np.abs(of_source - floor) < near, floor, of_source)
+    return np.asarray(heights - np.clip(heights, np.minimum(of_source, other), np.maximum(of_source, other)))
+
+
+class FootPaths(NamedTuple):
     """The feet of one body over time."""
 
     skate: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
     sole: Array  # (frames, legs), the height of the lowest joint of the foot or of the heel [leg lengths]
-    level: Flags  # (frames, legs), whether the sole, not the tip or the back of the foot, faces the floor
-    pitch: Array  # (frames, legs), of the foot from its flat sole [degrees]
-    flat_ankle: Array  # (frames, legs), the height of the ankle less that over a flat sole [leg lengths]
     ankle: Array  # (frames, legs), the height of the ankle [leg lengths]
     hip: Array  # (frames, legs), that of the leg's hip joint [leg lengths]
-
-    @classmethod
-    def of(cls, motion: Motion, feet: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:
-        """Follow the feet of a motion, on legs of this length [file units]."""
-        tracks = np.reshape([foot.over_time(motion, up) for foot in feet], (len(feet), 6, len(motion)))
-        sole, level_by, pitch, flat_ankle, ankle, hip = tracks.transpose(1, 2, 0)
-        paths = motion.positions[:, foot_joints([foot.leg for foot in feet])] / length
-        skate = speeds_along(level(paths, up), motion.frame_time)
-        level_sole, heights = ~(level_by < LEVEL), (each / length for each in (flat_ankle, ankle, hip))
-        return cls(skate, sole / length, level_sole, pitch, *heights)
 
     def hips_over(self, rests: Flags) -> Array:
         """(frames, legs), how high the hips are over each ankle [leg lengths]: the middle of the hip joints of the legs
@@ -130,111 +92,97 @@ class _FootTracks:
         return np.asarray((rests * self.hip).sum(axis=1, keepdims=True) / np.maximum(standing, 1) - self.ankle)
 
 
+def _paths_of(motion: Motion, feet: Sequence[tuple[Leg, Sole]], length: float, up: Array) -> FootPaths:
+    """Follow the feet of a motion, on legs of this length [file units]; `up`, (3,), is the unit vector up."""
+    legs, x, heights = [leg for leg, _ in feet], motion.positions, list[list[Array]]()
+    for leg, sole in feet:
+        lowest = lowest_heights(x, up, sole.joints)
+        if sole.known and leg.toe != leg.ankle and leg.toe in sole.joints:
+            normals = turned_by(motion.world_rotations_of(leg.ankle), sole.normal)
+            lowest = np.minimum(lowest, (x[:, leg.ankle] - sole.ankle * normals) @ up)
+        heights.append([lowest, x[:, leg.ankle] @ up, x[:, leg.hip] @ up])
+    lengthwise = (np.reshape(heights, (len(feet), 3, len(motion))) / length).transpose(1, 2, 0)
+    skate = speeds_along(level(x[:, foot_joints(legs)] / length, up), motion.frame_time)
+    return FootPaths(skate, *lengthwise)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SourceFeet:
-    """The feet of a source, which those of results are measured against."""
+    """The feet of a source, which those of results are measured against. Arrays have no columns without legs."""
 
     up: Array  # (3,), the unit vector up in source and results
-    feet: Sequence[FlatFoot]  # the target's
+    feet: Sequence[tuple[Leg, Sole]]  # the target's
     leg: float  # the length of the target's legs [file units]
-    stance: Flags  # as in `Feet`
-    tracks: _FootTracks  # of the source
-    floor: Floor  # the source's
+    stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
+    paths: FootPaths  # of the source
+    floor: float  # the height of the source's, the median of its soles that rest; nan if none does [leg lengths]
     belongs: Array  # (frames, legs), the height of the sole; its mean over a rest if meshes are compared [leg lengths]
     surface: Surface | None  # the target's; None if no mesh shows its feet
     thickness: float  # how far that is below the lowest joint of a foot that stands flat [leg lengths]
 
-    def in_result(self, result: Motion, others_carry: Flags) -> Feet:
-        """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
-        ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
-        source, own = self.tracks, _FootTracks.of(result, self.feet, self.leg, self.up)
+    def in_result(self, result: Motion, supports: SupportsMeasured) -> Tracks:
+        """What the metrics of feet, hips and floor of a result are taken from, by how its other `supports` are: speeds
+        [leg lengths / s], and errors of heights [% of leg length].
+        """
+        source, own = self.paths, _paths_of(result, self.feet, self.leg, self.up)
+        ankle_rests, stands = self.stance[:, ::2], self.stance[:, ::2] | self.stance[:, 1::2]
         sole, off = own.sole, own.sole - self.belongs
         if self.surface is not None:
-            feet = [result.skeleton.subtree(foot.leg.ankle) for foot in self.feet]
+            feet = [result.skeleton.subtree(leg.ankle) for leg, _ in self.feet]
             lowest = [self.surface.lowest(result, foot, self.up) for foot in feet]
             sole = np.stack(lowest, axis=1) / self.leg + self.thickness
-            off = self.floor.off(sole, self.belongs)
-        on_sole = ankle_rests & toe_rests & source.level
-        flat = on_sole & (np.abs(source.pitch) <= FLAT)
+            off = off_floor(sole, self.belongs, self.floor)
         sits = (source.hip < source.sole.min(axis=1, keepdims=True, initial=np.inf) + SITS).any(axis=1)
-        alone = ankle_rests & ~(others_carry | sits)[:, None]
-        stands = ankle_rests | toe_rests
+        alone = ankle_rests & ~(supports.carry(result.frame_time) | sits)[:, None]
         hips_off = np.abs(own.hips_over(stands) - source.hips_over(stands))
-        return Feet(
-            joints=foot_joints([foot.leg for foot in self.feet]),
-            stance=self.stance,
-            skate_source=source.skate,
-            skate=own.skate,
-            sole=sole,
-            foot_height=np.where(stands, 100 * np.abs(off), np.nan),
-            foot_pitch=np.where(on_sole, np.abs(own.pitch - source.pitch), np.nan),
-            ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - self.belongs), np.nan),
-            hips_height=np.where(alone, 100 * hips_off, np.nan),
-        )
+        keys = result.skeleton.keys_of(foot_joints([leg for leg, _ in self.feet]))
+        return {
+            "foot_skate": Track(own.skate, self.stance, keys),
+            "foot_height": Track(100 * np.abs(off), stands, keys[::2]),
+            "hips_height": Track(100 * hips_off, alone, keys[::2]),
+            "floor": self._off_floor(sole, supports),
+        }
 
-    def off_floor(self, feet: Feet, supports: SupportsMeasured) -> tuple[Array, Flags]:
-        """(frames,) each: how far the lowest of feet and of skin on which other joints rest is from where the lowest of
-        the source is, or from its floor if that is near [% of leg length]; and whether any of these rests there.
+    def _off_floor(self, sole: Array, supports: SupportsMeasured) -> Track:
+        """(frames,), how far the lowest of soles, (frames, legs) [leg lengths], and of skin on which other joints rest
+        is from where the lowest of the source is, or from its floor if that is near, while any of these rests there.
         """
         on_skin = np.isfinite(supports.lowest)
         joints = np.where(supports.on_floor & on_skin[:, None], supports.height_source, np.inf)
-        of_source = np.hstack([self.tracks.sole, joints]).min(axis=1, initial=np.inf)
-        lowest = np.minimum(feet.sole.min(axis=1, initial=np.inf), supports.lowest)
-        rests = (self.stance.any(axis=1) | on_skin) & np.isfinite(lowest) & np.isfinite(self.floor.height)
-        off = self.floor.off(lowest[rests], of_source[rests], np.where(on_skin, THICK, NEAR)[rests])
-        errors = np.zeros(len(rests))
-        errors[rests] = 100.0 * np.abs(off)
-        return errors, rests
+        of_source = np.hstack([self.paths.sole, joints]).min(axis=1, initial=np.inf)
+        lowest = np.minimum(sole.min(axis=1, initial=np.inf), supports.lowest)
+        rests = (self.stance.any(axis=1) | on_skin) & np.isfinite(lowest) & np.isfinite(self.floor)
+        near, errors = np.where(on_skin, THICK, NEAR)[rests], np.zeros(len(rests))
+        errors[rests] = 100.0 * np.abs(off_floor(lowest[rests], of_source[rests], self.floor, near))
+        return Track(errors, rests)
 
 
 def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | None = None) -> SourceFeet:
     """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results, `surface` that of the
     target's skin, if known.
     """
-    legs = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
-    source_feet, feet = _flat_feet(matching)
+    legs = matching.legs or ((), ())
+    source_feet, feet = ([*zip(legs[k], (soles[k] for soles in matching.soles), strict=True)] for k in (0, 1))
     length, target_length = matching.leg_lengths
-    stance = feet_rest(source, [foot.leg for foot in source_feet], length, up)
-    tracks, rests = _FootTracks.of(source, source_feet, length, up), stance[:, ::2] | stance[:, 1::2]
-    skin = surface if legs else None
-    soles = _soles_of_mesh(skin, matching.target, [leg for _, leg, _ in legs])
-    thickness = 0.0 if skin is None else np.mean([skin.below_sole(own) for _, _, (_, own) in legs]) / target_length
+    stance = feet_rest(source, legs[0], length, up)
+    paths, rests = _paths_of(source, source_feet, length, up), stance[:, ::2] | stance[:, 1::2]
+    skin = surface if feet else None
+    below = 0.0 if skin is None else np.mean([skin.below_sole(sole) for _, sole in feet]) / target_length
+    carried = [matching.target.skeleton.subtree(leg.ankle) for leg in legs[1]]
+    shown = skin is not None and skin.of_mesh and all(len(skin.on(foot)) for foot in carried)
+    columns = zip(paths.sole.T, rests.T, strict=True)
+    means = [over_runs(sole[:, None], rest.astype(float)) for sole, rest in columns] if shown else []
     return SourceFeet(
         up=up,
         feet=feet,
         leg=target_length,
         stance=stance,
-        tracks=tracks,
-        floor=find_floor(tracks.sole, rests),
-        belongs=tracks.sole if soles is None else _means(tracks.sole, rests),
-        surface=soles,
-        thickness=float(thickness),
+        paths=paths,
+        floor=float(np.median(paths.sole[rests])) if rests.any() else np.nan,
+        belongs=np.concatenate(means, axis=1) if shown else paths.sole,
+        surface=skin if shown else None,
+        thickness=float(below),
     )
-
-
-@by_soles
-def _flat_feet(matching: Matching) -> tuple[Sequence[FlatFoot], Sequence[FlatFoot]]:
-    """The feet of source and target."""
-    legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
-    both = [
-        (FlatFoot.of(matching.source, one, sole), FlatFoot.of(matching.target, other, own_sole))
-        for one, other, (sole, own_sole) in legs
-    ]
-    source_feet, feet = zip(*both, strict=True) if both else ((), ())
-    return source_feet, feet
-
-
-def _soles_of_mesh(surface: Surface | None, body: Body, legs: Sequence[Leg]) -> Surface | None:
-    """The surface of a body if it is of a mesh that shows the soles of both its legs."""
-    if surface is None or not surface.of_mesh:
-        return None
-    return surface if all(len(surface.on(body.skeleton.subtree(leg.ankle))) for leg in legs) else None
-
-
-def _means(soles: Array, rests: Flags) -> Array:
-    """(frames, legs), the mean heights of soles over each of their rests, (frames, legs) each."""
-    means = [over_runs(sole[:, None], rest.astype(float)) for sole, rest in zip(soles.T, rests.T, strict=True)]
-    return np.concatenate(means, axis=1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -244,8 +192,7 @@ class SupportsMeasured:
     joints: Numbers  # (joints,), of the target, that rest in some frame of the source
     on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
     holds: Flags  # (frames, joints), whether each holds on to something that stands still
-    skate_source: Array  # (frames, joints), horizontal speed in the source [leg lengths / s]
-    skate: Array  # the same in the result
+    skate: Array  # (frames, joints), horizontal speed [leg lengths / s]
     height: Array  # (frames, joints), error of the height in the result [% of leg length]
     height_source: Array  # (frames, joints), over the origin [leg lengths]
     lowest_source: Array  # (frames,), the height of the lowest joint [leg lengths]
@@ -311,7 +258,6 @@ def find_supports(
         joints=joints[some],
         on_floor=on_floor[:, some],
         holds=holds[:, some],
-        skate_source=skate,
         skate=skate,
         height=np.zeros_like(skate),
         height_source=height[:, some],

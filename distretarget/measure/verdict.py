@@ -24,16 +24,13 @@ def limit_warnings(
     """Yield a warning for each metric of the result above its limit, with value, worst frame, and what `cause_of` finds
     for the metric in that frame and part. `metrics` are those of `tracks`.
     """
-    for metric in METRICS:
-        if metric.limit and metric.over_limit(metrics):
-            limit = metric.limit.value(metric.key, metrics)
-            copy = _number(metric, metrics, "rotation_copy")
-            better = f" ({copy} in the rotation copy)" if metric.worse_than_copy(metrics) else ""
-            value = f"{metric.label} {_number(metric, metrics, 'result')} {metric.unit}".rstrip()
-            frame, part = metric.worst(tracks["result"])
-            worst = f"worst in frame {frame}" + (f", {part}" if part else "")
-            cause = cause_of(metric, frame, part) if cause_of else ""
-            yield f"{value}{better}, limit {limit:.3g}; {worst}" + (f"; cause: {cause}" if cause else "")
+    for metric, limit, value in _over(metrics):
+        better = f" ({_number(metric, metrics, 'rotation_copy')} in the rotation copy)"
+        frame, part = metric.worst(tracks["result"])
+        worst = f"worst in frame {frame}" + (f", {part}" if part else "")
+        cause = cause_of(metric, frame, part) if cause_of else ""
+        told = f"{value}{better if metric.worse_than_copy(metrics) else ''}, limit {limit:.3g}; {worst}"
+        yield told + (f"; cause: {cause}" if cause else "")
 
 
 def faults(metrics: Metrics) -> list[tuple[float, str]]:
@@ -41,13 +38,18 @@ def faults(metrics: Metrics) -> list[tuple[float, str]]:
     metric above its limit what that means, and its value.
     """
     found = []
+    for metric, limit, value in _over(metrics):
+        number, reason = metrics["result"][metric.key] or 0.0, metric.limit.reason if metric.limit else ""
+        found.append((number / limit if limit else 1.0 + number, f"{reason} ({value})"))
+    return sorted(found, reverse=True)
+
+
+def _over(metrics: Metrics) -> Iterator[tuple[Metric, float, str]]:
+    """Each metric of the result above its limit, with that, and its name, value and unit."""
     for metric in METRICS:
         if metric.limit and metric.over_limit(metrics):
-            value = metrics["result"][metric.key] or 0.0
-            limit = metric.limit.value(metric.key, metrics) or 0.0
-            number = f"{_number(metric, metrics, 'result')} {metric.unit}".rstrip()
-            found.append((value / limit if limit else 1.0 + value, f"{metric.limit.reason} ({metric.label} {number})"))
-    return sorted(found, reverse=True)
+            value = f"{metric.label} {_number(metric, metrics, 'result')} {metric.unit}".rstrip()
+            yield metric, metric.limit.value(metric.key, metrics) or 0.0, value
 
 
 def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
@@ -60,10 +62,8 @@ def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
     are those of `tracks`.
     """
     of_result = tracks["result"]
-    parts = [_contacts(metrics), *_skin(metrics, of_result), _feet(metrics), *_supports(metrics)]
-    parts += _floor(metrics)
-    parts += [*_hips(metrics, of_result), *_turned(of_result)]
-    text = f"{'; '.join(parts)}."
+    parts = [_contacts(metrics), *_skin(metrics, of_result), _feet(metrics), *_supports(metrics), *_floor(metrics)]
+    text = f"{'; '.join([*parts, *_hips(metrics, of_result), *_turned(of_result)])}."
     text = text[0].upper() + text[1:]
     over = [metric for metric in METRICS if metric.over_limit(metrics)]
     worse = [metric for metric in METRICS if metric.worse_than_copy(metrics) and metric not in over]

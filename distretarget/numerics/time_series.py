@@ -56,6 +56,15 @@ def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
     return median
 
 
+def usual_steps(steps: Array) -> Array:
+    """The median of the two steps before each of some steps, (frames, n), and the two after; beyond the ends as in a
+    mirror.
+    """
+    padded = np.pad(steps, ((2, 2), (0, 0)), "reflect")
+    beside = padded[:-4], padded[1:-3], padded[3:-1], padded[4:]
+    return np.asarray(0.5 * (sum(beside) - np.minimum.reduce(beside) - np.maximum.reduce(beside)))
+
+
 def runs_of(flags: Flags) -> Numbers:
     """(frames,), the number of the run of true frames that each frame belongs to, from 1; 0 for false frames."""
     starts = flags & ~np.concatenate([[False], flags[:-1]])

@@ -24,7 +24,6 @@ OF_REACH = (
     "skin_gap",
     "foot_skate",
     "foot_height",
-    "ankle_height",
     "hips_height_largest",
     "support_skate",
     "support_height",

@@ -24,8 +24,7 @@ from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
-from distretarget.measure.needless import find_needless, find_shaking, find_turned
-from distretarget.measure.pops import find_pops
+from distretarget.measure.needless import find_needless, find_pops, find_shaking, find_turned
 from distretarget.measure.skin import Skin, find_skin
 from distretarget.measure.surface import find_surface
 from distretarget.measure.verdict import limit_warnings, verdict

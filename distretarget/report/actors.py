@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
+from distretarget.measure.solids import strongest
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.rotations import continuous
@@ -38,7 +39,6 @@ FLOOR_FRAMES = 48  # frames from which the height of the floor is found
 FLOOR_PERCENTILE = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
 STICK = 0.009  # radius of bones without skin [body units]
 STILL = 1e-7  # joints whose rotations relative to their parents change by less do not turn [quaternions]
-INFLUENCES = 4  # joints that move a vertex, at most
 HASH = 32  # digits of a hash
 ENDS = ("leftHand", "rightHand", "leftFoot", "rightFoot")  # whose paths can be shown
 
@@ -184,10 +184,7 @@ def _mesh_data(mesh: SkinnedMesh, turn: Quaternion, unit: float) -> dict[str, An
     vertices = _turned(Rotation.from_quat(turn), mesh.vertices) / unit
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     scale = float((high - low).max() / 65535) or 1.0
-    order = np.argsort(-mesh.weights, axis=1, kind="stable")[:, :INFLUENCES]
-    spare = ((0, 0), (0, INFLUENCES - order.shape[1]))
-    weights = np.pad(np.take_along_axis(mesh.weights, order, axis=1), spare)
-    joints = np.pad(np.take_along_axis(mesh.joints, order, axis=1), spare)
+    joints, weights = strongest(mesh)
     looks = mesh.looks if mesh.looks and mesh.looks.materials else None
     materials = [*_materials(looks)] if looks else []
     triangles = [mesh.triangles[looks.of_triangle == one["number"]] for one in materials] if looks else [mesh.triangles]
@@ -197,7 +194,7 @@ def _mesh_data(mesh: SkinnedMesh, turn: Quaternion, unit: float) -> dict[str, An
         "vertices": encoded(np.rint((vertices - low) / scale), "<u2"),
         "normals": encoded(np.rint(127 * _normals(vertices, mesh.triangles)), "<i1"),
         "joints": encoded(joints, "<u2"),
-        "weights": encoded(np.rint(65535 * weights / weights.sum(axis=1, keepdims=True)), "<u2"),
+        "weights": encoded(np.rint(65535 * weights), "<u2"),
         "triangles": encoded(np.concatenate(triangles), "<u4"),
         "materials": materials,
         "uv": encoded(looks.uv, "<f4") if looks and any(one["image"] or one["normal_map"] for one in materials) else "",

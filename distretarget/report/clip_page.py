@@ -25,7 +25,7 @@ from distretarget.numerics.vectors import Array
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, encoded, to_y_up
-from distretarget.report.diff_document import About, DiffDocument, Table, document
+from distretarget.report.diff_document import About, Table, Values, document
 from distretarget.report.page import html_page
 from distretarget.report.stage import Jump, ShownBody, bodies_in_motion, facing, rows_of_body, timeline
 from distretarget.skin.capsules import Capsules
@@ -169,12 +169,12 @@ def run_diff(result: RetargetResult) -> Diff:
     )
 
 
-def diff_page(diff: Diff, document: DiffDocument) -> str:
+def diff_page(diff: Diff, document: Values) -> str:
     """The HTML of the report on a diff, from its document."""
     return _page(diff, document, shown_diff("", diff))
 
 
-def _page(diff: Diff, document: DiffDocument, body: ShownBody, marked: Sequence[MarkedContact] = ()) -> str:
+def _page(diff: Diff, document: Values, body: ShownBody, marked: Sequence[MarkedContact] = ()) -> str:
     """The page on a diff that plays motions of a body, first that of A; the others are those of B's body."""
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
@@ -211,7 +211,7 @@ def _units(matching: Matching) -> tuple[float, float]:
     return a or matching.source.unit or 1.0, b or matching.target.unit or 1.0
 
 
-def contact_table(document: DiffDocument) -> Table:
+def contact_table(document: Values) -> Table:
     """The contacts of each two regions, in D."""
     rows: list[list[str | int]] = []
     for one in document["contacts"]:
@@ -222,7 +222,7 @@ def contact_table(document: DiffDocument) -> Table:
     return Table(title="Contacts", columns=columns, rows=rows)
 
 
-def _worst(document: DiffDocument) -> Iterator[dict[str, Any]]:
+def _worst(document: Values) -> Iterator[dict[str, Any]]:
     """The worst frame of each metric that has one."""
     for key, frame in document["worst"].items():
         metric = BY_KEY[key]

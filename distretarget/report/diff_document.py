@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, Literal, SupportsFloat, TypedDict
+from typing import Any, SupportsFloat, TypedDict
 
 import numpy as np
 
@@ -57,54 +57,6 @@ def _plain(text: str) -> str:
     return f"'{text}" if text.startswith(FORMULAS) else text
 
 
-class DiffDocument(TypedDict):
-    """The numbers of a diff of motion B against motion A; `docs/diff.md` explains the keys."""
-
-    format: Literal["distretarget-diff"]
-    version: Literal[1]
-    a: Values
-    b: Values
-    program: Values
-    verdict: str
-    warnings: list[str]
-    notes: list[str]
-    frame_time: float
-    frame_count: int
-    unmatched_b: list[str]
-    unmatched_a: list[str]
-    contact_frames: int
-    metrics: Values
-    limits: list[Values]
-    worst: dict[str, int | None]
-    frames: list[MetricValues]
-    contacts: list[Values]
-
-
-class RunMetricsDocument(TypedDict):
-    """The metrics of a run, with the keys and units of `measure.metrics.METRICS`.
-
-    Attributes:
-        format, version: of the document.
-        frame_time: the time between frames [s].
-        root_scale: target units per source unit of the root's path.
-        verdict: what was kept and what changed, in a sentence.
-        warnings: a line each.
-        metrics: of the whole clip, for source, rotation copy and result; None where nothing was to be measured.
-        frames: columns with an entry for each frame: the metrics, with `_source` or `_copy` after their keys for source
-            and rotation copy; the solver's `iterations` and `evaluations`, and the `reason` why it stopped; with the
-            paper's objective `stress_solved_points`.
-    """
-
-    format: Literal["distretarget-metrics"]
-    version: Literal[1]
-    frame_time: float
-    root_scale: float
-    verdict: str
-    warnings: Sequence[str]
-    metrics: Mapping[Variant, Mapping[str, float | None]]
-    frames: Mapping[str, Sequence[float | str | None]]
-
-
 class Table(TypedDict):
     """A table below the player; an integer cell is the number of a frame, and becomes a button that goes there."""
 
@@ -126,7 +78,7 @@ class About:
     limits: tuple[tuple[str, float], ...] = ()  # keys of metrics, each with the largest value allowed
 
 
-def document(diff: Diff, about: About) -> DiffDocument:
+def document(diff: Diff, about: About) -> Values:
     """The diff as JSON values; None where nothing was to be measured."""
     sides: dict[Variant, Tracks] = {"source": diff.comparison.source_tracks, "result": diff.tracks}
     frames = _frames(diff, sides)
@@ -198,8 +150,8 @@ def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float
         "frame": count.tolist(),
         "time": [rounded(time) for time in count * diff.b.frame_time],
         "contacts": diff.comparison.contacts.counts.tolist(),
-        "stance": diff.comparison.feet.stance.sum(axis=1).tolist(),
-        "supports": diff.comparison.supports.rest.sum(axis=1).tolist(),
+        "stance": diff.comparison.stance.sum(axis=1).tolist(),
+        "supports": diff.comparison.others_rest.sum(axis=1).tolist(),
         **{key: [*map(_known, values)] for key, values in frame_metrics(sides, len(diff)).items()},
     }
 
@@ -251,17 +203,13 @@ def metrics_line(result: RetargetResult) -> str:
 
 
 def metrics_json(result: RetargetResult) -> str:
-    """The metrics of a run as JSON: those of the whole clip, and those of each frame."""
+    """The metrics of a run as JSON: of the whole clip, with the keys and units of `measure.metrics.METRICS`, and of
+    each frame, with `_source` or `_copy` after the keys of source and copy; and the solver's steps, and why it stopped.
+    """
     columns = frame_metrics(result.tracks, len(result.motion))
-    frames: dict[str, Sequence[float | str | None]] = {
-        **{key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in columns.items()},
-        "iterations": result.effort.iterations.tolist(),
-        "evaluations": result.effort.evaluations.tolist(),
-        "reason": result.effort.reason_names,
-    }
-    if result.free_stress is not None:
-        frames["stress_solved_points"] = result.free_stress.tolist()
-    document: RunMetricsDocument = {
+    frames = {key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in columns.items()}
+    effort, stress = result.effort, result.free_stress
+    document = {
         "format": "distretarget-metrics",
         "version": 1,
         "frame_time": result.motion.frame_time,
@@ -269,6 +217,12 @@ def metrics_json(result: RetargetResult) -> str:
         "verdict": result.verdict,
         "warnings": result.warnings,
         "metrics": result.metrics,
-        "frames": frames,
+        "frames": {
+            **frames,
+            "iterations": effort.iterations.tolist(),
+            "evaluations": effort.evaluations.tolist(),
+            "reason": effort.reason_names,
+            **({} if stress is None else {"stress_solved_points": stress.tolist()}),
+        },
     }
     return json_text(document)

@@ -27,7 +27,7 @@ from distretarget.numerics.vectors import Array, lengths
 from distretarget.pipeline.found_contacts import MarkedContact
 from distretarget.report.actors import Role, to_y_up
 from distretarget.report.clip_page import contacts_in, run_diff, shown_diff, shown_result
-from distretarget.report.diff_document import About, DiffDocument, Table, Values, csv_text, document, judged, rounded
+from distretarget.report.diff_document import About, Table, Values, csv_text, document, judged, rounded
 from distretarget.report.page import VERSION, html_page
 from distretarget.report.stage import Row, ShownBody, bodies_in_motion, margin_of, rows_of_body, timeline
 from distretarget.scene.retargeting import SceneResult
@@ -211,7 +211,7 @@ def _touching(pair: Pair, bodies: Sequence[ShownBody], leg: float, scale: float)
             off[name][frame] = np.fmin(off[name][frame], 100.0 * abs(gap - gaps[k, n]) / leg)
             joints.setdefault(name, ends)
     for name, values in off.items():
-        yield Row(name, "contact", values, OFF, BY_KEY["contact_gap"].symbol, _marks(pair, bodies, joints[name]))
+        yield Row(name, "contact", values, OFF, BY_KEY["hips_height"].symbol, _marks(pair, bodies, joints[name]))
 
 
 def _joints(body: ShownBody) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -228,9 +228,7 @@ def _region(body: ShownBody, joint: int) -> str:
     return f"{body.name}'s {regions.names[regions.of_joint[joint]]}" if regions else body.name
 
 
-def scene_document(
-    diff: SceneDiff, performers: Mapping[str, DiffDocument], props: Sequence[str], about: About
-) -> Values:
+def scene_document(diff: SceneDiff, performers: Mapping[str, Values], props: Sequence[str], about: About) -> Values:
     """The diff of two scenes as JSON values, from the documents of the performers and the names of the props.
 
     `about` has the limits of `GAP_ERROR`.
