@@ -12,7 +12,6 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -42,6 +41,13 @@ SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # the longest time for any file, and fo
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "MKL", "OMP")}  # each would take memory
 ADVICE = "open the file in Blender and export it as GLB"
 STOPS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # Windows
+# What a mesh has for each vertex, triangle, bone and influence of a bone on a vertex.
+OF_MESH = (
+    ("vertices", "normals", "uv"),
+    ("triangles", "materials"),
+    ("bones", "to_bones"),
+    ("moved", "movers", "weights"),
+)
 SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube has no inverse
 
 
@@ -64,39 +70,13 @@ def parse_fbx(
     return _parsed(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation}, _scene)
 
 
-def fbx_mesh(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart]]:
-    """Return the nodes of an FBX file and the meshes at them; errors as in `parse_fbx`."""
-    return _parsed(content, path, {"with_mesh": True}, _mesh)
-
-
-def fbx_looks(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """Return the same with normals, places on images, the materials, and the file of each image that is not in it;
-    errors as in `parse_fbx`.
+def fbx_mesh(
+    content: bytes, path: str | Path, with_looks: bool = False
+) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
+    """Return the nodes of an FBX file, the meshes at them and, with looks, normals, places on images, materials, and
+    the file of each image that is not in it; errors as in `parse_fbx`.
     """
-    return _parsed(content, path, {"with_mesh": True, "with_looks": True}, _looks)
-
-
-def _looks(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """The result of `fbx_looks`, from the arrays that the process has handed over."""
-    nodes, parts = _mesh(path, read)
-    if not parts:
-        return nodes, [], (), ()
-    vertices, triangles = (np.cumsum(read["sizes"][:, column])[:-1] for column in (0, 1))
-    normals, uv = (np.split(read[name], vertices) for name in ("normals", "uv"))
-    if not all(np.isfinite(read[name]).all() for name in ("normals", "uv", "colours")):
-        raise FileError(path, "has a mesh with numbers that are not finite; export it again")
-    materials = np.split(read["materials"], triangles)
-    whole = [
-        replace(part, normals=own if own.any() else None, uv=places, materials=chosen)
-        for part, own, places, chosen in zip(parts, normals, uv, materials, strict=True)
-    ]
-    images = [part.tobytes() for part in np.split(read["images"], np.cumsum(read["image_sizes"])[:-1])]
-    files = tuple("" if on < 0 or images[on] else read["image_names"][on] for on in read["images_on"].tolist())
-    found = [
-        Material(colour=tuple(colour), image=b"" if on < 0 else images[on])
-        for colour, on in zip(read["colours"].clip(0.0, 1.0).tolist(), read["images_on"].tolist(), strict=True)
-    ]
-    return nodes, whole, tuple(found), files
+    return _parsed(content, path, {"with_mesh": True, "with_looks": with_looks}, _mesh)
 
 
 def _parsed(
@@ -158,22 +138,28 @@ def _nodes(path: str | Path, read: Read) -> Nodes:
     return Nodes(names, parents, *_parts(path, read, read["transforms"], np.arange(len(names))))
 
 
-def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart]]:
-    """The nodes and the parts of the mesh in the arrays that were read."""
+def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
+    """The result of `fbx_mesh`, from the arrays that the process has handed over."""
+    nodes = _nodes(path, read)
     if not len(read["sizes"]):
-        return _nodes(path, read), []
+        return nodes, [], (), ()
+    if not all(np.isfinite(read[name]).all() for name in (*OF_MESH[0], "to_bones", "weights", "colours")):
+        raise FileError(path, "has a mesh with numbers that are not finite; export it again")
+    read["to_bones"][:, :3, 3] -= read["pivots"][read["bones"]]
     ends = np.cumsum(read["sizes"], axis=0)[:-1].T
-    names = (("vertices",), ("triangles",), ("mesh_bones", "to_bones"), ("moved", "movers", "weights"))
-    columns = {name: np.split(read[name], at) for at, group in zip(ends, names, strict=True) for name in group}
+    split = {name: np.split(read[name], at) for at, names in zip(ends, OF_MESH, strict=True) for name in names}
     parts = []
-    for vertices, triangles, bones, to_bones, *influences in zip(*columns.values(), strict=True):
-        to_bones[:, :3, 3] -= read["pivots"][bones]
-        joints, weights = _influences(len(vertices), *influences)
-        if not (np.isfinite(vertices).all() and np.isfinite(to_bones).all() and np.isfinite(weights).all()):
-            raise FileError(path, "has a mesh with numbers that are not finite; export it again")
-        plain = np.full(len(triangles), -1), np.zeros((len(vertices), 2))  # without materials and images
-        parts.append(MeshPart(vertices, bones, to_bones, joints, weights, triangles, *plain))
-    return _nodes(path, read), parts
+    for row in (dict(zip(split, each, strict=True)) for each in zip(*split.values(), strict=True)):
+        joints, weights = _influences(len(row["vertices"]), *(row.pop(name) for name in OF_MESH[3]))
+        row["normals"] = row["normals"] if row["normals"].any() else None
+        parts.append(MeshPart(**row, joints=joints, weights=weights))
+    on, names = read["images_on"].tolist(), read["image_names"]
+    images = [part.tobytes() for part in np.split(read["images"], np.cumsum(read["image_sizes"])[:-1])]
+    colours = map(tuple, read["colours"].clip(0.0, 1.0).tolist())
+    materials = [
+        Material(colour=colour, image=images[n] if n >= 0 else b"") for colour, n in zip(colours, on, strict=True)
+    ]
+    return nodes, parts, tuple(materials), tuple("" if n < 0 or images[n] else names[n] for n in on)
 
 
 def _influences(
@@ -243,7 +229,7 @@ def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
         return skins
     posed = np.zeros((len(nodes), 4, 4))
     posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
-    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["bones"]))
+    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["are_bones"]))
 
 
 def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> SkinBinding:

@@ -21,7 +21,7 @@ from distretarget.character.character import Character
 from distretarget.character.mesh import assembled
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.io.fbx import fbx_looks
+from distretarget.io.fbx import fbx_mesh
 from distretarget.io.files import check_inside, read_bytes
 from distretarget.io.formats import GLB_MARK
 from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, HEADER, JSON_CHUNK, Gltf
@@ -274,7 +274,7 @@ def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[s
     Raises:
         FileError: the file has no mesh that its joints move, or a number that cannot be written.
     """
-    nodes, parts, materials, files = fbx_looks(file.content, file.path)
+    nodes, parts, materials, files = fbx_mesh(file.content, file.path, with_looks=True)
     materials, missing = _with_images(file, materials, files)
     mesh = assembled(character, nodes, parts, materials)
     if mesh is None or mesh.looks is None:

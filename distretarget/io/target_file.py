@@ -85,7 +85,7 @@ class CharacterMesh:
             if self.file.kind == "FBX":
                 if VERTICES not in self.file.content:
                     return None, ()
-                return skinned_mesh(self.character, *fbx_mesh(self.file.content, self.file.path)), ()
+                return skinned_mesh(self.character, *fbx_mesh(self.file.content, self.file.path)[:2]), ()
             scene = gltf_scene(self.file.gltf, animated=False)
             parts = tuple(gltf_parts(self.file.gltf, scene.skins))
             return skinned_mesh(self.character, scene.nodes, parts, gltf_materials(self.file.gltf)), ()
