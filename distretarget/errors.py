@@ -157,9 +157,7 @@ def cut(name: str) -> str:
 
 
 def shown(line: str) -> str:
-    """Return a line as a terminal may show it: without characters that control it, change the direction of the text or
-    break the line, which are escaped, and not longer than `LONGEST_LINE`.
-    """
+    """Return a line as a terminal may show it: not too long, and what controls the terminal or the text escaped."""
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE - LAST_SHOWN]} ... {line[-LAST_SHOWN:]}"
     if line.isprintable():

@@ -296,9 +296,7 @@ class Motion:
         return replace(self, root_positions=self.root_positions + by) if by.any() else self
 
     def scaled(self, factor: float) -> Motion:
-        """Return the motion of a body that is larger by a factor, along a path that is; a SettingsError if the factor
-        is not above 0.
-        """
+        """Return the motion of a larger body on a larger path; a SettingsError if the factor is not above 0."""
         check_number("factor", factor, SMALLEST, LARGEST)
         moving = self.moving and MovingBones(self.moving.joints, factor * self.moving.translations)
         skeleton = self.skeleton.with_offsets(factor * self.skeleton.offsets)

@@ -235,9 +235,7 @@ class Skeleton:
         return kinematics.paths_among(joints, self.parents, self.lengths)
 
     def path_sizes(self, joints: NDArray[np.intp], counted: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-        """Return |P|, (some, some), how many joints are on the paths between some joints, ends included; only those
-        among `counted` if they are given.
-        """
+        """Return |P|, (some, some), the number of joints on the paths between some, of those `counted` if given."""
         bones = np.ones(len(self)) if counted is None else np.isin(np.arange(len(self)), counted).astype(np.float64)
         return kinematics.paths_among(joints, self.parents, bones).astype(np.intp) + 1
 
@@ -275,9 +273,7 @@ class Skeleton:
 
     @cached_property
     def places(self) -> NDArray[np.intp]:
-        """(joints,), the topmost joint at the place of each joint: itself, or that of its parent if its bone has no
-        length.
-        """
+        """(joints,), the topmost joint at the place of each joint: its parent's if its bone has no length."""
         places = list(range(len(self)))
         for joint in np.flatnonzero(self.lengths[1:] == 0.0) + 1:
             places[joint] = places[self.parents[joint]]

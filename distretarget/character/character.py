@@ -94,9 +94,7 @@ class Character:
         return np.append(self.scales, 1.0)[self.shown.parents]
 
     def motion(self, animation: Animation, size: int) -> Motion:
-        """Return an animation of the nodes as a motion of the skeleton, or raise a FileError if it has too many poses
-        for a file of this `size` [bytes].
-        """
+        """Return an animation of the nodes as a motion; a FileError if a file of `size` bytes cannot be so long."""
         frames, count = animation.frames, len(self.nodes)
         if frames * count > max(FREE_POSES, size):
             raise FileError("", f"{frames} frames of {count} joints are too many for a file of {size} bytes")
@@ -110,9 +108,7 @@ class Character:
         return Motion.of_translations(self.skeleton, self._settled(moved), rotations, animation.frame_time_text)
 
     def _local(self, animation: Animation, block: slice) -> tuple[Array, Array]:
-        """Rotations and translations of the joints relative to their parents, (frames, joints, 4 and 3), in a block of
-        frames of an animation.
-        """
+        """Rotations and translations of joints from their parents, (frames, joints, 4 and 3), in a block of frames."""
         frames = min(block.stop, animation.frames) - block.start
         rotations = np.tile(self.shown.rotations, (frames, 1, 1))
         translations = np.tile(self.shown.translations, (frames, 1, 1))
@@ -165,9 +161,7 @@ class Character:
         )
 
     def in_single_precision(self, motion: Motion) -> Motion:
-        """Return a motion of the skeleton whose numbers are rounded as the file's are: the root's path in the space of
-        the node above it.
-        """
+        """Return a motion with numbers rounded as in the file: the path from the node above the root."""
         parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
         path = parent.inv().apply(motion.root_positions - self.origin) / scale
         return replace(single_precision(motion), root_positions=parent.apply(in_float32(path) * scale) + self.origin)
@@ -227,9 +221,7 @@ class DeformCharacter(Character):
 
 
 def with_deform_bones(character: Character) -> Character:
-    """Return the character whose skeleton is that of the bones that deform, where the file has them among controls;
-    else the same.
-    """
+    """Return the character of the bones that deform, where the file has them among controls; else the same."""
     whole = character.skeleton
     tree = {} if whole.humanoid else dict(deform_tree(whole.names, whole.parents.tolist()))
     if not tree:
@@ -242,9 +234,7 @@ def with_deform_bones(character: Character) -> Character:
 
 
 def with_limbs_on_body(character: Character) -> Character:
-    """Return the character in whose skeleton feet and hands hang from shin and forearm, where in the file they hang
-    beside the body; else the same.
-    """
+    """Return the character with feet and hands that are beside the body in the file on shins and forearms."""
     tree = limbs_on_body(character.skeleton)
     return _by(character, tree) if tree else character
 
@@ -287,9 +277,7 @@ def _above(bone: int, parents: Sequence[int], known: Mapping[int, int]) -> int:
 
 
 def _usual_parent(name: str, names: Iterable[str]) -> str:
-    """The name of the bone from which one with this name hangs in Rigify's rigs of people; empty if it hangs from none
-    there. All names are without prefix.
-    """
+    """The bone, without prefix, from which one hangs in Rigify's rigs of people; empty if it hangs from none."""
     word, *marks = name.split(".")
     if word in OF_FACE:
         return max((other for other in names if other.startswith("spine")), default="")

@@ -104,9 +104,7 @@ def _wanted(scene: CharacterScene) -> tuple[list[int], tuple[str, ...]]:
 
 
 def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list[dict[int, None]]:
-    """Groups of nodes, joined where they have nodes on the same branch; their nodes as the keys of dictionaries, in
-    order.
-    """
+    """Groups of nodes, joined where they have nodes on the same branch, as the keys of dictionaries, in order."""
     groups = [group for group in groups if group]
     pairs = [(number, branches[node]) for number, group in enumerate(groups) for node in group]
     numbers, shared = np.array(pairs).T
@@ -226,9 +224,7 @@ def character_of(scene: CharacterScene) -> Character:
 
 
 def _without_flat_scales(scene: CharacterScene) -> tuple[CharacterScene, NDArray[np.bool_]]:
-    """The scene with scales that can be inverted, and which nodes had others, (nodes,): axes of length 0 get the length
-    of the longest, or 1.
-    """
+    """The scene with axes of length 0 as long as the longest, or 1, and which nodes had such, (nodes,)."""
     scales = scene.nodes.scales
     longest = np.abs(scales).max(axis=1, keepdims=True, initial=0.0)
     flat = ~(np.abs(scales) > np.maximum(FLAT * longest, SMALLEST))
@@ -284,9 +280,7 @@ def _settled(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
 
 
 def _local(base: Array, bind: Array, shown: Array, scale: Array, size: float) -> Array:
-    """The bind pose of a node relative to its parent, `base`; parts that differ from what it shows by rounding are as
-    it shows them.
-    """
+    """The bind pose of a node relative to its parent, `base`; what differs by rounding is as the node shows it."""
     local = np.linalg.inv(base) @ bind
     mirrored = np.sign(np.linalg.det(local[:3, :3])) * np.sign(scale.prod())
     turn = nearest_rotations((local[:3, :3] * mirrored / scale)[None])[0]

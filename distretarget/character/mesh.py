@@ -86,9 +86,7 @@ def assembled(
 def _bound(
     part: MeshPart, step: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]
 ) -> SkinnedMesh | None:
-    """One of every `step` triangles of the part in the world, without the vertices that no joint of the character
-    moves; None without any vertex.
-    """
+    """One of every `step` triangles of a part in the world, as far as joints move it; None if they move nothing."""
     placed = [_placed(node, nodes, binds, joints) for node in part.bones.tolist()]
     regular = np.abs(np.linalg.det(part.to_bones[:, :3, :3])) > 0.0
     joint_of = np.where(regular, [joint for joint, _ in placed], -1)

@@ -128,9 +128,7 @@ class Curve:
     interpolation: str  # between keys: "LINEAR", "STEP" or "CUBICSPLINE"
 
     def at(self, times: Array, rotates: bool) -> Array:
-        """(times, numbers), the values at times [s]; the first and last key hold before and after. Rotations,
-        quaternions x y z w, become unit quaternions.
-        """
+        """(times, numbers), the values at times [s], held before the first and after the last key; unit quaternions."""
         values = self.keys[:, self.keys.shape[1] // 2]
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, max(len(self.times) - 1, 1))
         before, after = after - 1, np.minimum(after, len(self.times) - 1)

@@ -165,9 +165,7 @@ def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Ma
 def _influences(
     vertices: int, moved: NDArray[np.intp], movers: NDArray[np.intp], weights: Array
 ) -> tuple[NDArray[np.intp], Array]:
-    """The bones that move each vertex most and their weights, (vertices, influences) each; from the vertex, bone and
-    weight of each influence, (all influences,).
-    """
+    """The bones that move each vertex most and their weights, (vertices, influences), from all influences."""
     order = np.lexsort([-weights, moved])
     moved, movers, weights = moved[order], movers[order], weights[order]
     rank = np.arange(len(moved)) - np.searchsorted(moved, moved)

@@ -84,9 +84,7 @@ def _content(
     with_mesh: bool = False,
     with_looks: bool = False,
 ) -> dict[str, Any]:
-    """The arrays, and the values of the header, of a file, or a FileError: it is not valid, its animation is not
-    chosen, or has too many frames.
-    """
+    """The arrays, and the values of the header, of a file; or a FileError."""
     scene = _load(data, with_mesh, with_looks)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if next(_curves(stack), None) is not None]
@@ -168,9 +166,7 @@ def _clusters(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int
 
 
 def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
-    """The meshes at nodes, one after the other, with what moves their vertices and how they look; as many vertices,
-    triangles, bones and influences of bones on vertices of each as its row of "sizes" says.
-    """
+    """The meshes at nodes, one after the other, as long as the rows of "sizes" say."""
     number = {node.typed_id: index for index, node in enumerate(nodes)}
     rows = [row for node in nodes if (row := _mesh(node, number, with_looks)) is not None]
     sizes = [[len(row[name]) for name in ("vertices", "triangles", "bones", "moved")] for row in rows]
@@ -234,9 +230,7 @@ def _whole(numbers: Any) -> NDArray[np.int64]:
 
 
 def _materials(materials: Iterable[ufbx.Material]) -> dict[str, Any]:
-    """The colours of materials, (materials, 4), which of the images is laid on each, -1 for none; the images one after
-    the other, with their sizes, or the names of their files.
-    """
+    """Colours, (materials, 4); the number of the image on each, or -1; the images, or the names of their files."""
     colours, on = [], []
     images: list[bytes] = []
     names: list[str] = []
@@ -325,9 +319,7 @@ def _curves(stack: ufbx.AnimStack) -> Iterator[tuple[ufbx.Node, ufbx.AnimCurve]]
 def _sampled(
     scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None, most: int
 ) -> dict[str, Any]:
-    """The nodes that move, their translations, rotations and scales in "frames", (frames, nodes, 10), and the step [s];
-    a FileError if there are more than `most` keys or samples.
-    """
+    """The nodes that move, their transforms in "frames", (frames, nodes, 10), and the step [s]; or a FileError."""
     import ufbx
 
     keys, moving = _keys(stack, most)

@@ -117,9 +117,7 @@ def is_folder(path: str | Path) -> bool:
 
 
 def is_inside(path: Path, folder: Path) -> bool:
-    """Return whether a path leads to a place in a folder, and not out of it by links or `..`; False if it leads nowhere
-    because links go in circles.
-    """
+    """Return whether a path leads to a place in a folder, and neither out of it by links or `..` nor in circles."""
     try:
         return path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):

@@ -229,9 +229,7 @@ class Gltf:
 def parse_gltf(
     content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None, has_folder: bool = True
 ) -> Gltf:
-    """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI, and its
-    images may be in others if it has a folder.
-    """
+    """Return the glTF file with a content, or a FileError; `beside` and `has_folder` as in `Gltf`."""
     if content.startswith(GLB_MARK):
         return Gltf(path, _chunks(content, path), beside or {}, has_folder)
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):

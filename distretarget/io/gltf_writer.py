@@ -291,9 +291,7 @@ def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[s
 def _with_images(
     file: InputFile, materials: Sequence[Material], files: Sequence[str]
 ) -> tuple[tuple[Material, ...], tuple[str, ...]]:
-    """The materials with images that are in files beside the FBX file, and a line for each that is not found, or of a
-    kind that glTF does not have.
-    """
+    """The materials with images that are beside the FBX file, and a line for each that cannot be written."""
     found, missing = [], []
     for material, name in zip(materials, files, strict=True):
         image = material.image or _beside(file, name)
@@ -384,9 +382,7 @@ def _exact(values: Array) -> list[float]:
 
 
 def _sets(mesh: SkinnedMesh) -> Iterator[tuple[Numbers, Array]]:
-    """Yield joints and weights of vertices, (vertices, 4) each, four a time; weights add up to 1 in single precision,
-    and joints without weight are 0.
-    """
+    """Yield joints and weights of vertices, (vertices, 4) each, four a time; weights add up to 1."""
     order = np.argsort(-mesh.weights, axis=1, kind="stable")
     weights = np.take_along_axis(mesh.weights, order, axis=1)
     used = max(int((weights > LEAST_WEIGHT).sum(axis=1).max()), 1)

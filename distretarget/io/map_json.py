@@ -129,9 +129,7 @@ def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
 
 
 def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:
-    """Return the map in the target's file, `path`, with the pairs of a map file in place of its own; a
-    SkeletonFileError if one of the two names joints that do not exist.
-    """
+    """Return the map of the target's file, `path`, with the pairs of a map file first; or a SkeletonFileError."""
     pairs = {**target.map, **map_file.pairs}
     try:
         pairs_of_map(source, target.skeleton, pairs)

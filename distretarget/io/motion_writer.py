@@ -201,9 +201,7 @@ class OutputSettings:
         return npz({**own, **smpl_parameters(clip.motion), **clip.labels}, self.precision)
 
     def clip(self, motion: Motion, name: str, up: Array = Y_UP) -> NamedClip:
-        """Return a motion as it is to be written; `up` is the unit vector up. In place, the root stays above the place
-        on the floor where it begins.
-        """
+        """Return a motion as it is to be written: in place, the root stays above where it begins; `up` is of unit."""
         if not self.in_place:
             return NamedClip(motion, name, {})
         path = level(motion.root_positions, up)

@@ -117,9 +117,7 @@ class SmplBody:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> SmplBody:
-        """Return the body of a skeleton with the joints of SMPL, under any names and in any rest pose, or raise a
-        SkeletonError if it lacks one.
-        """
+        """Return the body of a skeleton, under any names and in any rest pose; a SkeletonError if it lacks joints."""
         body = Body.of(skeleton)
         if body.anatomy is None or body.at_rest is None:
             raise SkeletonError("is not recognised as human, so parameters of SMPL cannot pose it")
@@ -163,9 +161,7 @@ class SmplBody:
         return Motion(skeleton, path, rotations, frame_time_text)
 
     def parameters(self, motion: Motion) -> dict[str, Array | float]:
-        """Return `poses`, `trans` and `mocap_frame_rate` of a motion of the body in which Y is up, for a world with Z
-        up as in AMASS.
-        """
+        """Return `poses`, `trans` and `mocap_frame_rate` of a motion in which Y is up, for a world with Z up."""
         has = self.joints.keys()
         names = MODELS[len(BODY) + (2 if has.isdisjoint(HANDS) else 30 if has.isdisjoint(FACE_JOINTS) else 33)]
         world, rest = motion.world_rotations, Rotation.from_quat(self.turns)

@@ -74,9 +74,7 @@ class CharacterMesh:
 
     @cached_property
     def as_gltf(self) -> tuple[Gltf, tuple[str, ...]]:
-        """The character of an FBX file as glTF, and what of it is left out, a line each; errors as in
-        `gltf_character`.
-        """
+        """The character of an FBX file as glTF, and what is left out, a line each; errors as in `gltf_character`."""
         return gltf_character(self.file, self.character)
 
     @cached_property
@@ -153,9 +151,7 @@ def parse_target(file: InputFile) -> LoadedTarget:
 
 
 def parse_full_target(file: InputFile) -> Target:
-    """Return the target in a file of a whole skeleton; errors as in `parse_target`, and a SkeletonFileError for the
-    short form of skeleton files, which needs a source.
-    """
+    """Return the target in a file of a whole skeleton, or a SkeletonFileError; other errors as in `parse_target`."""
     target = parse_target(file)
     if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(file.path, "", 'has no "joints"; this short form needs a source to change')

@@ -392,9 +392,7 @@ def _resting_on(one: Performer, near: PropContacts, free: Placement) -> Performe
 
 
 def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Performer:
-    """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet. `moving`
-    has frames, joints and activations of these contacts.
-    """
+    """Weaken supports off the floor that touch what is `moving`: frames, joints and activations of contacts."""
     clip, supports, reach = one.clip, one.supports, REST_HEIGHT * one.clip.leg_lengths[1]
     floor = clip.scale.heights(clip.source_floor)[:, None]
     touched = np.zeros((len(clip), len(clip.regions.names)))
@@ -440,9 +438,7 @@ def seated(one: Performer, near: PropContacts, prop: PlacedProp) -> Performer:
 
 
 def moved_by(one: Performer, by: Array) -> Performer:
-    """Return the performer with its path moved by vectors, (frames, 3), and what rests by their mean over the rest,
-    feet along the floor [target file units].
-    """
+    """Return the performer moved by vectors, (frames, 3), and what rests by their mean [target file units]."""
     clip, supports = one.clip, one.supports
     if not by.any():
         return one

@@ -37,9 +37,7 @@ FREE_WEIGHT = 1e-6  # least weight of the place that a prop has while nobody hol
 
 @dataclass(frozen=True, eq=False)
 class PropSurface:
-    """The surface of a rigid prop: triangles, or points that stand alone. Raises a SettingsError if the arrays do not
-    fit each other, or there is no triangle.
-    """
+    """The surface of a rigid prop: triangles, or points that stand alone; a SettingsError if the arrays do not fit."""
 
     # (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point is there three times
     corners: Array  # [file units]
@@ -58,9 +56,7 @@ class PropSurface:
 
     @classmethod
     def of_mesh(cls, vertices: Array, triangles: Numbers) -> PropSurface:
-        """Return the surface of a mesh, vertices (vertices, 3) and triangles (triangles, 3), or that of its vertices if
-        no triangle has an area.
-        """
+        """Return the surface of triangles, (triangles, 3), or of vertices, (vertices, 3), if none has an area."""
         vertices = np.asarray(vertices, np.float64)
         size = max(float(np.ptp(vertices, axis=0).max(initial=0.0)), LEAST)
         corners = vertices[np.asarray(triangles, np.intp).reshape(-1, 3)]
@@ -141,9 +137,7 @@ def _shares(count: int) -> Array:
 
 
 def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
-    """(triangles,) each, whether the connected part that a triangle belongs to is closed, every edge being that of two
-    triangles that face the same way, and whether its triangles face inwards.
-    """
+    """(triangles,) each, whether the connected part of a triangle is closed, and whether its triangles face inwards."""
     keys = np.round(corners.reshape(-1, 3) / (1e-6 * size)).astype(np.int64)
     joined = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1, 3)
     edges = np.concatenate([joined[:, [0, 1]], joined[:, [1, 2]], joined[:, [2, 0]]])

@@ -306,9 +306,7 @@ def _looking_alike(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tupl
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
-    """A prop in the target's axes, and the joints of targets that hold it. While nobody does, it goes along the floor
-    with the world's scale, `level`, and upwards with its own.
-    """
+    """A prop in the target's axes, and what holds it; else it goes along the floor at the scale `level`."""
     matching = performers[0].matching
     scale = level if prop.scale == "world" else prop.scale
     if isinstance(scale, int):

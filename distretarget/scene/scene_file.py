@@ -175,9 +175,7 @@ class SceneSetup:
 
 
 def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
-    """The motion in a file from its start, and the surface in an OBJ file, which a prop may have; a prop of one frame
-    has no start.
-    """
+    """The motion in a file from its start, if it has more than a frame, and the surface in an OBJ file."""
     file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
     if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
         motion, (vertices, triangles) = parse_obj(file.text, clip.file), parse_obj_mesh(file.text, clip.file)

@@ -374,9 +374,7 @@ def _drawn_to(one: Performer, body: BodySkin) -> Array:
 
 
 def _how_free(one: Performer, body: BodySkin) -> Array:
-    """(frames, limbs, 2), how far the middle and end of limbs can move, 0 to 1: not while they touch a prop without a
-    shape.
-    """
+    """(frames, limbs, 2), how far middle and end of limbs can move, 0 to 1: not on a prop without a shape."""
     alone = 1.0 - _drawn_to(one, body)
     return how_free(one.clip, body, one.supports, one.settings) * alone[..., None]
 

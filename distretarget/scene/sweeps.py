@@ -133,9 +133,7 @@ class _Way:
 
 
 def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], numbers: tuple[int, int]) -> Iterator[_Way]:
-    """The ways in which two performers part: along the floor; or upwards, where one is on the trunk or the lap of the
-    other, which then stays.
-    """
+    """The ways in which two performers part: along the floor, or upwards, where the one below stays."""
     up, both = contacts.performers[0].clip.up, [contacts.performers[number] for number in numbers]
     pelvises = [one.clip.source.positions[:, one.clip.drivers[one.clip.pelvis]] @ up for one in both]
     if np.mean(np.subtract(*pelvises)) < 0.0:  # the first is the one that is higher
@@ -171,9 +169,7 @@ def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], number
 
 
 def _slowed(ways: Array, speed: Array, frames: float) -> Array:
-    """(frames,), the least that is nowhere less than ways, (frames,), and changes no faster than `speed`, (frames,), a
-    frame; then smoothed over about `frames` on each side.
-    """
+    """(frames,), the least above ways, (frames,), that changes by at most `speed` a frame, smoothed over `frames`."""
     s = np.cumsum(speed)
     before = np.maximum.accumulate(ways + s) - s
     after = (np.maximum.accumulate((ways - s)[::-1]) + s[::-1])[::-1]
@@ -273,9 +269,7 @@ def _carriers(
 
 
 def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
-    """The place on a prop that is nearest to one, (3,), both relative to its first joint as that is turned, and the
-    direction out of it there [target file units].
-    """
+    """The place on a prop nearest to one, (3,), from its first joint, and the direction out [target file units]."""
     scale, rest = prop.free.scale, prop.motion.skeleton.rest_positions
     if prop.surface:
         farthest = float(lengths(place) / scale + lengths(prop.surface.corners).max())
