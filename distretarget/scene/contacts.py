@@ -23,6 +23,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.time_series import Shots, by_shot, median_of_three, over_runs
 from distretarget.numerics.vectors import Array, Numbers, lengths, level, spread_out
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
@@ -31,7 +32,7 @@ from distretarget.objectives.contact_pairs import pair_stiffness
 from distretarget.objectives.contact_terms import share_across
 from distretarget.objectives.supports import RESTS, ROOT_BLEND
 from distretarget.pipeline.performer import Performer
-from distretarget.scene.props import Hold, PlacedProp, Placement, held_placement, nearest_places
+from distretarget.scene.props import PlacedProp, Placement, nearest_places
 from distretarget.skin.capsules import IS_ARM, SEGMENTS
 
 Both = tuple[Array, Array]
@@ -41,6 +42,7 @@ NEAREST = 0.01  # ... until D is about this
 LEAST_STIFFNESS = 0.05  # pairs with less are left out
 NO_STIFFNESS = 1e-12  # added to a stiffness matrix so that it is never singular
 REGION_POINTS = 9  # most joints of a region that may touch others
+FREE_WEIGHT = 1e-6  # least weight of the place that a prop has while nobody holds it, in the fit to those who do
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
 TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
 # Parts that rest on their skin; hands are brought to it in the end (`scene.skin`). The last is none.
@@ -248,15 +250,31 @@ class SceneContacts:
         return [self._placement(number, prop, now) for number, prop in enumerate(self.props)]
 
     def _placement(self, number: int, prop: PlacedProp, now: Sequence[Motion]) -> Placement:
-        holds = []
+        """The best fit of a prop, in place and rotation, to all joints that hold it (Kabsch); these turn as they do
+        against the rotation copy, which turns as the source does.
+        """
+        holds, free = [], prop.free
         for i, grips in prop.grips.items():
             clip, near = self.performers[i].clip, self.on_props[i, number]
             for column in np.flatnonzero(np.isin(near.joints, grips)):
                 joint = near.joints[column]
                 copied, turned = (Rotation.from_quat(each.world_rotations[:, joint]) for each in (clip.copy, now[i]))
                 turn, place = (turned * copied.inv()).as_matrix(), now[i].positions[:, joint]
-                holds.append(Hold(near.f[:, column], near.source[:, column], place, turn, LEVER * clip.unit))
-        return held_placement(prop.free, holds) if holds else prop.free
+                holds.append((near.f[:, column], near.source[:, column], place, turn, LEVER * clip.unit))
+        if not holds:
+            return free
+        weight, source, places, turns, levers = zip(*holds, strict=True)
+        loose = np.maximum(1.0 - np.max(weight, axis=0), FREE_WEIGHT)
+        weights = np.stack([loose, *weight])[..., None]
+        a = np.stack([0.0 * free.centre, *(free.scale * (each - free.centre) for each in source)])
+        b = np.stack([free.place, *places])
+        middle_a, middle_b = ((weights * x).sum(axis=0) / weights.sum(axis=0) for x in (a, b))
+        H = np.einsum("hfi,hfj->fij", weights * (b - middle_b), a - middle_a)
+        H += (max(levers) ** 2 * loose)[:, None, None] * np.eye(3)
+        for share, turn, lever in zip(weight, turns, levers, strict=True):
+            H += (lever**2 * share)[:, None, None] * turn
+        best = nearest_rotations(H)
+        return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", best, middle_a), best, free.scale)
 
     def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
         """Return the springs from each performer to the others and to props; `alone` has the motions solved without

@@ -7,11 +7,11 @@ Faces that enclose a volume have an inside and an outside, others are thin sheet
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import NoneType
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -23,7 +23,6 @@ from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, extent, lengths, normalised
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
@@ -32,7 +31,6 @@ MOST_PARTS = 60  # into which a side of a triangle is divided
 CANDIDATES = 6  # triangles that are looked at for the nearest place
 LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
 PropScale = Literal["world"] | int | float
-FREE_WEIGHT = 1e-6  # least weight of the place that a prop has while nobody holds it, in the fit to those who do
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,29 +331,3 @@ class PlacedProp:
     free: Placement  # where it goes while nobody holds it
     grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
     surface: PropSurface | None = None  # None for its bones
-
-
-class Hold(NamedTuple):
-    """A joint that holds a prop."""
-
-    weight: Array  # (frames,), 1 while it holds the prop, blended to 0
-    source: Array  # (frames, 3), where its driver is [source file units]
-    place: Array  # (frames, 3), where it is on the target [target file units]
-    turn: Array  # (frames, 3, 3), its rotation against the rotation copy, which turns as the source does
-    lever: float  # its rotation weighs as much as a point at this distance [target file units]
-
-
-def held_placement(free: Placement, holds: Sequence[Hold]) -> Placement:
-    """Place a prop that joints hold by the best fit, in place and rotation, to all of them (Kabsch)."""
-    loose = np.maximum(1.0 - np.max([hold.weight for hold in holds], axis=0), FREE_WEIGHT)
-    weights = np.stack([loose, *(hold.weight for hold in holds)])[..., None]
-    a = np.stack([0.0 * free.centre, *(free.scale * (hold.source - free.centre) for hold in holds)])
-    b = np.stack([free.place, *(hold.place for hold in holds)])
-    middle_a, middle_b = ((weights * x).sum(axis=0) / weights.sum(axis=0) for x in (a, b))
-    H = np.einsum("hfi,hfj->fij", weights * (b - middle_b), a - middle_a)
-    lever = max(hold.lever for hold in holds)
-    H += (lever**2 * loose)[:, None, None] * np.eye(3)
-    for hold in holds:
-        H += (hold.lever**2 * hold.weight)[:, None, None] * hold.turn
-    turn = nearest_rotations(H)
-    return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", turn, middle_a), turn, free.scale)

@@ -17,7 +17,7 @@ from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.obj import parse_obj, parse_obj_mesh
+from distretarget.io.obj import parse_obj, still_points
 from distretarget.io.target_file import load_build, load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
@@ -178,7 +178,8 @@ def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
     """The motion in a file from its start, if it has more than a frame, and the surface in an OBJ file."""
     file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
     if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
-        motion, (vertices, triangles) = parse_obj(file.text, clip.file), parse_obj_mesh(file.text, clip.file)
+        vertices, triangles = parse_obj(file.text, clip.file)
+        motion = still_points(vertices, clip.file.stem)
         surface = PropSurface.of_mesh(vertices - motion.positions[0, 0], triangles)
     else:
         motion, _ = parse_motion(file)
