@@ -84,11 +84,8 @@ class SettingsError(DistretargetError):
 
 
 class MatchingError(DistretargetError):
-    """Two skeletons whose joints cannot be matched.
-
-    Attributes:
-        fault: why not; `reason` adds the pairs with the closest names, or where none is close some joints of both.
-        source, target: the joint names of each skeleton.
+    """Two skeletons whose joints cannot be matched: `fault` says why not, and `reason` adds the closest of the joint
+    names `source` and `target`, or some of both.
     """
 
     def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:

@@ -167,11 +167,7 @@ class Motion:
         return len(self.rotations)
 
     def __getitem__(self, frames: int | slice | NDArray[np.intp]) -> Motion:
-        """Return the motion of one frame, or of those of a slice or of an array of numbers, with the same frame time.
-
-        Raises:
-            IndexError: there is no such frame, or `frames` is none of these.
-        """
+        """Return the motion of one frame, or of those of a slice or of an array of numbers; else an IndexError."""
         if isinstance(frames, slice) and frames == slice(0, len(self)):
             return self
         if isinstance(frames, int | np.integer):
@@ -310,13 +306,9 @@ class Motion:
         return int((len(self) - 1) * self.frame_time / step + SAME_TIME) + 1
 
     def resampled(self, frame_time_text: str, most: int | None = None) -> Motion:
-        """Return the motion at another frame time: translations interpolated linearly, rotations spherically.
-
-        Only the first `most` frames are made if that is given.
-
-        Raises:
-            MotionError: `most` is not given, and there would be far more frames than the motion has; or the frame time
-                is none.
+        """Return the motion at another frame time: translations interpolated linearly, rotations spherically; if given,
+        only the first `most` frames. A MotionError if it is no frame time, or makes far more frames than the motion
+        has.
         """
         _check_frame_time(frame_time_text)
         step = float(frame_time_text)
@@ -339,10 +331,8 @@ class Motion:
         return Motion.of_translations(self.skeleton, translations, rotations, frame_time_text)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
-        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns).
-
-        Raises:
-            MotionError: `rotations` is none of these.
+        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns),
+        else a MotionError.
         """
         if not isinstance(rotations, str) or rotations not in get_args(RotationKind):
             raise MotionError(f"rotations is {rotations!r}; expected one of {quoted(get_args(RotationKind))}")

@@ -358,10 +358,8 @@ class Skeleton:
         return replace(self, offsets=self.offsets * HALF_TURN, looks_back=not self.looks_back)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """Return the same tree and bone directions with other bone lengths, (joints,); bones of length 0 keep it.
-
-        Raises:
-            SkeletonError: they are not such an array, or one is negative or not finite.
+        """Return the same tree and bone directions with other bone lengths, (joints,), from 0, else a SkeletonError;
+        bones of length 0 keep it.
         """
         if np.shape(lengths) != self.lengths.shape or not np.all(np.asarray(lengths) >= 0):
             raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")

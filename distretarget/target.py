@@ -119,11 +119,9 @@ class SkeletonEdit:
         return replace(self, scale=factor * self.scale, lengths=lengths)
 
     def apply(self, source: Skeleton) -> Skeleton:
-        """Return the source's skeleton with these bone lengths and unchanged bone directions.
-
-        Raises:
-            SkeletonFileError: a key is not a joint of the source, has a bone of length 0, or is in both `lengths` and
-                `factors`; or all bones get length 0, or one gets too long.
+        """Return the source's skeleton with these bone lengths and unchanged bone directions; a SkeletonFileError if a
+        key is no joint, has a bone of length 0, or is in both `lengths` and `factors`, or if bones get length 0 or too
+        long.
         """
         check_kind("source", source, Skeleton)
         lengths = self.scale * source.lengths

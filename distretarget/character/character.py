@@ -169,10 +169,8 @@ class Character:
 
 @dataclass(frozen=True, eq=False)
 class DeformCharacter(Character):
-    """A character whose skeleton has some of its nodes, in another tree than the file's.
-
-    Controls stay as the file shows them. So that the mesh does not tear, a bone that hangs from a control in the file
-    gets keys of its translation as well.
+    """A character whose skeleton has some of its nodes, in another tree than the file's. Controls stay as the file
+    shows them; a bone that hangs from one gets keys of its translation as well, so that the mesh does not tear.
     """
 
     whole: Character  # with all nodes as joints
@@ -246,12 +244,8 @@ def _by(character: Character, tree: Tree) -> DeformCharacter:
 
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:
-    """Return the deform bone above each deform bone (`DEF-`), -1 for none. Empty for a rig without deform bones, or one
-    in which they are a tree by themselves.
-
-    Args:
-        names: of the bones.
-        parents: the parent of each, -1 for none; in any order.
+    """Return the deform bone (`DEF-`) above each, -1 for none, from the names of bones and their parents in any order;
+    empty for a rig without deform bones, or one in which they are a tree by themselves.
     """
     plain = [NUMBER.sub("", name) for name in names] if all(map(NUMBER.search, names[1:])) else names
     deforming = {name.removeprefix(DEFORMS): bone for bone, name in enumerate(plain) if name.startswith(DEFORMS)}

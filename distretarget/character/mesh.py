@@ -41,11 +41,9 @@ class MeshPart:
 def skinned_mesh(
     character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...] = ()
 ) -> SkinnedMesh | None:
-    """Return the mesh of a character from its parts, or None if none of them hangs on its joints; `nodes` are those of
-    the file.
-
-    Each vertex is where its bones bring it while the skeleton is in its rest pose. Nodes that are no joints move with
-    the nearest joint above them. A FileError if a vertex is too far away.
+    """Return the mesh of a character, or None if none of its parts hangs on its joints; `nodes` are those of the file.
+    Vertices are where their bones bring them while the skeleton is in its rest pose; nodes that are no joints move with
+    the nearest joint above. A FileError if a vertex is too far away.
     """
     count = sum(len(part.triangles) for part in parts)
     step = max(-(-count // MOST_TRIANGLES), 1)

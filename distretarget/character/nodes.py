@@ -76,11 +76,9 @@ class Nodes:
 
 @dataclass(frozen=True, eq=False)
 class SkinBinding:
-    """The nodes that move a mesh, and where they were when it was bound to them.
-
-    Inverse bind matrices lead from the space of the mesh to that of each joint in the bind pose; vectors are columns.
-    They are None where the file states none: the bind pose is what the nodes show; zeros where it states none for a
-    joint.
+    """The nodes that move a mesh, and where they were when it was bound: matrices from the mesh's space to that of each
+    joint in the bind pose, on columns; None where the file states none, so that nodes show it, zeros where it states
+    none for a joint.
     """
 
     joints: NDArray[np.intp]  # (joints,), nodes

@@ -113,14 +113,11 @@ def is_name(word: str) -> bool:
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """Return the motion of a BVH file.
-
-    A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
-    joints called `<parent>_End`, `<parent>_End2`, ...
+    """Return the motion of a BVH file. A position channel replaces its component of the OFFSET, or is added to it
+    (`add_offsets`); End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
 
     Raises:
-        FileError: the file cannot be read as text.
-        BvhError: it is not a whole BVH file.
+        FileError, BvhError: the file cannot be read as text, or is not a whole BVH file.
 
     Warns:
         UserWarning: it has a frame more or less than it declares, or a frame time as if in milliseconds.
@@ -247,10 +244,8 @@ def _sliding(skeleton: Skeleton) -> NDArray[np.intp]:
 
 
 def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> None:
-    """Add the OFFSETs to position channels that hold only noise; `translations` are (frames, joints, 3).
-
-    MakeHuman gives all joints position channels with nothing but noise. So all OFFSETs are added where several joints
-    below the root have position channels, and most of these stay within `NOISE` of zero though their OFFSETs do not.
+    """Add the OFFSETs to position channels that hold only noise, as MakeHuman's, where several joints below the root
+    have such, most within `NOISE` of zero though their OFFSETs are not; `translations` are (frames, joints, 3).
     """
     sizes = skeleton.lengths[joints]
     slides = [joint > 0 and set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) for joint in joints]

@@ -31,14 +31,13 @@ SURROGATES = re.compile(r"[\ud800-\udfff]")  # they hold bytes that are not UTF-
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
     """Write a motion to a BVH file, whole or not at all.
 
-    Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least 6. The
-    root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two. Angles are continuous
-    from frame to frame. A body that looks to -Z, as in VRM 0, is turned round to +Z.
+    Offsets have all their digits, angles 6 decimals, continuous from frame to frame, positions as many as 1e-8 of the
+    body needs, at least 6. The root's OFFSET is zero where a channel replaces it: readers disagree on whether to add
+    the two. A body that looks to -Z, as in VRM 0, is turned round to +Z.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
-        SkeletonError: a name that BVH cannot hold.
-        MotionError: a value that is not finite.
+        SkeletonError, MotionError: a name that BVH cannot hold; a value that is not finite.
     """
     write_whole(path, bvh_parts(motion), overwrite)
 

@@ -57,11 +57,9 @@ def parse_fbx(
     """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and the animation named
     `clip` (`choose_animation`), if any is wanted; `path` is for errors.
 
-    Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale. A node's place
-    is that of its pivot; a node whose children do not inherit its scale in the usual way may get a helper node as a
-    child. Bind poses are in the world, so the skins name no mesh. Animations are those that have keys of nodes. Frames
-    are the animation's own keys where they are as regular as frames, else frames at the file's frame rate; `fps` asks
-    for another rate.
+    Transforms are those that FBX evaluates. A node's place is that of its pivot; helper nodes stand for scales that
+    children inherit in an unusual way. Bind poses are in the world, so the skins name no mesh. Frames are the
+    animation's own keys where they are as regular as frames, else at the file's frame rate, or at `fps`.
 
     Raises:
         MissingPackageError: the package ufbx is not installed.
@@ -193,11 +191,9 @@ def _scene(path: str | Path, read: Read) -> CharacterScene:
 
 
 def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10); a FileError if
-    a number is not finite or too large, or a quaternion is zero.
-
-    The nodes move from the origins of their spaces to their pivots, and so do those above them; then rotations that
-    FBX does not apply are taken away.
+    """Translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10), without the
+    rotations that FBX does not apply, and from pivot to pivot; a FileError if a number is not finite or too large, or a
+    quaternion is zero.
     """
     pivots, idle = read["pivots"], read["idle"][numbers]
     above = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]

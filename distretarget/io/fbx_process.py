@@ -350,9 +350,8 @@ def _follows_scale(node: ufbx.Node) -> bool:
 
 
 def _keys(stack: ufbx.AnimStack, most: int) -> tuple[Array, set[int]]:
-    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves.
-
-    Curves with the same keys are the rule: of those of the same length only a few keys are compared.
+    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves. Curves with the same keys
+    are the rule: of those of the same length only a few keys are compared.
     """
     times, seen = array("d"), set()
     count, moving = 0, set()

@@ -41,10 +41,8 @@ REASONS = {
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a file without its byte order mark and final Ctrl-Z; line ends stay as they are.
-
-    The encoding is UTF-8, or UTF-16 if a byte order mark says so. Bytes that are not valid UTF-8 become lone
-    surrogates, which `write_whole` turns back into the same bytes. A FileError if the file is empty or binary.
+    """Return the text of a file, UTF-8, or UTF-16 if a mark says so, without that mark and a final Ctrl-Z. Bytes that
+    are not UTF-8 become lone surrogates, which `write_whole` turns back. A FileError if the file is empty or binary.
     """
     return text_of(read_bytes(path), path)
 
@@ -141,11 +139,8 @@ def make_folder(folder: Path) -> None:
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
-    """Check, without writing, that `write_whole` could write this file.
-
-    Raises:
-        FileError: the file exists and must not be replaced, the path is a link to a file that does not exist, or the
-            folder is missing or not writable.
+    """Check, without writing, that `write_whole` could write this file, or raise a FileError: it exists and must not be
+    replaced, is a link to nothing, or its folder is missing or not writable.
     """
     check_path("path", path)
     try:
@@ -174,13 +169,9 @@ def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
 
 
 def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> None:
-    """Write a file under a temporary name in its folder, and rename it when it is complete.
-
-    A content may be in parts. Text is written as UTF-8, with line ends as given. A file that replaces another keeps its
-    permissions and, where that is allowed, its owner.
-
-    Raises:
-        FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing has changed.
+    """Write a file, whose content may be in parts, under a temporary name in its folder, and rename it when it is
+    complete. Text is written as UTF-8. A file that replaces another keeps its permissions and, where that is allowed,
+    its owner. A FileError if it exists and `overwrite` is false, or cannot be written; then nothing has changed.
     """
     check_writable(path, overwrite)
     place = Path(path).resolve()

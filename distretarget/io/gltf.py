@@ -119,9 +119,9 @@ class Gltf:
         return reference.index(len(self.entries(key)) - 1, key)
 
     def numbers(self, reference: Node, kind: str, components: tuple[int, ...] = tuple(COMPONENTS)) -> Array:
-        """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; integers that are normalized
-        become fractions. A SkeletonFileError if the accessor has another kind or other components, leads out of its
-        buffer, or has numbers that are not finite.
+        """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; normalized integers become
+        fractions. A SkeletonFileError if it has another kind or other components, leads out of its buffer, or is not
+        finite.
         """
         fields = self.entry("accessors", reference)
         place, key = fields.node, (fields.node.place, kind)

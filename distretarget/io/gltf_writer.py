@@ -144,10 +144,9 @@ def animated(
 def _animation_entries(
     gltf: Gltf, animations: Sequence[Animation], numbers: _Numbers, nodes: Nodes, mode: Mode
 ) -> Iterator[dict[str, object]]:
-    """Yield the entries of animations, and add their `numbers`; a name that is taken gets a number.
-
-    Players that go from one animation to another leave what has no keys in the other as it was. So what any of the
-    animations moves has in each a key of its own: the transform that the node shows.
+    """Yield the entries of animations, and add their `numbers`; a name that is taken gets a number. Players leave what
+    has no keys as the animation before had it: what any of them moves has in each a key, the transform that the node
+    shows.
     """
     kept = gltf.entries("animations") if mode == "add" else []
     taken = {entry.entries().read("name", Node.text, "") for entry in kept} - {""}

@@ -1,7 +1,5 @@
-"""Motions as the containers of bvhio.
-
-bvhio (https://github.com/Wasserwecken/bvhio) keeps a `Pose` per joint and frame: a position, which the position
-channels replace, and a rotation, both in float32.
+"""Motions as the containers of bvhio (https://github.com/Wasserwecken/bvhio), which keeps a `Pose` per joint and frame:
+a position, which the position channels replace, and a rotation, both in float32.
 """
 
 from __future__ import annotations
@@ -58,11 +56,8 @@ def from_bvhio(container: bvhio.BvhContainer) -> Motion:
 
 def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
     """A container with the motion, which `bvhio.writeBvh` writes and `bvhio.convertBvhToHierarchy` turns into joints.
-
-    What bvhio does not keep:
-
-    - offsets, positions and rotations are rounded to the 7 digits of float32, the frame time to a float;
-    - a joint with neither children nor End Site gets an End Site of length 0.
+    It has 7 digits, the frame time as a float, and an End Site of length 0 at joints with neither children nor End
+    Site.
 
     `bvhio.writeBvh` computes the angles of each frame on its own: they stay within 180 degrees, jump where those of
     `write_bvh` continue, and give another rotation where the middle one is 90 degrees.

@@ -37,9 +37,8 @@ def without_collection() -> Iterator[None]:
 
 
 def parse_json(path: str | Path, text: str) -> Node:
-    """Return the JSON value in a text; `path` is for errors.
-
-    All numbers become floats, since Python refuses to read integers of too many digits.
+    """Return the JSON value in a text; `path` is for errors. Numbers become floats: Python refuses integers of too many
+    digits.
     """
     try:
         with without_collection():

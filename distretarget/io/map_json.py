@@ -61,13 +61,13 @@ class MapFile:
 
 
 def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile:
-    """Return the map in a file, or an empty map if `path` is None. The pose of the first frame of `rest`, a BVH file of
-    the source's rig, replaces the rest pose of the map.
+    """Return the map in a file, or an empty map if `path` is None. The pose of the first frame of `rest`, a file of the
+    source's rig, replaces the rest pose of the map.
 
     Raises:
         FileError: a file cannot be read, or `rest` has no frames, or nobody stands in the first.
-        SkeletonFileError: the map is not an object {"target joint": "source joint" or null}, nor one of the full form.
-        BvhError: `rest` is no valid BVH file.
+        SkeletonFileError, BvhError: the map is neither {"target joint": "source joint" or null} nor of the full form;
+            `rest` is not valid.
     """
     map_file = parse_map(read_text(path), path) if path else MapFile({}, "")
     return replace(map_file, rest=rest_pose_in(load_file(rest))) if rest else map_file
@@ -110,10 +110,9 @@ def _rest(node: Node) -> RestPose:
 
 
 def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
-    """Return the text of a map file that gives this matching again, with a rest pose if there is one.
-
-    It has a pair for each joint of the target, depth first, except for joints without a driver that blend the rotations
-    of a spine or neck, and for End Sites that were matched automatically.
+    """Return the text of a map file that gives this matching again, with a rest pose if there is one: a pair for each
+    joint of the target, depth first, but spines and necks that blend rotations, and End Sites that were matched
+    automatically.
     """
     source, target, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     bending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)

@@ -230,10 +230,9 @@ def content_of(
 def as_written(
     motion: Motion, kind: OutputKind, precision: Precision = "float64", target: TargetFile | None = None
 ) -> Motion:
-    """Return a motion as a file of this kind holds it; `precision` is that of arrays, `target` has the character.
-
-    glTF has single precision, seven digits, which is coarse far from the origin; a VRM animation has the bones of a
-    humanoid alone. BVH rounds to less than 1e-8 of the body and of a turn, which nothing measured here shows.
+    """Return a motion as a file of this kind holds it; `precision` is that of arrays, `target` has the character. glTF
+    has seven digits, which is coarse far from the origin; a VRM animation the bones of a humanoid; BVH rounds to less
+    than 1e-8.
     """
     match kind:
         case "BVH":

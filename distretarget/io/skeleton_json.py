@@ -120,10 +120,9 @@ def _parent(node: Node, names: Sequence[str], parents: Sequence[int], known: Map
 def joints_meant(
     reference: str, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]
 ) -> list[int]:
-    """Return the joints among those `known`, by name, that a reference `name`, `parent/name` and so on may mean.
-
-    A reference that is the whole path from the root to a joint means that joint alone. So each of `Skeleton.keys` means
-    its own joint, as long as no name contains "/".
+    """Return the joints among those `known`, by name, that a reference `name`, `parent/name` and so on may mean. A
+    whole path from the root means its joint alone: each of `Skeleton.keys` means its own, as long as no name contains
+    "/".
     """
     ends = (reference[start:] for start in (0, *(slash.end() for slash in re.finditer("/", reference))))
     joints = sorted(joint for name in ends for joint in known.get(name, ()))
@@ -144,11 +143,8 @@ def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int
 def skeleton_to_json(
     skeleton: Skeleton, name: str, joint_map: JointMap | None = None, radii: Mapping[int, float] | None = None
 ) -> str:
-    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map; `radii` are
-    those of joints. Each joint and each pair of the map has a line of its own.
-
-    Raises:
-        SkeletonError: because of a "/" in joint names it is not clear which joint is a parent.
+    """Return the text of a skeleton file (full form) with a line a joint, and the map if it has entries; `radii` are
+    those of joints. A SkeletonError if because of a "/" in names it is not clear which joint is a parent.
     """
     head = HEADER | {"name": name, "units": skeleton.units, "up": skeleton.up}
     parents = _references(skeleton)

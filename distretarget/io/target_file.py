@@ -51,9 +51,8 @@ def animations_in(file: InputFile) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class CharacterMesh:
-    """The mesh of a character, read from its file when it is first asked for; called, it returns it.
-
-    A file without a mesh, or with one that cannot be read, has none: all else in the file is not to blame.
+    """The mesh of a character, read from its file when it is first asked for; called, it returns it, or None where
+    there is none or none can be read.
     """
 
     file: InputFile
@@ -122,15 +121,13 @@ class TargetFile:
 
 def load_target(path: Source) -> LoadedTarget:
     """Return the target in a skeleton file (full or short form), a BVH file, or the file of a character: glTF 2.0
-    (.glb, .gltf), VRM 0 or 1, FBX. The content decides which it is. It may be given as bytes, or as a file object
-    opened as binary, in place of its path.
+    (.glb, .gltf), VRM 0 or 1, FBX; or in its bytes, or a file object opened as binary. The content decides which it is.
 
     `retarget` takes the result as it is; its method `for_source` gives the whole skeleton for a source.
 
     Raises:
         FileError: the file cannot be read, or has no character.
-        SkeletonFileError: the file is JSON that breaks the format, or no bone of the body has a length.
-        BvhError: the file is none of these, nor BVH.
+        SkeletonFileError, BvhError: it breaks its format, or is no BVH file; or no bone of the body has a length.
     """
     return parse_target(load_file(path))
 

@@ -316,7 +316,6 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
     Raises:
         MatchingError: it cannot; the message says why, and which names come closest.
         MapError: `joint_map` names joints that do not exist.
-        SettingsError: an argument is of another type.
     """
     check_kind("source", source, Body)
     check_kind("target", target, Body)

@@ -1,7 +1,5 @@
-"""A scene: its performers and props, the contacts between them, and what lies or sits on a prop, as it does on skin.
-
-Between two performers, contacts are pairs of joints that come near. A joint that touches a prop belongs where the
-placement of the prop takes the driver of the joint. Springs keep both near.
+"""A scene: performers and props, and the contacts between them. Between two performers, these are pairs of joints that
+come near; a joint that touches a prop belongs where the placement of the prop takes its driver.
 """
 
 from __future__ import annotations
@@ -83,12 +81,10 @@ class PerformerContacts:
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
     def springs(self, alone: Both, now: Both, gives: Both, units: tuple[float, float]) -> list[Springs]:
-        """The springs that draw the joints of each performer to where they touch, in its body units, frames first.
-
-        `alone` and `now`, (frames, joints, 3), are the positions of both performers without each other and at present
-        [target file units]; `gives`, (frames, joints), is how far each joint goes to meet the other [target file
-        units], in proportion; `units` are the body units. A joint that touches several others has one spring with the
-        sum of their energies.
+        """The springs that draw the joints of each performer to where they touch, in its body units, frames first: one
+        a joint, with the energies of all its pairs. `alone` and `now`, (frames, joints, 3), are the positions of both
+        without each other and at present [target file units], `gives`, (frames, joints), how far each joint goes to
+        meet the other, in proportion; `units` are the body units.
         """
 
         def of_pairs(values: Both) -> list[Array]:
@@ -106,8 +102,8 @@ class PerformerContacts:
         ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring for each joint, over `count` frames, to where its pairs are in balance. Each entry draws its joint
-        to its place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
+        """One spring for each joint, over `count` frames, where its pairs balance: each entry draws its joint to its
+        place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
         """
         touches = np.bincount(joints) > 0
         kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
@@ -130,13 +126,10 @@ class PerformerContacts:
 def find_performer_contacts(
     one: ContactPoints, other: ContactPoints, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
 ) -> PerformerContacts:
-    """Return the pairs of joints of two performers that are near each other; `up` is the unit vector up.
-
-    They are near where their distance over the mean length of both paths to the pelvis is below `settings.reach`: about
-    where two hands of one body would be, between which the path is about as long.
-
-    Their vectors have the `scale` of the world or that of Eq. (1), from the path lengths of both bodies, if it is less:
-    hands that touch do not part because longer legs make the world larger.
+    """Return the pairs of joints of two performers that are near each other: whose distance over the mean length of
+    both paths to the pelvis is below `settings.reach`, about as two hands of one body. `up` is the unit vector up.
+    Their vectors have the `scale` of the world, or that of Eq. (1) if it is less: hands that touch do not part because
+    longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
     margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
@@ -166,10 +159,8 @@ def find_performer_contacts(
 
 
 def firmness(D: Array, settings: ContactSettings) -> Array:
-    """The stiffness of pairs across bodies over that of pairs within a body, by their normalised distances D.
-
-    It is larger because whole bodies have to move, not only limbs. The nearest pairs count most: hands of different
-    size that hold each other cannot keep all distances between their joints.
+    """The stiffness of pairs across bodies over that of pairs within a body, by their normalised distances D. Whole
+    bodies have to move; and the nearest count most, since hands of different size cannot keep all distances.
     """
     return FIRMER * (settings.reach + NEAREST) / (D + NEAREST)
 
@@ -206,11 +197,9 @@ class PropContacts:
 def find_prop_contacts(
     points: ContactPoints, prop: Array, leg: float, free: Array, frame_time: float, settings: ContactSettings
 ) -> PropContacts:
-    """Return the joints of a performer that come near the points of a prop, (frames, points, 3).
-
-    No path leads from a joint to the prop: its normalised distance is that from the nearest point over the length of a
-    `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 while a joint
-    rests elsewhere.
+    """Return the joints that come near the points of a prop, (frames, points, 3), as far as they are `free`, (frames,
+    points), from resting elsewhere. Distances count in lengths of a `leg` [source file units]; joints of one region
+    share their stiffness.
     """
     distances = _nearest_distances(points.source, prop)
     D = distances / leg
@@ -347,10 +336,9 @@ def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedP
 
 
 def how_far_joints_give(one: Performer) -> Array:
-    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units].
-
-    A joint of a limb goes as far as the limb is long up to it, one of the trunk as far as the trunk leans. A limb that
-    rests on the world gives no more than the trunk.
+    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units]: one of
+    a limb as far as the limb is long up to it, one of the trunk, or of a limb that rests on the world, as the trunk
+    leans.
     """
     clip, skeleton = one.clip, one.clip.skeleton
     trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
@@ -422,9 +410,9 @@ def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) 
 
 
 def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
-    """(frames, joints, 3), the `rises` of the joints of `near` [target file units]: upwards, so that their skin is as
-    high over the prop as the source's skin, or on the prop where the source's sinks in; the mean over each rest. 0 for
-    arms and feet, for joints beside the prop, and for bodies without thickness.
+    """(frames, joints, 3), the `rises` of the joints of `near` [target file units]: upwards, to the height of the
+    source's skin over the prop, or on it; the mean over each rest. 0 for arms and feet, beside the prop, and without
+    thickness.
     """
     clip, undersides, rises = one.clip, one.match.undersides, np.zeros(near.source.shape)
     if undersides is None:

@@ -1,7 +1,5 @@
-"""Props that performers touch, hold or sit on: their surfaces, as far as files show them, and where they go.
-
-A prop keeps its shape: in each frame, a similarity takes it and the world around it to the world of the target. An OBJ
-file shows its surface by faces, or without faces by vertices; a skeleton shows the lines of its bones, such as a staff.
+"""Props that performers touch, hold or sit on. In each frame, a similarity takes a prop and the world around it to the
+world of the target. An OBJ file shows its surface by faces, or else by vertices, a skeleton the lines of its bones.
 Faces that enclose a volume have an inside and an outside, others are thin sheets.
 """
 
@@ -252,11 +250,8 @@ class Prop:
 
 
 def prop_of(motion: Motion, joint: str) -> Motion:
-    """Return the motion of a joint and all joints below it, such as a sword in a hand, as a motion of its own.
-
-    Raises:
-        SkeletonError: there is no such joint.
-        SettingsError: `motion` is not a motion.
+    """Return the motion of a joint and all joints below it, such as a sword in a hand, as a motion of its own; a
+    SkeletonError if there is no such joint.
     """
     check_kind("motion", motion, Motion)
     skeleton = motion.skeleton
