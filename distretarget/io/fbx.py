@@ -106,8 +106,10 @@ def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> Read:
         _stopped(path, f"no answer after {seconds:.0f} s")
     except OSError as error:
         _stopped(path, error.strerror or str(error))
-    if done.returncode:
-        _stopped(path, _stop(done.returncode, done.stderr))
+    if code := done.returncode:
+        said = done.stderr.decode(errors="replace").split("\n")[-2:][0].strip()[:200]
+        name = (signal.strsignal(-code) or "").lower() if code < 0 else ""
+        _stopped(path, name or STOPS.get(code & 0xFFFFFFFF, said or f"exit status {code}"))
     try:
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as file:
             arrays: Read = dict(file)
@@ -121,14 +123,6 @@ def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> Read:
 
 def _stopped(path: str | Path, why: str) -> NoReturn:
     raise FileError(path, f"the FBX reader stopped ({why}); {ADVICE}") from None
-
-
-def _stop(code: int, said: bytes) -> str:
-    """Why a process ended, from its return code and the last of what it said."""
-    if code < 0 and (name := signal.strsignal(-code)):
-        return name.lower()
-    last = said.decode(errors="replace").split("\n")[-2:][0].strip()
-    return STOPS.get(code & 0xFFFFFFFF, last[:200] or f"exit status {code}")
 
 
 def _nodes(path: str | Path, read: Read) -> Nodes:
@@ -228,12 +222,12 @@ def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
 
 def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> SkinBinding:
     """A skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
+    joints, first = np.unique(joints.astype(np.intp), return_index=True)
     if not binds.any():
-        return SkinBinding(np.unique(joints).astype(np.intp), None)
-    joints, first = np.unique(joints, return_index=True)
+        return SkinBinding(joints, None)
     binds = binds[first]
     binds[:, :3, 3] += (binds[:, :3, :3] @ pivots[joints, :, None])[..., 0]
-    return SkinBinding(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds]))
+    return SkinBinding(joints, np.array([_inverse(bind) for bind in binds]))
 
 
 def _inverse(matrix: Array) -> Array:

@@ -69,22 +69,19 @@ def check_known(path: str | Path) -> None:
 def text_of(content: bytes, path: str | Path) -> str:
     """Return the text in the content of a file as `read_text` does; `path` is for errors."""
     check_known(path)
-    text = _decoded(path, content)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            text = content.decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise FileError(path, f"begins with a UTF-16 mark, but is not valid UTF-16: {error.reason}") from error
+    else:
+        text = content.removeprefix(codecs.BOM_UTF8).decode("utf-8", "surrogateescape")
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
     text = text.removesuffix(CTRL_Z)
     if not text or text.isspace():
         raise FileError(path, "is empty")
     return text
-
-
-def _decoded(path: str | Path, content: bytes) -> str:
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        try:
-            return content.decode("utf-16")
-        except UnicodeDecodeError as error:
-            raise FileError(path, f"begins with a UTF-16 mark, but is not valid UTF-16: {error.reason}") from error
-    return content.removeprefix(codecs.BOM_UTF8).decode("utf-8", "surrogateescape")
 
 
 def hash_of(*content: bytes | memoryview) -> str:
@@ -97,10 +94,9 @@ def hash_of(*content: bytes | memoryview) -> str:
 
 def hash_of_file(path: Path) -> str | None:
     """Return the hash of a file's content; None if the file does not exist or cannot be read."""
-    try:
+    with contextlib.suppress(FileError):
         return hash_of(read_bytes(path))
-    except FileError:
-        return None
+    return None
 
 
 def safe_file_name(name: str) -> str:
@@ -147,9 +143,13 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
         place = Path(path).resolve()
         if place.is_dir():
             raise FileError(path, "is a folder, expected the name of a file")
-        if place.exists():
-            _check_replaceable(path, place, overwrite)
-        elif Path(path).is_symlink():
+        if place.exists() and not place.is_file():
+            raise FileError(path, "is not a regular file")
+        if place.exists() and not overwrite:
+            raise FileError(path, "exists already; --overwrite replaces it")
+        if place.exists() and not os.access(place, os.W_OK):
+            raise FileError(path, "permission denied: the file is write-protected")
+        if not place.exists() and Path(path).is_symlink():
             raise FileError(path, f"is a link to {str(place)!r}, which does not exist; remove the link")
         if not place.parent.is_dir():
             raise FileError(path, f"there is no folder {str(place.parent)!r}")
@@ -157,15 +157,6 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
         raise FileError(path, reason_of(error)) from error
     if not os.access(place.parent, os.W_OK | os.X_OK):
         raise FileError(path, f"permission denied to write into the folder {str(place.parent)!r}")
-
-
-def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
-    if not place.is_file():
-        raise FileError(path, "is not a regular file")
-    if not overwrite:
-        raise FileError(path, "exists already; --overwrite replaces it")
-    if not os.access(place, os.W_OK):
-        raise FileError(path, "permission denied: the file is write-protected")
 
 
 def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> None:
@@ -179,7 +170,11 @@ def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> 
     try:
         with temporary.open("xb") as file:
             if overwrite and place.exists():
-                _copy_owner_and_mode(place, temporary)
+                status = place.stat()
+                if hasattr(os, "chown"):
+                    with contextlib.suppress(PermissionError):
+                        os.chown(temporary, status.st_uid, status.st_gid)
+                temporary.chmod(stat.S_IMODE(status.st_mode))
             file.writelines(encoded_parts(content))
             file.flush()
             os.fsync(file.fileno())
@@ -200,14 +195,6 @@ def encoded_parts(content: Content) -> Iterable[bytes | memoryview]:
     """Return what `write_whole` writes for a content, in parts."""
     parts = [content] if isinstance(content, str | bytes) else content
     return (part.encode("utf-8", "surrogateescape") if isinstance(part, str) else part for part in parts)
-
-
-def _copy_owner_and_mode(place: Path, temporary: Path) -> None:
-    status = place.stat()
-    if hasattr(os, "chown"):
-        with contextlib.suppress(PermissionError):
-            os.chown(temporary, status.st_uid, status.st_gid)
-    temporary.chmod(stat.S_IMODE(status.st_mode))
 
 
 def _rename_to_new(temporary: Path, place: Path) -> None:

@@ -70,7 +70,10 @@ def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
     check_kind("motion", motion, Motion)
     package = _bvhio()
     skeleton = motion.skeleton
-    _check_end_sites(skeleton)
+    for joint, children in enumerate(skeleton.children):
+        if len(children) > 1 and np.any(skeleton.end_sites[list(children)]):
+            found = f"{skeleton.names[joint]!r} has {quoted(skeleton.names[child] for child in children)}"
+            raise SkeletonError(f"bvhio holds an End Site only where a joint has nothing else; {found}")
     if not extent(motion.translations) <= LARGEST_FLOAT32:
         raise MotionError(f"a position is not finite, or beyond {LARGEST_FLOAT32:.3g}, the most that bvhio holds")
     joints = [_joint(package, motion, number) for number in range(len(skeleton))]
@@ -156,13 +159,3 @@ def _joint(package: ModuleType, motion: Motion, number: int) -> bvhio.BvhJoint:
     quaternions = motion.rotations[:, number, [3, 0, 1, 2]]  # w x y z
     joint.Keyframes = list(map(package.Pose, motion.translations_of(number), quaternions))
     return joint
-
-
-def _check_end_sites(skeleton: Skeleton) -> None:
-    """Raise a SkeletonError if a joint has several End Sites, or one beside other children."""
-    for joint, children in enumerate(skeleton.children):
-        if len(children) > 1 and np.any(skeleton.end_sites[list(children)]):
-            found = quoted(skeleton.names[child] for child in children)
-            raise SkeletonError(
-                f"bvhio holds an End Site only where a joint has nothing else; {skeleton.names[joint]!r} has {found}"
-            )

@@ -44,9 +44,9 @@ def read_character_scene(
 
 def animations_in(file: InputFile) -> tuple[str, ...]:
     """Return the names of the animations in a file, which may be empty or the same; none in other files than these."""
-    if file.kind == "FBX":
-        return read_character_scene(file, animated=False).animations
-    return animation_names(file.gltf) if file.kind == "glTF" else ()
+    if file.kind == "glTF":
+        return animation_names(file.gltf)
+    return read_character_scene(file, animated=False).animations if file.kind == "FBX" else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,12 @@ def parse_target(file: InputFile) -> LoadedTarget:
         case "skeleton":
             return skeleton_target(parse_json(file.path, file.text))
         case "BVH":
-            return _bvh_target(file.text, file.path)
+            text, path = file.text, file.path
+            with suppress(BvhError, MotionError):  # its MOTION may be missing or invalid
+                motion = parse_bvh(text, path)
+                check_reach(motion, "its motion")
+                return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
+            return Target(with_bones(parse_bvh_skeleton(text, path), path), {}, "")
         case "arrays":
             return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
     character = character_of(read_character_scene(file, animated=False))
@@ -153,16 +158,6 @@ def parse_full_target(file: InputFile) -> Target:
     if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(file.path, "", 'has no "joints"; this short form needs a source to change')
     return target
-
-
-def _bvh_target(text: str, path: str | Path) -> Target:
-    """The target in the text of a BVH file; its MOTION may be missing or invalid."""
-    try:
-        motion = parse_bvh(text, path)
-        check_reach(motion, "its motion")
-    except (BvhError, MotionError):
-        return Target(with_bones(parse_bvh_skeleton(text, path), path), {}, "")
-    return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
 
 
 def load_build(path: str | Path) -> Build:
@@ -186,16 +181,12 @@ def load_build(path: str | Path) -> Build:
 
 def parse_build(file: InputFile) -> Build:
     """Return the build of the body in a file as `load_build` does."""
-    return build_of(parse_full_target(file), file.path)
-
-
-def build_of(target: Target, path: str | Path) -> Build:
-    """Return the build of a target's body; a FileError that names a path if it shows none."""
+    target = parse_full_target(file)
     body, mesh = Body.of(target.skeleton, target.motion), target.mesh()
     if body.anatomy is None:
-        raise FileError(path, "shows no human body, so that another body cannot be as thick as it")
+        raise FileError(file.path, "shows no human body, so that another body cannot be as thick as it")
     if mesh is None and not target.radii:
-        raise FileError(path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
+        raise FileError(file.path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
     return Build.of(body, capsules_of(body, mesh, target.radii), mesh and bare_mesh(body, mesh))
 
 
