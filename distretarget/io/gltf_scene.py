@@ -116,32 +116,28 @@ def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
 
 
 def _skins(gltf: Gltf) -> tuple[SkinBinding, ...]:
-    """The skins, each with the nodes that show a mesh with it."""
-    shown: dict[int, list[int]] = {}
+    """The skins, each with the nodes that show a mesh with it; they may share inverse bind matrices."""
+    shown: dict[int, list[int]] = defaultdict(list)
     for number, entry in enumerate(gltf.entries("nodes")):
+        if "skin" in (fields := entry.entries()):
+            shown[gltf.index("skins", fields["skin"])].append(number)
+    skins, binds = list[SkinBinding](), dict[int, Array]()
+    for number, entry in enumerate(gltf.entries("skins")):
         fields = entry.entries()
-        if "skin" in fields:
-            shown.setdefault(gltf.index("skins", fields["skin"]), []).append(number)
-    binds: dict[int, Array] = {}
-    return tuple(_skin(gltf, entry, tuple(shown.get(n, ())), binds) for n, entry in enumerate(gltf.entries("skins")))
-
-
-def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Array]) -> SkinBinding:
-    """A skin; `binds` keeps the inverse bind matrices of each accessor, which skins may share."""
-    fields = entry.entries()
-    joints = np.array([gltf.index("nodes", node) for node in fields.listed("joints")])
-    if not len(joints):
-        entry.fail("has no joints")
-    if "inverseBindMatrices" not in fields:
-        return SkinBinding(joints, None, meshes)
-    accessor = gltf.index("accessors", fields["inverseBindMatrices"])
-    if accessor not in binds:
-        numbers = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
-        binds[accessor] = numbers.reshape(-1, 4, 4).transpose(0, 2, 1).copy()
-        binds[accessor][:, 3] = 0.0, 0.0, 0.0, 1.0  # as the specification demands
-    if len(binds[accessor]) < len(joints):
-        fields["inverseBindMatrices"].fail(f"{len(binds[accessor])} matrices for {len(joints)} joints")
-    return SkinBinding(joints, binds[accessor][: len(joints)], meshes)
+        joints, matrices = np.array([gltf.index("nodes", node) for node in fields.listed("joints")]), None
+        if not len(joints):
+            entry.fail("has no joints")
+        if "inverseBindMatrices" in fields:
+            accessor = gltf.index("accessors", fields["inverseBindMatrices"])
+            if accessor not in binds:
+                numbers = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
+                binds[accessor] = numbers.reshape(-1, 4, 4).transpose(0, 2, 1).copy()
+                binds[accessor][:, 3] = 0.0, 0.0, 0.0, 1.0  # as the specification demands
+            matrices = binds[accessor][: len(joints)]
+            if len(matrices) < len(joints):
+                fields["inverseBindMatrices"].fail(f"{len(matrices)} matrices for {len(joints)} joints")
+        skins.append(SkinBinding(joints, matrices, tuple(shown[number])))
+    return tuple(skins)
 
 
 def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
@@ -150,26 +146,21 @@ def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
     key = next((key for key in HUMANOIDS if key in extensions), "")
     if not key:
         return "", {}
-    bones, found = extensions[key].entries().inner("humanoid").get("humanBones"), {}
-    if bones and key == "VRM":
-        found = dict(_vrm_0(gltf, bones))
-    elif bones:
-        found = {bone: gltf.index("nodes", each.entries().need("node")) for bone, each in bones.entries().items()}
-    if not found:
-        extensions[key].fail("has no humanoid bones")
-    return key, found
-
-
-def _vrm_0(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
-    for entry in bones.items():
+    humanoid, found = extensions[key].entries().inner("humanoid"), dict[str, int]()
+    if key != "VRM":
+        for bone, each in humanoid.inner("humanBones").items():
+            found[bone] = gltf.index("nodes", each.entries().need("node"))
+    for entry in humanoid.listed("humanBones") if key == "VRM" else ():
         fields = entry.entries()
         if "bone" not in fields or "node" not in fields:
             entry.fail('expected "bone" and "node"')
         bone = fields["bone"].text()
         thumb = next((new for old, new in VRM_0_THUMBS.items() if bone.endswith(old)), "")
-        side = bone.partition("Thumb")[0]
         if fields["node"].value != -1.0:  # some programs write bones that the model lacks so
-            yield f"{side}{thumb}" if thumb else bone, gltf.index("nodes", fields["node"])
+            found[f"{bone.partition('Thumb')[0]}{thumb}" if thumb else bone] = gltf.index("nodes", fields["node"])
+    if not found:
+        extensions[key].fail("has no humanoid bones")
+    return key, found
 
 
 def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animation:

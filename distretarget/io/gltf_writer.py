@@ -198,23 +198,20 @@ def _listed(text: str, top: Top, key: str, entries: Sequence[Mapping[str, object
     texts = [compact(entry) for entry in entries]
     if key not in top:
         end = max(each.end for each in top.values())
-        return Edit(end, end, f',"{key}":[{",".join(texts)}]')
+        return end, end, f',"{key}":[{",".join(texts)}]'
     if replaces:
-        return Edit(top[key].start, top[key].end, f"[{','.join(texts)}]")
+        return top[key].start, top[key].end, f"[{','.join(texts)}]"
     return added(text, top[key].start, texts)
 
 
 def _without_matrices(gltf: Gltf, top: Top, animations: Sequence[Animation], nodes: Nodes) -> Iterator[Edit]:
     """The edits that replace the matrices of nodes that move by translation, rotation and scale."""
     moving = {node for animation in animations for node in (*animation.rotations, *animation.translations)}
-    for number, (entry, node) in enumerate(_entries(gltf, top, "nodes")):
+    transforms = zip(nodes.translations, nodes.rotations, nodes.scales, strict=True)
+    for number, ((entry, node), parts) in enumerate(zip(_entries(gltf, top, "nodes"), transforms, strict=True)):
         if number in moving and "matrix" in node:
-            parts = {
-                "translation": nodes.translations[number].tolist(),
-                "rotation": nodes.rotations[number].tolist(),
-                "scale": nodes.scales[number].tolist(),
-            }
-            yield changed(gltf.text, entry, parts, without="matrix")
+            new = {key: part.tolist() for key, part in zip(REST, parts, strict=True)}
+            yield changed(gltf.text, entry, new, without="matrix")
 
 
 def _embedding(gltf: Gltf, top: Top, embedded: Callable[[Node], bytes]) -> Iterator[Edit]:

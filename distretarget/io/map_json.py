@@ -88,16 +88,12 @@ def rest_pose_in(file: InputFile) -> RestPose:
 def parse_map(text: str, path: str | Path) -> MapFile:
     """Return the map in the text of a file as `load_map` does; `path` is for errors."""
     root = parse_json(path, text)
-    entries = root.entries(entry_place)
-    if "format" not in entries or entries["format"].value != HEADER["format"]:
-        return MapFile(_pairs(entries), path)
-    root.check_header(**HEADER)
-    fields = root.fields((*HEADER, "map"), ("rest",))
-    return MapFile(_pairs(fields["map"].entries(entry_place)), path, fields.read("rest", _rest, None))
-
-
-def _pairs(entries: Mapping[str, Node]) -> JointMap:
-    return {key: node.text_or_null() for key, node in entries.items()}
+    entries, rest = root.entries(entry_place), None
+    if "format" in entries and entries["format"].value == HEADER["format"]:
+        root.check_header(**HEADER)
+        fields = root.fields((*HEADER, "map"), ("rest",))
+        entries, rest = fields["map"].entries(entry_place), fields.read("rest", _rest, None)
+    return MapFile({key: node.text_or_null() for key, node in entries.items()}, path, rest)
 
 
 def _rest(node: Node) -> RestPose:

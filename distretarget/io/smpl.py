@@ -43,16 +43,8 @@ ABOVE = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)  
 PARENTS = {name: BODY[above] for name, above in zip(BODY[1:], ABOVE, strict=True)} | dict.fromkeys(FACE_JOINTS, "head")
 PARENTS |= {name: f"{name.split('_')[0]}_wrist" for name in (*STUBS, *HANDS[::3])}
 PARENTS |= {name: before for name, before in zip(HANDS[1:], HANDS, strict=False) if not name.endswith("1")}
-ROLES = {
-    "hip": "UpperLeg",
-    "knee": "LowerLeg",
-    "ankle": "Foot",
-    "foot": "Toes",
-    "collar": "Shoulder",
-    "shoulder": "UpperArm",
-    "elbow": "LowerArm",
-    "wrist": "Hand",
-}
+ROLES = {"hip": "UpperLeg", "knee": "LowerLeg", "ankle": "Foot", "foot": "Toes", "collar": "Shoulder"}
+ROLES |= {"shoulder": "UpperArm", "elbow": "LowerArm", "wrist": "Hand"}
 # The joints of the body alone, of SMPL, SMPL-H and SMPL-X, by their number.
 MODELS = {len(names): names for names in (BODY, BODY + STUBS, BODY + HANDS, BODY + FACE_JOINTS + HANDS)}
 CONVENTION = "SMPL"
