@@ -146,12 +146,11 @@ class Motion:
         if self.moving is not None and (len(self.moving.translations) != frames or self.moving.joints[-1] >= joints):
             found = f"{len(self.moving.translations)} frames of joints {self.moving.joints.tolist()}"
             raise MotionError(f"moving has {found}; expected {frames} frames of joints below {joints}")
-        wrong = first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), UNIT_ERROR)
-        if wrong >= 0:
-            frame, joint = divmod(wrong, joints)
-            where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"
-            raise MotionError(f"the rotation {where} is not a unit quaternion: {self.rotations[frame, joint].tolist()}")
-        if first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), ROUNDING) >= 0:
+        every = np.ascontiguousarray(self.rotations).reshape(-1, 4)
+        if (wrong := first_not_unit(every, UNIT_ERROR)) >= 0:
+            where = f"of {self.skeleton.keys[wrong % joints]!r} in frame {wrong // joints}"
+            raise MotionError(f"the rotation {where} is not a unit quaternion: {every[wrong].tolist()}")
+        if first_not_unit(every, ROUNDING) >= 0:
             object.__setattr__(self, "rotations", read_only(normalised(self.rotations)))
         _check_frame_time(self.frame_time_text)
 
@@ -225,15 +224,11 @@ class Motion:
 
     def world_rotations_of(self, joint: int) -> Array:
         """(frames, 4), the world rotations of one joint; kept, since several measures ask for the same joints."""
-        if joint not in self._kept_rotations:
+        kept: dict[int, Array] = vars(self).setdefault("_kept_rotations", {})
+        if joint not in kept:
             line = np.array(self.skeleton.line(joint)[::-1], np.intp)
-            self._kept_rotations[joint] = read_only(line_rotations(line, self.rotations))
-        return self._kept_rotations[joint]
-
-    @cached_property
-    def _kept_rotations(self) -> dict[int, Array]:
-        """What `world_rotations_of` has returned, by joint."""
-        return {}
+            kept[joint] = read_only(line_rotations(line, self.rotations))
+        return kept[joint]
 
     @cached_property
     def positions(self) -> Array:
@@ -364,8 +359,7 @@ class Motion:
 
 def check_reach(motion: Motion, name: str) -> None:
     """Raise a MotionError if positions of a motion are too large to compute with."""
-    reach = extent(motion.positions)
-    if not np.isfinite(reach):
+    if not np.isfinite(reach := extent(motion.positions)):
         raise MotionError(f"{name} has positions that are not finite; every number has to be")
     if reach > LARGEST:
         raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")

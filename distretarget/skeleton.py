@@ -106,12 +106,9 @@ class Skeleton:
     def _check_arrays(self) -> None:
         """Check types and shapes of the arrays, and store read-only copies."""
         count = len(self.names)
-        layout = {
-            "parents": (np.intp, (count,)),
-            "offsets": (np.float64, (count, 3)),
-            "end_sites": (np.bool_, (count,)),
-        }
-        for name, (dtype, shape) in layout.items():
+        layout = {"parents": (np.intp, ()), "offsets": (np.float64, (3,)), "end_sites": (np.bool_, ())}
+        for name, (dtype, width) in layout.items():
+            shape = (count, *width)
             try:
                 array = np.array(getattr(self, name))
                 if array.dtype.kind not in "biuf":
@@ -222,13 +219,10 @@ class Skeleton:
 
     def paths_from(self, joint: int) -> NDArray[np.float64]:
         """Return the lengths of the tree paths from a joint to all joints, (joints,) [file units]."""
-        if joint not in self._paths_from:
-            self._paths_from[joint] = kinematics.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
-        return self._paths_from[joint]
-
-    @cached_property
-    def _paths_from(self) -> dict[int, NDArray[np.float64]]:
-        return {}
+        found: dict[int, NDArray[np.float64]] = vars(self).setdefault("_paths_from", {})
+        if joint not in found:
+            found[joint] = kinematics.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
+        return found[joint]
 
     def paths_among(self, joints: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return tau, the lengths of the tree paths between some joints, (some, some) [file units]."""

@@ -105,7 +105,12 @@ class Character:
             rotations[block], moved[block] = self._local(animation, block)
         if not extent(moved) <= LARGEST:
             raise FileError("", f"its animation leads beyond {LARGEST:g}; expected smaller translations")
-        return Motion.of_translations(self.skeleton, self._settled(moved), rotations, animation.frame_time_text)
+        offsets = self.skeleton.offsets  # at which those joints are that are there but for rounding
+        away = [lengths(moved[:, joint] - offset).max(initial=0.0) for joint, offset in enumerate(offsets)]
+        still = np.array(away) < SAME_PLACE * extent(self.skeleton.rest_positions)
+        still[0] = False
+        moved[:, still] = offsets[still]
+        return Motion.of_translations(self.skeleton, moved, rotations, animation.frame_time_text)
 
     def _local(self, animation: Animation, block: slice) -> tuple[Array, Array]:
         """Rotations and translations of joints from their parents, (frames, joints, 4 and 3), in a block of frames."""
@@ -127,22 +132,12 @@ class Character:
         moved[:, self._above] += self.origin - shown[: self._above].sum(axis=0)  # not 0 where a scale is uneven
         return rotations[:, self._above :], moved[:, self._above :]
 
-    def _settled(self, translations: Array) -> Array:
-        """The translations of joints, of which those at their offsets but for rounding are put there."""
-        offsets = self.skeleton.offsets
-        away = [lengths(translations[:, joint] - offset).max(initial=0.0) for joint, offset in enumerate(offsets)]
-        still = np.array(away) < SAME_PLACE * extent(self.skeleton.rest_positions)
-        still[0] = False
-        translations[:, still] = offsets[still]
-        return translations
-
     def animation(self, motion: Motion, name: str) -> Animation:
         """Return a motion of the skeleton as an animation of the nodes that turn or move."""
         joints = slice(self._above, None)
         parents, scales = self._parent_binds[joints], self._parent_scales[joints, None]
-        turned = (
-            parents.inv() * Rotation.from_quat(motion.rotations) * parents * Rotation.from_quat(self.locals[joints])
-        )
+        own = Rotation.from_quat(self.locals[joints])
+        turned = parents.inv() * Rotation.from_quat(motion.rotations) * parents * own
         rotations, translations = continuous(turned.as_quat()), motion.translations
         translations[:, 0] -= self.origin
         translations = parents.inv().apply(translations) / scales
@@ -150,15 +145,10 @@ class Character:
         away = (lengths(translations - self.shown.translations[joints]) * np.abs(scales[:, 0])).max(axis=0)
         turning = (1.0 - cosines).max(axis=0) > SAME_TURN
         moving = away > SAME_PLACE * extent(self.skeleton.rest_positions)
-        nodes = self.joint_nodes.tolist()
-        return Animation(
-            name,
-            len(motion),
-            motion.frame_time_text,
-            translations={nodes[joint]: translations[:, joint] for joint in np.flatnonzero(moving)},
-            rotations={nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)},
-            posed=frozenset(self.nodes.tolist()),
-        )
+        nodes, posed = self.joint_nodes.tolist(), frozenset(self.nodes.tolist())
+        moves = {nodes[joint]: translations[:, joint] for joint in np.flatnonzero(moving)}
+        turns = {nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)}
+        return Animation(name, len(motion), motion.frame_time_text, moves, turns, posed=posed)
 
     def in_single_precision(self, motion: Motion) -> Motion:
         """Return a motion with numbers rounded as in the file: the path from the node above the root."""

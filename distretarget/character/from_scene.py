@@ -250,14 +250,12 @@ def _scale_warnings(scene: CharacterScene, line: Sequence[int], hidden: Sequence
         change = "bones below change their length as they turn, so that hands and feet miss their places"
         much = f"{100 * spread.max():.2g} %"
         yield f"the scale of {quoted(uneven)} is uneven, by {much}: {change}; apply the scale and export it again"
-    scales = scene.animation.scales if scene.animation else {}
-    changing = [
-        nodes.names[node]
-        for node in line
-        if node in scales and (np.abs(scales[node] - scales[node][:1]) > UNEVEN * np.abs(scales[node][:1])).any()
-    ]
+    moved = scene.animation.scales if scene.animation else {}
+    scaled = [(node, moved[node], moved[node][:1]) for node in line if node in moved]
+    changing = [node for node, own, first in scaled if (np.abs(own - first) > UNEVEN * np.abs(first)).any()]
     if changing:
-        yield f"the scales of {quoted(changing)} change in the animation; they are left out"
+        names = quoted(nodes.names[node] for node in changing)
+        yield f"the scales of {names} change in the animation; they are left out"
 
 
 def _settled(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:

@@ -72,8 +72,8 @@ def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
     skeleton = motion.skeleton
     for joint, children in enumerate(skeleton.children):
         if len(children) > 1 and np.any(skeleton.end_sites[list(children)]):
-            found = f"{skeleton.names[joint]!r} has {quoted(skeleton.names[child] for child in children)}"
-            raise SkeletonError(f"bvhio holds an End Site only where a joint has nothing else; {found}")
+            name, found = skeleton.names[joint], quoted(skeleton.names[child] for child in children)
+            raise SkeletonError(f"bvhio holds an End Site only where a joint has nothing else; {name!r} has {found}")
     if not extent(motion.translations) <= LARGEST_FLOAT32:
         raise MotionError(f"a position is not finite, or beyond {LARGEST_FLOAT32:.3g}, the most that bvhio holds")
     joints = [_joint(package, motion, number) for number in range(len(skeleton))]

@@ -101,14 +101,10 @@ class Underside:
 
     def _once(self, find: Callable[[int], T], joint: int) -> T:
         """What one of the methods below returns for a joint, kept for the next call."""
-        key = find.__name__, joint
-        if key not in self._found:
-            self._found[key] = find(joint)
-        return cast(T, self._found[key])
-
-    @cached_property
-    def _found(self) -> dict[tuple[str, int], object]:
-        return {}
+        found, key = vars(self).setdefault("_found", {}), (find.__name__, joint)
+        if key not in found:
+            found[key] = find(joint)
+        return cast(T, found[key])
 
     def _reach(self, joint: int) -> float:
         whole = self._whole_about(joint)
