@@ -1,7 +1,6 @@
 """What a user says about contacts: which to keep, to drop or to make, what rests where, distances and directions.
 
-An entry names parts of a body as people do ("left hand", "hips", "head"), or joints by their names. It holds for some
-frames, counted from 0, the last one included, or for some seconds; else for the whole clip.
+An entry names parts of a body as people do ("left hand", "hips", "head"), or joints by their names.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class Entry:
     """What all entries have.
 
     Attributes:
-        frames: the first and the last frame, counted from 0.
+        frames: the first and the last frame, counted from 0, in which it holds; by default it holds in the whole clip.
         seconds: the first and the last second, instead of frames.
         place: where the entry is, such as `contacts[3]`, for errors.
         found: what was found there, in words; it has no effect.
@@ -79,10 +78,9 @@ class Contact(Entry):
         keep: False to drop it.
         gap: how far their skins are to be apart [cm]; for bodies without thickness their joints. None as it was found.
         firmness: how far they are brought there, 0 to 1.
-        anchors: the place on the skin of each part that touches: how far along the part's axis, from 0 where it begins
-            to 1 where it ends, and the angle round it [degrees], from the front to the left, on limbs to the outer
-            side; round a hand from the palm to the thumb, round a foot from its upper side. None where skins are
-            nearest. It is the same place of any body.
+        anchors: the place on the skin of each part, the same of any body: how far along the part's axis, from 0 to 1,
+            and the angle round it [degrees], from the front to the left, on limbs to the outer side; round a hand from
+            the palm to the thumb, round a foot from its upper side. None where skins are nearest.
 
     Raises:
         SettingsError: a value is out of bounds, or a contact is to be dropped and made.
@@ -126,9 +124,8 @@ class Plant(Entry):
 
     Attributes:
         plant: the part.
-        on: "floor"; "where it is", at its mean place; a place in the target's file [its units]; or a joint or part of
-            the body, with which it moves; in scenes also a prop by its name, or another performer's joint by the
-            performer's number from 1, such as "2: Head". None as found.
+        on: "floor"; "where it is", at its mean place; a place in the target's file [its units]; a joint or part of the
+            body, with which it moves; in scenes a prop, or a performer's joint, such as "2: Head". None as found.
         keep: False to let it go.
 
     Raises:

@@ -84,11 +84,8 @@ class SettingsError(DistretargetError):
 
 
 class MatchingError(DistretargetError):
-    """Two skeletons whose joints cannot be matched.
-
-    Attributes:
-        fault: why not; `reason` adds the pairs with the closest names, or where none is close some joints of both.
-        source, target: the joint names of each skeleton.
+    """Two skeletons whose joints cannot be matched: `fault` says why not, and `reason` adds the closest of the joint
+    names `source` and `target`, or some of both.
     """
 
     def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
@@ -157,9 +154,7 @@ def cut(name: str) -> str:
 
 
 def shown(line: str) -> str:
-    """Return a line as a terminal may show it: without characters that control it, change the direction of the text or
-    break the line, which are escaped, and not longer than `LONGEST_LINE`.
-    """
+    """Return a line as a terminal may show it: not too long, and what controls the terminal or the text escaped."""
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE - LAST_SHOWN]} ... {line[-LAST_SHOWN:]}"
     if line.isprintable():

@@ -146,12 +146,11 @@ class Motion:
         if self.moving is not None and (len(self.moving.translations) != frames or self.moving.joints[-1] >= joints):
             found = f"{len(self.moving.translations)} frames of joints {self.moving.joints.tolist()}"
             raise MotionError(f"moving has {found}; expected {frames} frames of joints below {joints}")
-        wrong = first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), UNIT_ERROR)
-        if wrong >= 0:
-            frame, joint = divmod(wrong, joints)
-            where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"
-            raise MotionError(f"the rotation {where} is not a unit quaternion: {self.rotations[frame, joint].tolist()}")
-        if first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), ROUNDING) >= 0:
+        every = np.ascontiguousarray(self.rotations).reshape(-1, 4)
+        if (wrong := first_not_unit(every, UNIT_ERROR)) >= 0:
+            where = f"of {self.skeleton.keys[wrong % joints]!r} in frame {wrong // joints}"
+            raise MotionError(f"the rotation {where} is not a unit quaternion: {every[wrong].tolist()}")
+        if first_not_unit(every, ROUNDING) >= 0:
             object.__setattr__(self, "rotations", read_only(normalised(self.rotations)))
         _check_frame_time(self.frame_time_text)
 
@@ -167,11 +166,7 @@ class Motion:
         return len(self.rotations)
 
     def __getitem__(self, frames: int | slice | NDArray[np.intp]) -> Motion:
-        """Return the motion of one frame, or of those of a slice or of an array of numbers, with the same frame time.
-
-        Raises:
-            IndexError: there is no such frame, or `frames` is none of these.
-        """
+        """Return the motion of one frame, or of those of a slice or of an array of numbers; else an IndexError."""
         if isinstance(frames, slice) and frames == slice(0, len(self)):
             return self
         if isinstance(frames, int | np.integer):
@@ -229,15 +224,11 @@ class Motion:
 
     def world_rotations_of(self, joint: int) -> Array:
         """(frames, 4), the world rotations of one joint; kept, since several measures ask for the same joints."""
-        if joint not in self._kept_rotations:
+        kept: dict[int, Array] = vars(self).setdefault("_kept_rotations", {})
+        if joint not in kept:
             line = np.array(self.skeleton.line(joint)[::-1], np.intp)
-            self._kept_rotations[joint] = read_only(line_rotations(line, self.rotations))
-        return self._kept_rotations[joint]
-
-    @cached_property
-    def _kept_rotations(self) -> dict[int, Array]:
-        """What `world_rotations_of` has returned, by joint."""
-        return {}
+            kept[joint] = read_only(line_rotations(line, self.rotations))
+        return kept[joint]
 
     @cached_property
     def positions(self) -> Array:
@@ -296,9 +287,7 @@ class Motion:
         return replace(self, root_positions=self.root_positions + by) if by.any() else self
 
     def scaled(self, factor: float) -> Motion:
-        """Return the motion of a body that is larger by a factor, along a path that is; a SettingsError if the factor
-        is not above 0.
-        """
+        """Return the motion of a larger body on a larger path; a SettingsError if the factor is not above 0."""
         check_number("factor", factor, SMALLEST, LARGEST)
         moving = self.moving and MovingBones(self.moving.joints, factor * self.moving.translations)
         skeleton = self.skeleton.with_offsets(factor * self.skeleton.offsets)
@@ -312,13 +301,9 @@ class Motion:
         return int((len(self) - 1) * self.frame_time / step + SAME_TIME) + 1
 
     def resampled(self, frame_time_text: str, most: int | None = None) -> Motion:
-        """Return the motion at another frame time: translations interpolated linearly, rotations spherically.
-
-        Only the first `most` frames are made if that is given.
-
-        Raises:
-            MotionError: `most` is not given, and there would be far more frames than the motion has; or the frame time
-                is none.
+        """Return the motion at another frame time: translations interpolated linearly, rotations spherically; if given,
+        only the first `most` frames. A MotionError if it is no frame time, or makes far more frames than the motion
+        has.
         """
         _check_frame_time(frame_time_text)
         step = float(frame_time_text)
@@ -341,10 +326,8 @@ class Motion:
         return Motion.of_translations(self.skeleton, translations, rotations, frame_time_text)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
-        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns).
-
-        Raises:
-            MotionError: `rotations` is none of these.
+        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns),
+        else a MotionError.
         """
         if not isinstance(rotations, str) or rotations not in get_args(RotationKind):
             raise MotionError(f"rotations is {rotations!r}; expected one of {quoted(get_args(RotationKind))}")
@@ -376,8 +359,7 @@ class Motion:
 
 def check_reach(motion: Motion, name: str) -> None:
     """Raise a MotionError if positions of a motion are too large to compute with."""
-    reach = extent(motion.positions)
-    if not np.isfinite(reach):
+    if not np.isfinite(reach := extent(motion.positions)):
         raise MotionError(f"{name} has positions that are not finite; every number has to be")
     if reach > LARGEST:
         raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")

@@ -1,7 +1,6 @@
-"""Caches for what depends on the rig alone, so that it is computed once for all clips of a rig.
-
-A rig is a body, or a pair of bodies, without its motions. Bodies and matchings have a `rig`: one object for all clips
-of equal skeletons, or None where rest poses do not show how the bodies stand, so that each clip has to show it.
+"""Caches for what depends on the rig alone, a body or a pair of bodies without motions, so that it is computed once for
+all clips. Bodies and matchings have a `rig`: one object for all clips of equal skeletons, or None where rest poses do
+not show how the bodies stand, so that each clip has to show it.
 """
 
 from __future__ import annotations

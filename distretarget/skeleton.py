@@ -106,12 +106,9 @@ class Skeleton:
     def _check_arrays(self) -> None:
         """Check types and shapes of the arrays, and store read-only copies."""
         count = len(self.names)
-        layout = {
-            "parents": (np.intp, (count,)),
-            "offsets": (np.float64, (count, 3)),
-            "end_sites": (np.bool_, (count,)),
-        }
-        for name, (dtype, shape) in layout.items():
+        layout = {"parents": (np.intp, ()), "offsets": (np.float64, (3,)), "end_sites": (np.bool_, ())}
+        for name, (dtype, width) in layout.items():
+            shape = (count, *width)
             try:
                 array = np.array(getattr(self, name))
                 if array.dtype.kind not in "biuf":
@@ -226,22 +223,17 @@ class Skeleton:
 
     def paths_from(self, joint: int) -> NDArray[np.float64]:
         """Return the lengths of the tree paths from a joint to all joints, (joints,) [file units]."""
-        if joint not in self._paths_from:
-            self._paths_from[joint] = kinematics.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
-        return self._paths_from[joint]
-
-    @cached_property
-    def _paths_from(self) -> dict[int, NDArray[np.float64]]:
-        return {}
+        found: dict[int, NDArray[np.float64]] = vars(self).setdefault("_paths_from", {})
+        if joint not in found:
+            found[joint] = kinematics.paths_from(joint, self.parents.tolist(), self.lengths.tolist())
+        return found[joint]
 
     def paths_among(self, joints: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return tau, the lengths of the tree paths between some joints, (some, some) [file units]."""
         return kinematics.paths_among(joints, self.parents, self.lengths)
 
     def path_sizes(self, joints: NDArray[np.intp], counted: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-        """Return |P|, (some, some), how many joints are on the paths between some joints, ends included; only those
-        among `counted` if they are given.
-        """
+        """Return |P|, (some, some), the number of joints on the paths between some, of those `counted` if given."""
         bones = np.ones(len(self)) if counted is None else np.isin(np.arange(len(self)), counted).astype(np.float64)
         return kinematics.paths_among(joints, self.parents, bones).astype(np.intp) + 1
 
@@ -279,9 +271,7 @@ class Skeleton:
 
     @cached_property
     def places(self) -> NDArray[np.intp]:
-        """(joints,), the topmost joint at the place of each joint: itself, or that of its parent if its bone has no
-        length.
-        """
+        """(joints,), the topmost joint at the place of each joint: its parent's if its bone has no length."""
         places = list(range(len(self)))
         for joint in np.flatnonzero(self.lengths[1:] == 0.0) + 1:
             places[joint] = places[self.parents[joint]]
@@ -366,10 +356,8 @@ class Skeleton:
         return replace(self, offsets=self.offsets * HALF_TURN, looks_back=not self.looks_back)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """Return the same tree and bone directions with other bone lengths, (joints,); bones of length 0 keep it.
-
-        Raises:
-            SkeletonError: they are not such an array, or one is negative or not finite.
+        """Return the same tree and bone directions with other bone lengths, (joints,), from 0, else a SkeletonError;
+        bones of length 0 keep it.
         """
         if np.shape(lengths) != self.lengths.shape or not np.all(np.asarray(lengths) >= 0):
             raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")

@@ -22,7 +22,11 @@ def stick_figures(parents: NDArray[np.intp], postures: Array, up: Array, label: 
     `up` is the unit vector up, (3,); `label` says what is seen; there is a red dot on the joint `marked`.
     """
     heights = postures @ up
-    widest = _widest(postures[0] - heights[0][:, None] * up, up)
+    level = postures[0] - heights[0][:, None] * up
+    spread = level - level.mean(axis=0)
+    widest = np.asarray(np.linalg.svd(spread.T @ spread)[2][0])
+    if widest[np.abs(widest).argmax()] <= 0 and abs(widest @ up) <= 0.5:
+        widest = -widest  # to the right seen from the front
     across = np.cos(ASIDE) * widest - np.sin(ASIDE) * np.cross(widest, up)
     x, y = postures @ across, heights.max() - heights
     scale = HEIGHT / max(np.ptp(y), np.ptp(x[0]) / 3, 1e-300)
@@ -47,11 +51,3 @@ def likely_up(posture: Array, stated: str | None) -> Array:
     """
     axis = stated or "YZ"[int(np.argmax(np.ptp(posture, axis=0)[1:]))]
     return np.asarray(np.eye(3)["XYZ".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0))
-
-
-def _widest(places: Array, up: Array) -> Array:
-    """The level direction, (3,), along which places, (joints, 3), spread most; to the right seen from the front."""
-    spread = places - places.mean(axis=0)
-    _, _, axes = np.linalg.svd(spread.T @ spread)
-    across = np.asarray(axes[0])
-    return across if across[np.abs(across).argmax()] > 0 or abs(across @ up) > 0.5 else -across

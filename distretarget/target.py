@@ -119,11 +119,9 @@ class SkeletonEdit:
         return replace(self, scale=factor * self.scale, lengths=lengths)
 
     def apply(self, source: Skeleton) -> Skeleton:
-        """Return the source's skeleton with these bone lengths and unchanged bone directions.
-
-        Raises:
-            SkeletonFileError: a key is not a joint of the source, has a bone of length 0, or is in both `lengths` and
-                `factors`; or all bones get length 0, or one gets too long.
+        """Return the source's skeleton with these bone lengths and unchanged bone directions; a SkeletonFileError if a
+        key is no joint, has a bone of length 0, or is in both `lengths` and `factors`, or if bones get length 0 or too
+        long.
         """
         check_kind("source", source, Skeleton)
         lengths = self.scale * source.lengths
@@ -142,15 +140,15 @@ class SkeletonEdit:
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
         """The joint with this key; an error if it has no bone to change."""
-        place = entry_place(field, key)
         if key not in source.keys:
-            raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
-        joint = source.index(key)
-        if not joint:
-            raise SkeletonFileError(self.path, place, "the root has no bone; expected a joint with a parent")
-        if source.lengths[joint] == 0:
-            raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so it has no direction")
-        return joint
+            fault = f"no such joint; {closest(key, source.keys)}"
+        elif not (joint := source.index(key)):
+            fault = "the root has no bone; expected a joint with a parent"
+        elif source.lengths[joint] == 0:
+            fault = "the bone has length 0 in the source, so it has no direction"
+        else:
+            return joint
+        raise SkeletonFileError(self.path, entry_place(field, key), fault)
 
 
 LoadedTarget = Target | SkeletonEdit

@@ -51,7 +51,7 @@ def test_of_several_bind_poses_the_first_counts():
     nodes = Nodes(("Hips", "Knee"), np.array([-1, 0]), np.zeros((2, 3)), np.tile(STILL, (2, 1)), np.ones((2, 3)))
     nothing = np.zeros(0, np.intp)
     read = {"counts": nothing, "joints": nothing, "binds": np.zeros((0, 4, 4)), "pivots": np.zeros((2, 3))}
-    read |= {"posed": np.array([0, 1, 0]), "poses": poses, "bones": np.array([True, True])}
+    read |= {"posed": np.array([0, 1, 0]), "poses": poses, "are_bones": np.array([True, True])}
     (skin,) = _skins(nodes, read)
     assert skin.joints.tolist() == [0, 1]
     np.testing.assert_allclose(skin.inverse_binds[:, 1, 3], [-1.0, -2.0])

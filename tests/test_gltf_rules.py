@@ -13,7 +13,7 @@ from distretarget.character.mesh import MeshPart, _bound
 from distretarget.character.nodes import Nodes
 from distretarget.io import gltf as reading
 from distretarget.io.gltf import parse_gltf
-from distretarget.io.gltf_scene import _influences, _triangles, _vrm_0, decomposed
+from distretarget.io.gltf_scene import _influences, _triangles, decomposed, gltf_scene
 from distretarget.io.input_file import InputFile
 from distretarget.io.target_file import CharacterMesh, parse_target
 
@@ -150,19 +150,13 @@ def test_joints_with_weight_must_be_in_the_skin():
 
 def test_the_thumbs_of_vrm_0_are_named_one_bone_further_out():
     making = Making()
-    names = [
-        "leftThumbProximal",
-        "leftThumbIntermediate",
-        "leftThumbDistal",
-        "rightThumbProximal",
-        "rightIndexProximal",
-    ]
+    names = [f"leftThumb{bone}" for bone in ("Proximal", "Intermediate", "Distal")]
+    names += ["rightThumbProximal", "rightIndexProximal"]
     for name in names:
         making.add("nodes", name=name)
     bones = [{"bone": name, "node": number} for number, name in enumerate(names)]
     making.document["extensions"] = {"VRM": {"humanoid": {"humanBones": [*bones, {"bone": "jaw", "node": -1}]}}}
-    file = parsed(making)
-    found = dict(_vrm_0(file, file.document.inner("extensions").inner("VRM").inner("humanoid")["humanBones"]))
+    found = gltf_scene(parsed(making)).humanoid
     assert found == {
         "leftThumbMetacarpal": 0,
         "leftThumbProximal": 1,

@@ -23,7 +23,7 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.obj import MOST_POINTS, parse_obj, parse_obj_mesh
+from distretarget.io.obj import MOST_POINTS, parse_obj, still_points
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_terms import DIRECTION_RANGE, TOUCH
 from distretarget.scene.contacts import NEAREST, ContactPoints, find_prop_contacts
@@ -229,7 +229,7 @@ CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (1, 2) for z in (-1, 
 
 
 def test_a_prop_has_the_points_of_its_file():
-    motion = parse_obj(f"# a cube\r\n{CUBE}vn 0 1 0\n", "cube.obj")
+    motion = still_points(parse_obj(f"# a cube\r\n{CUBE}vn 0 1 0\n", "cube.obj")[0], "cube")
     assert motion.skeleton.names[0] == "cube"
     points = motion.positions[0]
     expected = [[x, y, z] for x in (0, 1) for y in (1, 2) for z in (-1, 0)]
@@ -238,14 +238,14 @@ def test_a_prop_has_the_points_of_its_file():
 
 
 def test_a_prop_survives_a_bvh_file():
-    motion = parse_obj(CUBE, "cube.obj")
+    motion = still_points(parse_obj(CUBE, "cube.obj")[0], "cube")
     back = parse_bvh(format_bvh(motion), "cube.bvh")
     np.testing.assert_allclose(sorted(back.positions[0].tolist()), sorted(motion.positions[0].tolist()), atol=1e-6)
 
 
 def test_many_points_are_thinned():
-    text = "".join(f"v {x} 0 0\n" for x in np.linspace(0, 1, 1001))
-    kept = np.sort(parse_obj(text, "line.obj").positions[0, :, 0])
+    line = still_points(np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 1001), "line")
+    kept = np.sort(line.positions[0, :, 0])
     assert len(kept) == MOST_POINTS
     assert np.diff(kept).max() < 3.0 / MOST_POINTS
 
@@ -253,7 +253,7 @@ def test_many_points_are_thinned():
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
-        ("f 1 2 3\n", 0, "has no vertices"),
+        ("vn 1 2 3\n", 0, "has no vertices"),
         ("v 1 2\n", 1, "found '1 2', expected three"),
         ("v 0 0 0\nv 1 x 2\n", 2, "found '1 x 2'"),
         ("v 1 nan 2\n", 1, "finite"),
@@ -270,7 +270,7 @@ def test_what_is_no_obj_is_refused(text, line, words):
 @pytest.mark.parametrize("corner", ["1_0", "٣", "x", "1.5", "0", "4", "9" * 5000])
 def test_corners_that_are_no_vertices_above_are_refused(corner):
     with pytest.raises(BvhError, match="expected the number of one of the 3 vertices above"):
-        parse_obj_mesh(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 -2 {corner}\n", "prop.obj")
+        parse_obj(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 -2 {corner}\n", "prop.obj")
 
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 3.0)])
@@ -332,12 +332,12 @@ def test_the_distance_from_bones_is_known():
 
 def test_faces_of_an_obj_file():
     text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1/1 2/2/2 3\nv 0 1 0\nf 1 2 3 -1\n"
-    vertices, triangles = parse_obj_mesh(text, "prop.obj")
+    vertices, triangles = parse_obj(text, "prop.obj")
     assert len(vertices) == 4
     np.testing.assert_array_equal(triangles, [[0, 1, 2], [0, 1, 2], [0, 2, 3]])
     for face in ("0 1 2", "1 2 5", "1 x 2", "-5 1 2"):
         with pytest.raises(BvhError, match="expected the number of one of the 4 vertices above") as caught:
-            parse_obj_mesh(text + f"f {face}\n", "prop.obj")
+            parse_obj(text + f"f {face}\n", "prop.obj")
         assert caught.value.line == 7
 
 
@@ -347,8 +347,7 @@ def drums():
     (source,), _ = load_scene(SAMPLES / "scenes" / "drum_on_table" / "scene.json").read()
     low, high = np.array([-48.0, 52.0, 18.0]), np.array([48.0, 92.0, 60.0])
     corners = low + (high - low) * (CORNERS > 0)
-    text = "".join("v {} {} {}\n".format(*corner) for corner in corners)
-    motion = parse_obj(text, "block.obj")
+    motion = still_points(corners, "block")
     surface = PropSurface.of_mesh(corners - motion.positions[0, 0], outwards(CORNERS, TRIANGLES))
     prop = Prop(name="block", motion=motion, surface=surface)
     body = source.rigid_skeleton

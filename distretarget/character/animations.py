@@ -46,9 +46,7 @@ def frame_count(keys: Array, rate: float) -> float:
 
 
 def frame_times(keys: Array, rate: float) -> Array:
-    """Return the times of the frames from the first key to the last, each moved to a key that is near, so that rounding
-    puts no frame before its key; all in [s].
-    """
+    """Return the times of the frames from the first key to the last, each moved to a key that is near [s]."""
     times = keys[0] + np.arange(int(frame_count(keys, rate))) / rate
     after = np.searchsorted(keys, times).clip(0, len(keys) - 1)
     before = np.maximum(after - 1, 0)

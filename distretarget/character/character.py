@@ -94,9 +94,7 @@ class Character:
         return np.append(self.scales, 1.0)[self.shown.parents]
 
     def motion(self, animation: Animation, size: int) -> Motion:
-        """Return an animation of the nodes as a motion of the skeleton, or raise a FileError if it has too many poses
-        for a file of this `size` [bytes].
-        """
+        """Return an animation of the nodes as a motion; a FileError if a file of `size` bytes cannot be so long."""
         frames, count = animation.frames, len(self.nodes)
         if frames * count > max(FREE_POSES, size):
             raise FileError("", f"{frames} frames of {count} joints are too many for a file of {size} bytes")
@@ -107,12 +105,15 @@ class Character:
             rotations[block], moved[block] = self._local(animation, block)
         if not extent(moved) <= LARGEST:
             raise FileError("", f"its animation leads beyond {LARGEST:g}; expected smaller translations")
-        return Motion.of_translations(self.skeleton, self._settled(moved), rotations, animation.frame_time_text)
+        offsets = self.skeleton.offsets  # at which those joints are that are there but for rounding
+        away = [lengths(moved[:, joint] - offset).max(initial=0.0) for joint, offset in enumerate(offsets)]
+        still = np.array(away) < SAME_PLACE * extent(self.skeleton.rest_positions)
+        still[0] = False
+        moved[:, still] = offsets[still]
+        return Motion.of_translations(self.skeleton, moved, rotations, animation.frame_time_text)
 
     def _local(self, animation: Animation, block: slice) -> tuple[Array, Array]:
-        """Rotations and translations of the joints relative to their parents, (frames, joints, 4 and 3), in a block of
-        frames of an animation.
-        """
+        """Rotations and translations of joints from their parents, (frames, joints, 4 and 3), in a block of frames."""
         frames = min(block.stop, animation.frames) - block.start
         rotations = np.tile(self.shown.rotations, (frames, 1, 1))
         translations = np.tile(self.shown.translations, (frames, 1, 1))
@@ -131,22 +132,12 @@ class Character:
         moved[:, self._above] += self.origin - shown[: self._above].sum(axis=0)  # not 0 where a scale is uneven
         return rotations[:, self._above :], moved[:, self._above :]
 
-    def _settled(self, translations: Array) -> Array:
-        """The translations of joints, of which those at their offsets but for rounding are put there."""
-        offsets = self.skeleton.offsets
-        away = [lengths(translations[:, joint] - offset).max(initial=0.0) for joint, offset in enumerate(offsets)]
-        still = np.array(away) < SAME_PLACE * extent(self.skeleton.rest_positions)
-        still[0] = False
-        translations[:, still] = offsets[still]
-        return translations
-
     def animation(self, motion: Motion, name: str) -> Animation:
         """Return a motion of the skeleton as an animation of the nodes that turn or move."""
         joints = slice(self._above, None)
         parents, scales = self._parent_binds[joints], self._parent_scales[joints, None]
-        turned = (
-            parents.inv() * Rotation.from_quat(motion.rotations) * parents * Rotation.from_quat(self.locals[joints])
-        )
+        own = Rotation.from_quat(self.locals[joints])
+        turned = parents.inv() * Rotation.from_quat(motion.rotations) * parents * own
         rotations, translations = continuous(turned.as_quat()), motion.translations
         translations[:, 0] -= self.origin
         translations = parents.inv().apply(translations) / scales
@@ -154,20 +145,13 @@ class Character:
         away = (lengths(translations - self.shown.translations[joints]) * np.abs(scales[:, 0])).max(axis=0)
         turning = (1.0 - cosines).max(axis=0) > SAME_TURN
         moving = away > SAME_PLACE * extent(self.skeleton.rest_positions)
-        nodes = self.joint_nodes.tolist()
-        return Animation(
-            name,
-            len(motion),
-            motion.frame_time_text,
-            translations={nodes[joint]: translations[:, joint] for joint in np.flatnonzero(moving)},
-            rotations={nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)},
-            posed=frozenset(self.nodes.tolist()),
-        )
+        nodes, posed = self.joint_nodes.tolist(), frozenset(self.nodes.tolist())
+        moves = {nodes[joint]: translations[:, joint] for joint in np.flatnonzero(moving)}
+        turns = {nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)}
+        return Animation(name, len(motion), motion.frame_time_text, moves, turns, posed=posed)
 
     def in_single_precision(self, motion: Motion) -> Motion:
-        """Return a motion of the skeleton whose numbers are rounded as the file's are: the root's path in the space of
-        the node above it.
-        """
+        """Return a motion with numbers rounded as in the file: the path from the node above the root."""
         parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
         path = parent.inv().apply(motion.root_positions - self.origin) / scale
         return replace(single_precision(motion), root_positions=parent.apply(in_float32(path) * scale) + self.origin)
@@ -175,10 +159,8 @@ class Character:
 
 @dataclass(frozen=True, eq=False)
 class DeformCharacter(Character):
-    """A character whose skeleton has some of its nodes, in another tree than the file's.
-
-    Controls stay as the file shows them. So that the mesh does not tear, a bone that hangs from a control in the file
-    gets keys of its translation as well.
+    """A character whose skeleton has some of its nodes, in another tree than the file's. Controls stay as the file
+    shows them; a bone that hangs from one gets keys of its translation as well, so that the mesh does not tear.
     """
 
     whole: Character  # with all nodes as joints
@@ -227,9 +209,7 @@ class DeformCharacter(Character):
 
 
 def with_deform_bones(character: Character) -> Character:
-    """Return the character whose skeleton is that of the bones that deform, where the file has them among controls;
-    else the same.
-    """
+    """Return the character of the bones that deform, where the file has them among controls; else the same."""
     whole = character.skeleton
     tree = {} if whole.humanoid else dict(deform_tree(whole.names, whole.parents.tolist()))
     if not tree:
@@ -242,9 +222,7 @@ def with_deform_bones(character: Character) -> Character:
 
 
 def with_limbs_on_body(character: Character) -> Character:
-    """Return the character in whose skeleton feet and hands hang from shin and forearm, where in the file they hang
-    beside the body; else the same.
-    """
+    """Return the character with feet and hands that are beside the body in the file on shins and forearms."""
     tree = limbs_on_body(character.skeleton)
     return _by(character, tree) if tree else character
 
@@ -256,12 +234,8 @@ def _by(character: Character, tree: Tree) -> DeformCharacter:
 
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:
-    """Return the deform bone above each deform bone (`DEF-`), -1 for none. Empty for a rig without deform bones, or one
-    in which they are a tree by themselves.
-
-    Args:
-        names: of the bones.
-        parents: the parent of each, -1 for none; in any order.
+    """Return the deform bone (`DEF-`) above each, -1 for none, from the names of bones and their parents in any order;
+    empty for a rig without deform bones, or one in which they are a tree by themselves.
     """
     plain = [NUMBER.sub("", name) for name in names] if all(map(NUMBER.search, names[1:])) else names
     deforming = {name.removeprefix(DEFORMS): bone for bone, name in enumerate(plain) if name.startswith(DEFORMS)}
@@ -287,9 +261,7 @@ def _above(bone: int, parents: Sequence[int], known: Mapping[int, int]) -> int:
 
 
 def _usual_parent(name: str, names: Iterable[str]) -> str:
-    """The name of the bone from which one with this name hangs in Rigify's rigs of people; empty if it hangs from none
-    there. All names are without prefix.
-    """
+    """The bone, without prefix, from which one hangs in Rigify's rigs of people; empty if it hangs from none."""
     word, *marks = name.split(".")
     if word in OF_FACE:
         return max((other for other in names if other.startswith("spine")), default="")

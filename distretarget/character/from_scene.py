@@ -38,11 +38,9 @@ UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly;
 
 def joint_nodes(scene: CharacterScene) -> tuple[list[int], list[int], tuple[str, ...]]:
     """Return the nodes above the root, from the top, and those that are joints, parents before children; and a warning
-    if the file has other skeletons as well.
-
-    Joints are the nodes that skins use, and the bones of a humanoid, and those between them. Without skins and humanoid
-    they are those with names of the parts of a body, or else those that an animation turns.
-    A FileError if there are none, or too many, or if they hang from no common node.
+    if the file has other skeletons. Joints are the nodes of skins and humanoid, without these those with names of the
+    parts of a body, or else those that an animation turns; and those between. A FileError if there are none, too many,
+    or no common root.
     """
     nodes = scene.nodes
     wanted, left_out = _wanted(scene)
@@ -104,9 +102,7 @@ def _wanted(scene: CharacterScene) -> tuple[list[int], tuple[str, ...]]:
 
 
 def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list[dict[int, None]]:
-    """Groups of nodes, joined where they have nodes on the same branch; their nodes as the keys of dictionaries, in
-    order.
-    """
+    """Groups of nodes, joined where they have nodes on the same branch, as the keys of dictionaries, in order."""
     groups = [group for group in groups if group]
     pairs = [(number, branches[node]) for number, group in enumerate(groups) for node in group]
     numbers, shared = np.array(pairs).T
@@ -160,15 +156,14 @@ def are_regular(matrices: Array) -> NDArray[np.bool_]:
 
 
 def _mesh_space(meshes: Array, shown: Array, inverse_binds: Array) -> Array:
-    """The transform of the mesh's space to the world, (4, 4), found from the transforms that the nodes with the
-    `meshes`, (nodes, 4, 4), and the joints, (joints, 4, 4), have in the file, and the inverse bind matrices of these
-    joints; the topmost joint comes first.
+    """The transform of the mesh's space to the world, (4, 4), from the transforms that the nodes with the `meshes`,
+    (nodes, 4, 4), and the joints, (joints, 4, 4), topmost first, have in the file, and the inverse bind matrices of the
+    joints.
 
-    The transform of a joint that is in its bind pose, times its inverse bind matrix, is that of the mesh's space. If
-    this product is the world's space or that of a mesh's node for the topmost joint, it decides: a bent spine takes
-    all joints above it along. Else the joints with the same product decide. Where most joints are in another pose, the
-    space is the world's or that of a mesh's node, whichever is nearer to the product of the topmost joint, if its scale
-    is right.
+    For a joint in its bind pose, the product of the latter two is that space. If it is the world's or a mesh's node's
+    for the topmost joint, it decides: a bent spine takes all joints above it along. Else the joints with the same
+    product decide; where most are in another pose, that of these spaces which is nearest to the product of the topmost
+    joint.
     """
     said = shown @ inverse_binds
     extent = float(np.ptp(shown[:, :3, 3], axis=0).max())
@@ -204,12 +199,8 @@ def _spread(spaces: Array, most: int = 16) -> Array:
 
 
 def character_of(scene: CharacterScene) -> Character:
-    """Return the character of a file, whose joints are those of `joint_nodes`; of bones that deform and controls it has
-    the former.
-
-    Raises:
-        FileError: the file has no such nodes, or too many.
-        SkeletonError: they are no skeleton.
+    """Return the character of a file, whose joints are those of `joint_nodes`, without controls where it has bones that
+    deform. A FileError if it has no such nodes, or too many; a SkeletonError if they are no skeleton.
     """
     scene, flat = _without_flat_scales(scene)
     above, joints, left_out = joint_nodes(scene)
@@ -226,9 +217,7 @@ def character_of(scene: CharacterScene) -> Character:
 
 
 def _without_flat_scales(scene: CharacterScene) -> tuple[CharacterScene, NDArray[np.bool_]]:
-    """The scene with scales that can be inverted, and which nodes had others, (nodes,): axes of length 0 get the length
-    of the longest, or 1.
-    """
+    """The scene with axes of length 0 as long as the longest, or 1, and which nodes had such, (nodes,)."""
     scales = scene.nodes.scales
     longest = np.abs(scales).max(axis=1, keepdims=True, initial=0.0)
     flat = ~(np.abs(scales) > np.maximum(FLAT * longest, SMALLEST))
@@ -261,14 +250,12 @@ def _scale_warnings(scene: CharacterScene, line: Sequence[int], hidden: Sequence
         change = "bones below change their length as they turn, so that hands and feet miss their places"
         much = f"{100 * spread.max():.2g} %"
         yield f"the scale of {quoted(uneven)} is uneven, by {much}: {change}; apply the scale and export it again"
-    scales = scene.animation.scales if scene.animation else {}
-    changing = [
-        nodes.names[node]
-        for node in line
-        if node in scales and (np.abs(scales[node] - scales[node][:1]) > UNEVEN * np.abs(scales[node][:1])).any()
-    ]
+    moved = scene.animation.scales if scene.animation else {}
+    scaled = [(node, moved[node], moved[node][:1]) for node in line if node in moved]
+    changing = [node for node, own, first in scaled if (np.abs(own - first) > UNEVEN * np.abs(first)).any()]
     if changing:
-        yield f"the scales of {quoted(changing)} change in the animation; they are left out"
+        names = quoted(nodes.names[node] for node in changing)
+        yield f"the scales of {names} change in the animation; they are left out"
 
 
 def _settled(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
@@ -284,9 +271,7 @@ def _settled(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
 
 
 def _local(base: Array, bind: Array, shown: Array, scale: Array, size: float) -> Array:
-    """The bind pose of a node relative to its parent, `base`; parts that differ from what it shows by rounding are as
-    it shows them.
-    """
+    """The bind pose of a node relative to its parent, `base`; what differs by rounding is as the node shows it."""
     local = np.linalg.inv(base) @ bind
     mirrored = np.sign(np.linalg.det(local[:3, :3])) * np.sign(scale.prod())
     turn = nearest_rotations((local[:3, :3] * mirrored / scale)[None])[0]
@@ -322,10 +307,8 @@ def _character(
 
 
 def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Skeleton:
-    """The skeleton of nodes that are at these places, (nodes, 3), in the bind pose.
-
-    Position channels have the root, and if the hips hang below it the hips and all joints that are not of the body,
-    such as IK handles.
+    """The skeleton of nodes that are at these places, (nodes, 3), in the bind pose. Position channels have the root
+    and, if the hips hang below it, they and all joints that are not of the body, such as IK handles.
     """
     own = scene.nodes.among(nodes)
     joints = {node: joint for joint, node in enumerate(nodes)}

@@ -41,11 +41,9 @@ class MeshPart:
 def skinned_mesh(
     character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...] = ()
 ) -> SkinnedMesh | None:
-    """Return the mesh of a character from its parts, or None if none of them hangs on its joints; `nodes` are those of
-    the file.
-
-    Each vertex is where its bones bring it while the skeleton is in its rest pose. Nodes that are no joints move with
-    the nearest joint above them. A FileError if a vertex is too far away.
+    """Return the mesh of a character, or None if none of its parts hangs on its joints; `nodes` are those of the file.
+    Vertices are where their bones bring them while the skeleton is in its rest pose; nodes that are no joints move with
+    the nearest joint above. A FileError if a vertex is too far away.
     """
     count = sum(len(part.triangles) for part in parts)
     step = max(-(-count // MOST_TRIANGLES), 1)
@@ -61,14 +59,15 @@ def assembled(
     """Return the mesh as `skinned_mesh` does, but with one of every `step` triangles, however many these are."""
     binds = character.bind_transforms
     joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
-    bound = [_bound(part, step, nodes, binds, joints) for part in parts]
-    found = [part for part in bound if part is not None]
+    found = [own for part in parts if (own := _bound(part, step, nodes, binds, joints)) is not None]
     if not found:
         return None
     if not all((np.abs(part.vertices) <= LARGEST).all() for part in found):
         raise FileError("", f"has vertices beyond {LARGEST:g}; expected a mesh of the size of its skeleton")
     influences = max(part.joints.shape[1] for part in found)
     starts = np.cumsum([0, *(len(part.vertices) for part in found)])
+    looks = [part.looks for part in found if part.looks]
+    normals = [each.normals for each in looks if each.normals is not None]
     return SkinnedMesh(
         vertices=np.concatenate([part.vertices for part in found]) - character.skeleton.offsets[0],
         joints=np.concatenate([_widened(part.joints, influences) for part in found]),
@@ -76,9 +75,9 @@ def assembled(
         triangles=np.concatenate([part.triangles + start for part, start in zip(found, starts, strict=False)]),
         looks=Looks(
             materials,
-            np.concatenate([part.looks.of_triangle for part in found if part.looks]),
-            np.concatenate([part.looks.uv for part in found if part.looks]),
-            _normals(found),
+            np.concatenate([each.of_triangle for each in looks]),
+            np.concatenate([each.uv for each in looks]),
+            np.concatenate(normals) if len(normals) == len(found) else None,  # one part without has none
         ),
     )
 
@@ -86,9 +85,7 @@ def assembled(
 def _bound(
     part: MeshPart, step: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]
 ) -> SkinnedMesh | None:
-    """One of every `step` triangles of the part in the world, without the vertices that no joint of the character
-    moves; None without any vertex.
-    """
+    """One of every `step` triangles of a part in the world, as far as joints move it; None if they move nothing."""
     placed = [_placed(node, nodes, binds, joints) for node in part.bones.tolist()]
     regular = np.abs(np.linalg.det(part.to_bones[:, :3, :3])) > 0.0
     joint_of = np.where(regular, [joint for joint, _ in placed], -1)
@@ -106,19 +103,12 @@ def _bound(
     normals = None if own is None else np.zeros(own.shape)
     for place in range(local.shape[1]):
         used = np.flatnonzero(weights[:, place])
-        by_bone = to_world[local[used, place]]
-        reached = np.einsum("vij,vj->vi", by_bone[:, :, :3], points[used]) + by_bone[:, :, 3]
-        vertices[used] += weights[used, place, None] * reached
+        by_bone, share = to_world[local[used, place]], weights[used, place, None]
+        vertices[used] += share * (np.einsum("vij,vj->vi", by_bone[:, :, :3], points[used]) + by_bone[:, :, 3])
         if normals is not None and own is not None:
-            normals[used] += weights[used, place, None] * np.einsum("vij,vj->vi", by_bone[:, :, :3], own[used])
+            normals[used] += share * np.einsum("vij,vj->vi", by_bone[:, :, :3], own[used])
     looks = Looks((), part.materials[::step][kept], part.uv[moved], None if normals is None else normalised(normals))
     return SkinnedMesh(vertices, np.maximum(joint_of[local], 0), weights, numbers[triangles], looks)
-
-
-def _normals(parts: Sequence[SkinnedMesh]) -> Array | None:
-    """The normals of parts; None where one has none."""
-    normals = [part.looks.normals for part in parts if part.looks and part.looks.normals is not None]
-    return np.concatenate(normals) if len(normals) == len(parts) else None
 
 
 def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> tuple[int, Array]:

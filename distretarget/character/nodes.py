@@ -76,11 +76,9 @@ class Nodes:
 
 @dataclass(frozen=True, eq=False)
 class SkinBinding:
-    """The nodes that move a mesh, and where they were when it was bound to them.
-
-    Inverse bind matrices lead from the space of the mesh to that of each joint in the bind pose; vectors are columns.
-    They are None where the file states none: the bind pose is what the nodes show; zeros where it states none for a
-    joint.
+    """The nodes that move a mesh, and where they were when it was bound: matrices from the mesh's space to that of each
+    joint in the bind pose, on columns; None where the file states none, so that nodes show it, zeros where it states
+    none for a joint.
     """
 
     joints: NDArray[np.intp]  # (joints,), nodes
@@ -128,9 +126,7 @@ class Curve:
     interpolation: str  # between keys: "LINEAR", "STEP" or "CUBICSPLINE"
 
     def at(self, times: Array, rotates: bool) -> Array:
-        """(times, numbers), the values at times [s]; the first and last key hold before and after. Rotations,
-        quaternions x y z w, become unit quaternions.
-        """
+        """(times, numbers), the values at times [s], held before the first and after the last key; unit quaternions."""
         values = self.keys[:, self.keys.shape[1] // 2]
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, max(len(self.times) - 1, 1))
         before, after = after - 1, np.minimum(after, len(self.times) - 1)

@@ -28,15 +28,14 @@ WITHOUT_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip file knows
 ONLY = ""  # the name of the array in an npy file
 FREE_NUMBERS = 1_000_000  # so many numbers may an array have, however small the file is ...
 NUMBERS_PER_BYTE = 4  # ... and so many for each of its bytes: arrays of poses that rest become that small
-DAMAGED = (ValueError, EOFError, OSError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error)  # by numpy
-FAULTS = (*DAMAGED, SyntaxError, tokenize.TokenError)  # the last two of the header of an array
+# What numpy raises where a file is damaged.
+DAMAGED = (zipfile.BadZipFile, zlib.error, tokenize.TokenError)
+FAULTS = (*DAMAGED, ValueError, EOFError, OSError, KeyError, NotImplementedError, SyntaxError)
 
 
 @dataclass(frozen=True, eq=False)
 class ArraysFile:
-    """The arrays in an npz file by name, or the only one of an npy file; each is read when it is asked for, if it has
-    no more numbers than a file of this size may have.
-    """
+    """The arrays in an npz file by name, or the one in an npy file, each read when it is asked for, within bounds."""
 
     path: str | Path
     size: int  # of the file [bytes]
@@ -71,32 +70,25 @@ class ArraysFile:
 
     def number(self, name: str) -> float:
         """Return the only number of an array, or raise a FileError."""
-        return float(self._numbers(name, lambda shape: math.prod(shape) == 1, "one number").ravel()[0])
+        shape, dtype = self.kind(name)
+        if math.prod(shape) != 1 or dtype.kind not in "iuf":
+            raise FileError(self.path, f"{name} is {dtype} of shape {shape}; expected one number")
+        return float(self.array(name).ravel()[0])
 
     def numbers(self, name: str, *shape: int | str) -> Array:
-        """Return an array of finite numbers up to `LARGEST` of this shape, names being any number, or raise a
-        FileError. At least one is a frame.
-        """
-
-        def fits(found: tuple[int, ...]) -> bool:
-            pairs = zip(found, shape, strict=False)
-            return len(found) == len(shape) and all(n == m for n, m in pairs if isinstance(m, int))
-
-        label = name or "the array"
-        found = self._numbers(name, fits, f"numbers of shape ({', '.join(map(str, shape))})")
-        if "frames" in shape and not len(found):
+        """Return finite numbers of this shape, names being any number, "frames" one at least; or raise a FileError."""
+        (own, dtype), label = self.kind(name), name or "the array"
+        fits = len(own) == len(shape) and all(n == m for n, m in zip(own, shape, strict=True) if isinstance(m, int))
+        if not fits or dtype.kind not in "iuf":
+            wanted = f"numbers of shape ({', '.join(map(str, shape))})"
+            raise FileError(self.path, f"{label} is {dtype} of shape {own}; expected {wanted}")
+        if "frames" in shape and 0 in own[:1]:
             raise FileError(self.path, f"{label} has no frames; expected one or more")
+        found = self.array(name).astype(np.float64)
         largest = np.abs(found).max(initial=0.0)
         if not largest <= LARGEST:  # nan is not, either
             raise FileError(self.path, f"{label} contains {largest:.3g}; expected finite numbers up to {LARGEST:g}")
         return found
-
-    def _numbers(self, name: str, fits: Callable[[tuple[int, ...]], bool], wanted: str) -> Array:
-        """An array of numbers whose shape fits, which is found before they are read."""
-        shape, dtype = self.kind(name)
-        if not fits(shape) or dtype.kind not in "iuf":
-            raise FileError(self.path, f"{name or 'the array'} is {dtype} of shape {shape}; expected {wanted}")
-        return self.array(name).astype(np.float64)
 
 
 def _header(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
@@ -120,10 +112,8 @@ def _read(path: str | Path, read: Callable[[], Any]) -> Any:
 
 
 def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
-    """Return the content of an npz file with some arrays by name, whose numbers have this precision.
-
-    Single numbers, such as the frame time, stay float64. Equal arrays make equal files: they do not say when they were
-    made.
+    """Return the content of an npz file with some arrays by name, whose numbers have this precision; single numbers,
+    such as the frame time, stay float64. Equal arrays make equal files.
     """
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:

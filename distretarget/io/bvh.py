@@ -113,14 +113,11 @@ def is_name(word: str) -> bool:
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """Return the motion of a BVH file.
-
-    A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
-    joints called `<parent>_End`, `<parent>_End2`, ...
+    """Return the motion of a BVH file. A position channel replaces its component of the OFFSET, or is added to it
+    (`add_offsets`); End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
 
     Raises:
-        FileError: the file cannot be read as text.
-        BvhError: it is not a whole BVH file.
+        FileError, BvhError: the file cannot be read as text, or is not a whole BVH file.
 
     Warns:
         UserWarning: it has a frame more or less than it declares, or a frame time as if in milliseconds.
@@ -152,11 +149,8 @@ def doubts(text: str, motion: Motion) -> Iterator[str]:
 
 
 def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
-    """Return the skeleton in the HIERARCHY of a BVH file; the MOTION may be missing or broken.
-
-    Where joints below the root have position channels, their OFFSETs may not be their bones; then the frames, if there
-    are any, give the bones (`Motion.rigid_skeleton`). A BvhError if there is no whole HIERARCHY, or where broken frames
-    are needed.
+    """Return the skeleton in the HIERARCHY of a BVH file, or raise a BvhError; the MOTION may be missing or broken,
+    unless joints below the root have position channels: then the frames give the bones (`Motion.rigid_skeleton`).
     """
     words = Words(path, text)
     skeleton = _take_skeleton(words)
@@ -167,11 +161,10 @@ def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
 def declared_frames(text: str) -> int | None:
     """Return how many frames a BVH text declares, 0 if it ends after its HIERARCHY; None if it is not BVH."""
     words = Words("", text)
-    try:
+    with suppress(BvhError):
         _take_skeleton(words)
         return _take_frame_count(words) if _take_motion_keyword(words) else 0
-    except BvhError:
-        return None
+    return None
 
 
 def _take_skeleton(words: Words) -> Skeleton:
@@ -184,7 +177,6 @@ def _take_skeleton(words: Words) -> Skeleton:
 
 @lru_cache(maxsize=4)
 def _skeleton_in(hierarchy: str) -> tuple[Skeleton, int]:
-    """The skeleton in a text, and where it ends in it."""
     words = Words("", hierarchy)
     return _new_skeleton(words), words.at
 
@@ -206,9 +198,7 @@ def _new_skeleton(words: Words) -> Skeleton:
 
 
 def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequence[bool]) -> tuple[str, ...]:
-    """Return the names of joints with unique names for End Sites in place of their own: `<parent>_End`,
-    `<parent>_End2`, ... Parents come before children.
-    """
+    """Return the names of joints, those of End Sites being `<parent>_End`, `<parent>_End2`, ...; parents first."""
     taken = {name for name, end_site in zip(names, end_sites, strict=True) if not end_site}
     unused: defaultdict[str, Iterator[str]] = defaultdict(lambda: itertools.chain([""], map(str, itertools.count(2))))
     complete: list[str] = []
@@ -234,7 +224,12 @@ def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     column = itertools.count()
     columns = [{channel: next(column) for channel in channels} for channels in skeleton.channels]
     joints = np.append(0, _sliding(skeleton))
-    translations = _translations(skeleton, columns, joints, values)
+    translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
+    for row, joint in enumerate(joints):
+        for component, channel in enumerate(POSITION_CHANNELS):
+            if channel in columns[joint]:
+                translations[:, row, component] = values[:, columns[joint][channel]]
+    add_offsets(skeleton, joints, translations)
     if extent(translations) > LARGEST:
         raise words.error(f"positions with their OFFSETs added go beyond {LARGEST:g}; use other units")
     moving = MovingBones.among(skeleton, joints, translations)
@@ -248,27 +243,9 @@ def _sliding(skeleton: Skeleton) -> NDArray[np.intp]:
     return np.flatnonzero(slides) + 1
 
 
-def _translations(
-    skeleton: Skeleton, columns: Sequence[Mapping[str, int]], joints: NDArray[np.intp], values: Array
-) -> Array:
-    """(frames, joints, 3), the offsets of joints, replaced by their channels in the `values`, (frames, channels);
-    `columns` has where these are.
-    """
-    translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
-    for row, joint in enumerate(joints):
-        for component, channel in enumerate(POSITION_CHANNELS):
-            if channel in columns[joint]:
-                translations[:, row, component] = values[:, columns[joint][channel]]
-    add_offsets(skeleton, joints, translations)
-    return translations
-
-
 def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> None:
-    """Add the OFFSETs to position channels that hold only noise; `translations` are (frames, joints, 3).
-
-    MakeHuman gives all joints position channels with nothing but rounding noise: replacing the OFFSETs by them would
-    collapse the body into one point. So all OFFSETs are added where several joints below the root have position
-    channels, and most of these stay within `NOISE` of zero though their OFFSETs do not.
+    """Add the OFFSETs to position channels that hold only noise, as MakeHuman's, where several joints below the root
+    have such, most within `NOISE` of zero though their OFFSETs are not; `translations` are (frames, joints, 3).
     """
     sizes = skeleton.lengths[joints]
     slides = [joint > 0 and set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) for joint in joints]
@@ -281,7 +258,7 @@ def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Arra
 
 
 def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values: Array) -> Array:
-    """(frames, joints, 4), the local rotations in the `values`, (frames, channels)."""
+    """(frames, joints, 4), the local rotations in the `values`, (frames, channels), at the `columns` of each joint."""
     rotations = np.tile(skeleton.unturned, (len(values), 1, 1))
     orders: defaultdict[str, list[int]] = defaultdict(list)
     for joint in range(len(skeleton)):
@@ -304,7 +281,7 @@ class _JointText(NamedTuple):
 
 
 def _take_hierarchy(words: Words) -> list[_JointText]:
-    """The joints and End Sites in the order of the text, up to the root's last brace; BvhError if there is no ROOT."""
+    """The joints and End Sites in the order of the text, up to the root's last brace."""
     words.keyword("HIERARCHY")
     words.keyword("ROOT")
     joints = [_take_joint(words, -1)]
@@ -331,8 +308,8 @@ def _take_joint(words: Words, parent: int, end_site: bool = False) -> _JointText
         words.refuse(words.take(), "a name")
     words.keyword("{")
     words.keyword("OFFSET")
-    offset = (words.number("the x offset"), words.number("the y offset"), words.number("the z offset"))
-    return _JointText(name, parent, offset, () if end_site else _take_channels(words), end_site, at)
+    x, y, z = (words.number(f"the {axis} offset") for axis in "xyz")
+    return _JointText(name, parent, (x, y, z), () if end_site else _take_channels(words), end_site, at)
 
 
 def _take_channels(words: Words) -> tuple[str, ...]:
@@ -368,10 +345,7 @@ def _take_frame_count(words: Words) -> int:
 
 
 def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]:
-    """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file; a BvhError
-    if a word is not a number up to `LARGEST`, or if there are not as many numbers as declared; whole frames may be one
-    more or less, as some programs count.
-    """
+    """The frame time as written [s], and the values, (frames, channels); perhaps a frame more or less than declared."""
     declared, at = _take_frame_count(words), words.at
     words.label("Frame Time")
     time = words.take()

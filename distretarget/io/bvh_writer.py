@@ -31,14 +31,13 @@ SURROGATES = re.compile(r"[\ud800-\udfff]")  # they hold bytes that are not UTF-
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
     """Write a motion to a BVH file, whole or not at all.
 
-    Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least 6. The
-    root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two. Angles are continuous
-    from frame to frame. A body that looks to -Z, as in VRM 0, is turned round to +Z.
+    Offsets have all their digits, angles 6 decimals, continuous from frame to frame, positions as many as 1e-8 of the
+    body needs, at least 6. The root's OFFSET is zero where a channel replaces it: readers disagree on whether to add
+    the two. A body that looks to -Z, as in VRM 0, is turned round to +Z.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
-        SkeletonError: a name that BVH cannot hold.
-        MotionError: a value that is not finite.
+        SkeletonError, MotionError: a name that BVH cannot hold; a value that is not finite.
     """
     write_whole(path, bvh_parts(motion), overwrite)
 
@@ -60,17 +59,14 @@ def _with_channels(motion: Motion) -> Motion:
     """The motion with a channel for each position of a joint that changes."""
     if motion.moving is None:
         return motion
-    channels = list(motion.skeleton.channels)
-    offsets = motion.skeleton.offsets[motion.moving.joints]
-    changing = (motion.moving.translations != offsets).any(axis=0)
+    skeleton, channels = motion.skeleton, list(motion.skeleton.channels)
+    changing = (motion.moving.translations != skeleton.offsets[motion.moving.joints]).any(axis=0)
     for joint, axes in zip(motion.moving.joints.tolist(), changing, strict=True):
-        if motion.skeleton.end_sites[joint]:
-            continue
-        missing = [each for each, moves in zip(POSITION_CHANNELS, axes, strict=True) if moves]
-        channels[joint] = (*(each for each in missing if each not in channels[joint]), *channels[joint])
-    if tuple(channels) == motion.skeleton.channels:
-        return motion
-    return replace(motion, skeleton=replace(motion.skeleton, channels=tuple(channels)))
+        own = channels[joint]
+        if not skeleton.end_sites[joint]:
+            needed = [each for each, moves in zip(POSITION_CHANNELS, axes, strict=True) if moves]
+            channels[joint] = (*(each for each in needed if each not in own), *own)
+    return replace(motion, skeleton=replace(skeleton, channels=tuple(channels)))
 
 
 @lru_cache(maxsize=4)  # clips on one skeleton share it
@@ -109,9 +105,7 @@ def _decimals(skeleton: Skeleton) -> list[int]:
 
 
 def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
-    """Yield the values as written, depth first, by blocks, (frames, channels): positions, and angles in degrees; 0 for
-    what rounds to minus zero.
-    """
+    """Yield the values in blocks, (frames, channels), depth first: positions, and angles [degrees]; no minus zero."""
     skeleton, columns = motion.skeleton, itertools.count()
     paths: list[tuple[list[int], Array]] = []  # columns, and what is in them in the whole clip
     alike: defaultdict[str, list[tuple[int, list[int]]]] = defaultdict(list)
@@ -144,29 +138,23 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
 
 def refusals(skeleton: Skeleton) -> Iterator[str]:
     """Yield a line for names in a skeleton that three.js cannot play, with what helps; docs/interop.md tests it."""
-    if spaced := [name for name in _joint_names(skeleton) if ":" in name]:
+    if spaced := [name for name in _names(skeleton) if ":" in name]:
         plain = spaced[0].rpartition(":")[2]
         yield f"three.js cannot play joints with names like {spaced[0]!r}; --strip-namespace writes {plain!r}"
 
 
 def python_refusals(skeleton: Skeleton) -> Iterator[str]:
     """Yield a line for each thing in a skeleton that readers for Python refuse; docs/interop.md tests them."""
-    if unknown := [name for name in _joint_names(skeleton) if SURROGATES.search(name)]:
+    if unknown := [name for name in _names(skeleton) if SURROGATES.search(name)]:
         yield f"bvhio and pybvh cannot read names that are not UTF-8, as {unknown[0]!r}; rename the target's joints"
-    joints = (joint for joint in skeleton.joints if not skeleton.end_sites[joint])
-    if odd := [joint for joint in joints if not _is_usual(skeleton, joint)]:
-        found = counted(len(skeleton.channels[odd[0]]), "channel")
-        yield (
-            "pybvh cannot read the result: it expects three rotations of each joint and positions of the root alone, "
-            f"and {skeleton.names[odd[0]]!r} has {found}"
-        )
+    for joint in skeleton.joints:
+        positions = {*skeleton.channels[joint]} & {*POSITION_CHANNELS}
+        if len(skeleton.rotation_axes(joint)) != 3 or len(positions) != (0 if joint else 3):
+            found = f"{skeleton.names[joint]!r} has {counted(len(skeleton.channels[joint]), 'channel')}"
+            rule = "it expects three rotations of each joint and positions of the root alone"
+            yield f"pybvh cannot read the result: {rule}, and {found}"
+            return
 
 
-def _joint_names(skeleton: Skeleton) -> list[str]:
-    return [skeleton.names[joint] for joint in skeleton.joints if not skeleton.end_sites[joint]]
-
-
-def _is_usual(skeleton: Skeleton, joint: int) -> bool:
-    """Whether a joint has three rotation channels, and position channels only as the root, which has all three."""
-    positions = [channel for channel in skeleton.channels[joint] if channel in POSITION_CHANNELS]
-    return len(skeleton.rotation_axes(joint)) == 3 and len(positions) == (0 if joint else 3)
+def _names(skeleton: Skeleton) -> list[str]:
+    return [skeleton.names[joint] for joint in skeleton.joints]

@@ -21,8 +21,7 @@ def load_contacts(path: str | Path) -> ContactList:
     """Return the entries of a contact file.
 
     Raises:
-        FileError: the file cannot be read.
-        SkeletonFileError: it breaks the format.
+        FileError, SkeletonFileError: the file cannot be read, or breaks the format.
     """
     return parse_contacts(read_text(path), path)
 

@@ -19,7 +19,15 @@ from distretarget.character.animations import choose_animation
 from distretarget.character.nodes import Curve
 from distretarget.errors import DistretargetError
 from distretarget.io.gltf import Gltf
-from distretarget.io.gltf_scene import FLOATS, KINDS, animation_names, moves_face, read_curve
+from distretarget.io.gltf_scene import (
+    FLOATS,
+    KINDS,
+    animation_names,
+    moves_face,
+    named_expressions,
+    nodes_of_expressions,
+    read_curve,
+)
 from distretarget.io.json_node import Fields, Node
 from distretarget.numerics.vectors import Array
 
@@ -58,7 +66,7 @@ class Face:
 
 
 def face_of(gltf: Gltf) -> Face:
-    """Return the expressions that the character of a file can have; what is not valid counts as none."""
+    """Return the expressions that the character of a file can have, without what is not valid."""
     targets: dict[str, list[MorphTarget]] = defaultdict(list)
     shown, at_mesh = {}, defaultdict(list)
     for node, fields in enumerate(map(Node.entries, gltf.entries("nodes"))):
@@ -88,8 +96,7 @@ def _target_names(mesh: Fields) -> list[str]:
 
 
 def _vrm_1(gltf: Gltf) -> Iterator[tuple[str, MorphTarget]]:
-    expressions = gltf.document.inner("extensions").inner("VRMC_vrm").inner("expressions")
-    for name, expression in _named(expressions):
+    for name, expression in named_expressions(gltf, "VRMC_vrm"):
         for bind in map(Node.entries, expression.listed("morphTargetBinds")):
             node = gltf.index("nodes", bind.need("node"))
             yield name, MorphTarget(node, bind.need("index").whole(), bind.read("weight", Node.number, 1.0))
@@ -106,12 +113,6 @@ def _vrm_0(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, 
                 yield name, MorphTarget(node, bind.need("index").whole(), weight)
 
 
-def _named(expressions: Fields) -> Iterator[tuple[str, Fields]]:
-    """Yield the expressions of VRM 1.0, preset and custom ones, with their names."""
-    for group in ("preset", "custom"):
-        yield from ((name, each.entries()) for name, each in expressions.inner(group).items())
-
-
 def find_expressions(gltf: Gltf, clip: str | None = None) -> Mapping[str, Curve]:
     """Return the curves of the expressions that the animation named `clip`, or the only one, moves, by name; their
     times are from the first frame of its motion on. Those that are 0 all the time and what is not valid are left out.
@@ -119,7 +120,7 @@ def find_expressions(gltf: Gltf, clip: str | None = None) -> Mapping[str, Curve]
     number = choose_animation(gltf.path, animation_names(gltf), clip)
     if number is None or not moves_face(gltf, number):
         return {}
-    animation, stand_ins = gltf.entries("animations")[number].entries(), _stand_ins(gltf)
+    animation, stand_ins = gltf.entries("animations")[number].entries(), nodes_of_expressions(gltf)
     samplers, starts = animation.listed("samplers"), dict[int, float]()
     curves: dict[str, Curve] = {}
     for channel in map(Node.entries, animation.listed("channels")):
@@ -129,22 +130,12 @@ def find_expressions(gltf: Gltf, clip: str | None = None) -> Mapping[str, Curve]
             sampler = samplers[channel.need("sampler").index(len(samplers) - 1, "samplers")].entries()
             if path in KINDS and (times := gltf.index("accessors", sampler.need("input"))) not in starts:
                 starts[times] = gltf.numbers(sampler["input"], "SCALAR", FLOATS)[0]
-            if names := _names_moved(gltf, path, node, stand_ins):
+            names = [stand_ins[node]] if path == "translation" and node in stand_ins else []
+            if path == "weights":
+                names = _target_names(gltf.entry("meshes", gltf.entries("nodes")[node].entries().need("mesh")))
+            if names:
                 curve = read_curve(gltf, sampler, KINDS.get(path, "SCALAR"), len(names))
                 for place, name in enumerate(names):
                     curves.setdefault(name, replace(curve, keys=curve.keys[:, :, [place]]))
     first = min(starts.values(), default=0.0)
     return {name: replace(each, times=each.times - first) for name, each in curves.items() if each.keys.any()}
-
-
-def _names_moved(gltf: Gltf, path: str, node: int, stand_ins: Mapping[int, str]) -> list[str]:
-    """The names of the expressions that the first numbers of a node's property are the weights of."""
-    if path == "weights":
-        return _target_names(gltf.entry("meshes", gltf.entries("nodes")[node].entries().need("mesh")))
-    return [stand_ins[node]] if path == "translation" and node in stand_ins else []
-
-
-def _stand_ins(gltf: Gltf) -> Mapping[int, str]:
-    """The nodes whose translations along X are the weights of a VRM animation's expressions, with their names."""
-    expressions = gltf.document.inner("extensions").inner("VRMC_vrm_animation").inner("expressions")
-    return {gltf.index("nodes", each["node"]): name for name, each in _named(expressions) if "node" in each}

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -42,6 +41,13 @@ SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # the longest time for any file, and fo
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "MKL", "OMP")}  # each would take memory
 ADVICE = "open the file in Blender and export it as GLB"
 STOPS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # Windows
+# What a mesh has for each vertex, triangle, bone and influence of a bone on a vertex.
+OF_MESH = (
+    ("vertices", "normals", "uv"),
+    ("triangles", "materials"),
+    ("bones", "to_bones"),
+    ("moved", "movers", "weights"),
+)
 SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube has no inverse
 
 
@@ -51,11 +57,9 @@ def parse_fbx(
     """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and the animation named
     `clip` (`choose_animation`), if any is wanted; `path` is for errors.
 
-    Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale. A node's place
-    is that of its pivot; a node whose children do not inherit its scale in the usual way may get a helper node as a
-    child. Bind poses are in the world, so the skins name no mesh. Animations are those that have keys of nodes. Frames
-    are the animation's own keys where they are as regular as frames, else frames at the file's frame rate; `fps` asks
-    for another rate.
+    Transforms are those that FBX evaluates. A node's place is that of its pivot; helper nodes stand for scales that
+    children inherit in an unusual way. Bind poses are in the world, so the skins name no mesh. Frames are the
+    animation's own keys where they are as regular as frames, else at the file's frame rate, or at `fps`.
 
     Raises:
         MissingPackageError: the package ufbx is not installed.
@@ -64,39 +68,13 @@ def parse_fbx(
     return _parsed(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation}, _scene)
 
 
-def fbx_mesh(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart]]:
-    """Return the nodes of an FBX file and the meshes at them; errors as in `parse_fbx`."""
-    return _parsed(content, path, {"with_mesh": True}, _mesh)
-
-
-def fbx_looks(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """Return the same with normals, places on images, the materials, and the file of each image that is not in it;
-    errors as in `parse_fbx`.
+def fbx_mesh(
+    content: bytes, path: str | Path, with_looks: bool = False
+) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
+    """Return the nodes of an FBX file, the meshes at them and, with looks, normals, places on images, materials, and
+    the file of each image that is not in it; errors as in `parse_fbx`.
     """
-    return _parsed(content, path, {"with_mesh": True, "with_looks": True}, _looks)
-
-
-def _looks(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """The result of `fbx_looks`, from the arrays that the process has handed over."""
-    nodes, parts = _mesh(path, read)
-    if not parts:
-        return nodes, [], (), ()
-    vertices, triangles = (np.cumsum(read["sizes"][:, column])[:-1] for column in (0, 1))
-    normals, uv = (np.split(read[name], vertices) for name in ("normals", "uv"))
-    if not all(np.isfinite(read[name]).all() for name in ("normals", "uv", "colours")):
-        raise FileError(path, "has a mesh with numbers that are not finite; export it again")
-    materials = np.split(read["materials"], triangles)
-    whole = [
-        replace(part, normals=own if own.any() else None, uv=places, materials=chosen)
-        for part, own, places, chosen in zip(parts, normals, uv, materials, strict=True)
-    ]
-    images = [part.tobytes() for part in np.split(read["images"], np.cumsum(read["image_sizes"])[:-1])]
-    files = tuple("" if on < 0 or images[on] else read["image_names"][on] for on in read["images_on"].tolist())
-    found = [
-        Material(colour=tuple(colour), image=b"" if on < 0 else images[on])
-        for colour, on in zip(read["colours"].clip(0.0, 1.0).tolist(), read["images_on"].tolist(), strict=True)
-    ]
-    return nodes, whole, tuple(found), files
+    return _parsed(content, path, {"with_mesh": True, "with_looks": with_looks}, _mesh)
 
 
 def _parsed(
@@ -128,8 +106,10 @@ def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> Read:
         _stopped(path, f"no answer after {seconds:.0f} s")
     except OSError as error:
         _stopped(path, error.strerror or str(error))
-    if done.returncode:
-        _stopped(path, _stop(done.returncode, done.stderr))
+    if code := done.returncode:
+        said = done.stderr.decode(errors="replace").split("\n")[-2:][0].strip()[:200]
+        name = (signal.strsignal(-code) or "").lower() if code < 0 else ""
+        _stopped(path, name or STOPS.get(code & 0xFFFFFFFF, said or f"exit status {code}"))
     try:
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as file:
             arrays: Read = dict(file)
@@ -145,43 +125,39 @@ def _stopped(path: str | Path, why: str) -> NoReturn:
     raise FileError(path, f"the FBX reader stopped ({why}); {ADVICE}") from None
 
 
-def _stop(code: int, said: bytes) -> str:
-    """Why a process ended, from its return code and the last of what it said."""
-    if code < 0 and (name := signal.strsignal(-code)):
-        return name.lower()
-    last = said.decode(errors="replace").split("\n")[-2:][0].strip()
-    return STOPS.get(code & 0xFFFFFFFF, last[:200] or f"exit status {code}")
-
-
 def _nodes(path: str | Path, read: Read) -> Nodes:
     names, parents = tuple(read["names"]), read["parents"].astype(np.intp)
     return Nodes(names, parents, *_parts(path, read, read["transforms"], np.arange(len(names))))
 
 
-def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart]]:
-    """The nodes and the parts of the mesh in the arrays that were read."""
+def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
+    """The result of `fbx_mesh`, from the arrays that the process has handed over."""
+    nodes = _nodes(path, read)
     if not len(read["sizes"]):
-        return _nodes(path, read), []
+        return nodes, [], (), ()
+    if not all(np.isfinite(read[name]).all() for name in (*OF_MESH[0], "to_bones", "weights", "colours")):
+        raise FileError(path, "has a mesh with numbers that are not finite; export it again")
+    read["to_bones"][:, :3, 3] -= read["pivots"][read["bones"]]
     ends = np.cumsum(read["sizes"], axis=0)[:-1].T
-    names = (("vertices",), ("triangles",), ("mesh_bones", "to_bones"), ("moved", "movers", "weights"))
-    columns = {name: np.split(read[name], at) for at, group in zip(ends, names, strict=True) for name in group}
+    split = {name: np.split(read[name], at) for at, names in zip(ends, OF_MESH, strict=True) for name in names}
     parts = []
-    for vertices, triangles, bones, to_bones, *influences in zip(*columns.values(), strict=True):
-        to_bones[:, :3, 3] -= read["pivots"][bones]
-        joints, weights = _influences(len(vertices), *influences)
-        if not (np.isfinite(vertices).all() and np.isfinite(to_bones).all() and np.isfinite(weights).all()):
-            raise FileError(path, "has a mesh with numbers that are not finite; export it again")
-        plain = np.full(len(triangles), -1), np.zeros((len(vertices), 2))  # without materials and images
-        parts.append(MeshPart(vertices, bones, to_bones, joints, weights, triangles, *plain))
-    return _nodes(path, read), parts
+    for row in (dict(zip(split, each, strict=True)) for each in zip(*split.values(), strict=True)):
+        joints, weights = _influences(len(row["vertices"]), *(row.pop(name) for name in OF_MESH[3]))
+        row["normals"] = row["normals"] if row["normals"].any() else None
+        parts.append(MeshPart(**row, joints=joints, weights=weights))
+    on, names = read["images_on"].tolist(), read["image_names"]
+    images = [part.tobytes() for part in np.split(read["images"], np.cumsum(read["image_sizes"])[:-1])]
+    colours = map(tuple, read["colours"].clip(0.0, 1.0).tolist())
+    materials = [
+        Material(colour=colour, image=images[n] if n >= 0 else b"") for colour, n in zip(colours, on, strict=True)
+    ]
+    return nodes, parts, tuple(materials), tuple("" if n < 0 or images[n] else names[n] for n in on)
 
 
 def _influences(
     vertices: int, moved: NDArray[np.intp], movers: NDArray[np.intp], weights: Array
 ) -> tuple[NDArray[np.intp], Array]:
-    """The bones that move each vertex most and their weights, (vertices, influences) each; from the vertex, bone and
-    weight of each influence, (all influences,).
-    """
+    """The bones that move each vertex most and their weights, (vertices, influences), from all influences."""
     order = np.lexsort([-weights, moved])
     moved, movers, weights = moved[order], movers[order], weights[order]
     rank = np.arange(len(moved)) - np.searchsorted(moved, moved)
@@ -209,11 +185,9 @@ def _scene(path: str | Path, read: Read) -> CharacterScene:
 
 
 def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10); a FileError if
-    a number is not finite or too large, or a quaternion is zero.
-
-    The nodes move from the origins of their spaces to their pivots, and so do those above them; then rotations that
-    FBX does not apply are taken away.
+    """Translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10), without the
+    rotations that FBX does not apply, and from pivot to pivot; a FileError if a number is not finite or too large, or a
+    quaternion is zero.
     """
     pivots, idle = read["pivots"], read["idle"][numbers]
     above = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
@@ -243,17 +217,17 @@ def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
         return skins
     posed = np.zeros((len(nodes), 4, 4))
     posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
-    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["bones"]))
+    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["are_bones"]))
 
 
 def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> SkinBinding:
     """A skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
+    joints, first = np.unique(joints.astype(np.intp), return_index=True)
     if not binds.any():
-        return SkinBinding(np.unique(joints).astype(np.intp), None)
-    joints, first = np.unique(joints, return_index=True)
+        return SkinBinding(joints, None)
     binds = binds[first]
     binds[:, :3, 3] += (binds[:, :3, :3] @ pivots[joints, :, None])[..., 0]
-    return SkinBinding(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds]))
+    return SkinBinding(joints, np.array([_inverse(bind) for bind in binds]))
 
 
 def _inverse(matrix: Array) -> Array:

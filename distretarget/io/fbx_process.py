@@ -84,9 +84,7 @@ def _content(
     with_mesh: bool = False,
     with_looks: bool = False,
 ) -> dict[str, Any]:
-    """The arrays, and the values of the header, of a file, or a FileError: it is not valid, its animation is not
-    chosen, or has too many frames.
-    """
+    """The arrays, and the values of the header, of a file; or a FileError."""
     scene = _load(data, with_mesh, with_looks)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if next(_curves(stack), None) is not None]
@@ -96,7 +94,9 @@ def _content(
     if chosen is not None:
         most = max(FREE_SAMPLES, len(data))
         content |= {"chosen": chosen} | _sampled(scene, nodes, stacks[chosen], fps, most)
-    return content | (_meshes(nodes, with_looks) if with_mesh else {}) | (_materials(scene) if with_looks else {})
+    if with_mesh:
+        content |= _meshes(nodes, with_looks) | _materials(_each(scene.materials) if with_looks else ())
+    return content
 
 
 def _load(data: bytes, with_mesh: bool, with_images: bool) -> ufbx.Scene:
@@ -150,7 +150,7 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
         "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
         "pivots": np.array([_pivot(node) for node in nodes]).reshape(-1, 3),
         "idle": np.array([_idle_rotations(node) for node in nodes]).reshape(-1, 2, 3),
-        "bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
+        "are_bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
         "joints": np.array([joint for joint, _ in joints], np.int64),
         "binds": _matrices(cluster.bind_to_world for _, cluster in joints),
         "counts": np.array([len(skin) for skin in skins], np.int64),
@@ -166,97 +166,75 @@ def _clusters(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int
 
 
 def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
-    """Return the meshes at nodes, one after the other, with what moves their vertices.
-
-    A mesh has as many vertices, triangles, bones (its node, where it has no skin) and influences of bones on vertices
-    as its row of "sizes" says. With looks, vertices that have several normals or places on images are as many, and
-    there are normals and places of all, and the materials of triangles.
-    """
+    """The meshes at nodes, one after the other, as long as the rows of "sizes" say."""
     number = {node.typed_id: index for index, node in enumerate(nodes)}
-    found = [(node, row) for node in nodes if (row := _mesh(node, number)) is not None]
-    rows = [_split(row, node) if with_looks else row for node, row in found]
-    names: tuple[str, ...] = ("vertices", "triangles", "mesh_bones", "to_bones", "moved", "movers", "weights")
-    empty: tuple[NDArray[Any], ...] = (
-        np.empty((0, 3)),
-        np.empty((0, 3), np.int64),
-        *[np.empty(0, np.int64)] * 4,
-        np.empty(0),
-    )
-    if with_looks:
-        names += ("normals", "uv", "materials")
-        empty += (np.empty((0, 3)), np.empty((0, 2)), np.empty(0, np.int64))
-    columns = zip(*rows, strict=True) if rows else ([each] for each in empty)
-    arrays = {name: np.concatenate(list(column)) for name, column in zip(names, columns, strict=True)}
-    sizes = [[len(row[0]), len(row[1]), len(row[2]), len(row[4])] for row in rows]
+    rows = [row for node in nodes if (row := _mesh(node, number, with_looks)) is not None]
+    sizes = [[len(row[name]) for name in ("vertices", "triangles", "bones", "moved")] for row in rows]
+    arrays = {name: np.concatenate([row[name] for row in rows]) for name in (rows[0] if rows else ())}
     return arrays | {"sizes": np.array(sizes, np.int64).reshape(-1, 4)}
 
 
-def _mesh(node: ufbx.Node, number: dict[int, int]) -> tuple[Any, ...] | None:
-    """Return vertices, triangles, bones, matrices to these, and of each influence its vertex, which of the bones it is,
-    and its weight; None for a node without a mesh.
+def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str, NDArray[Any]] | None:
+    """The mesh at a node, which is its only bone if it has no skin, as triangles that fan out over its faces. With
+    looks, it has as many vertices as there are different corners, with their normals and places on images, and the
+    materials of triangles; else these are zeros and -1. None without a mesh.
     """
     mesh = _held(node.mesh)
     if mesh is None or not len(mesh.vertices):
         return None
-    vertices = np.array(memoryview(mesh.vertices)).reshape(-1, 3)
     skin = next(_each(mesh.skin_deformers), None)
     if skin is None:
         bones, matrices = [number[node.typed_id]], [node.geometry_to_node]
-        moved, weights = [np.arange(len(vertices))], [np.ones(len(vertices))]
+        moved, weights = [np.arange(len(mesh.vertices))], [np.ones(len(mesh.vertices))]
     else:
         known = [(bone, cluster) for bone, cluster in _clusters(skin, number) if len(cluster.vertices)]
         bones, matrices = [bone for bone, _ in known], [cluster.geometry_to_bone for _, cluster in known]
-        moved = [np.array(list(cluster.vertices), np.int64) for _, cluster in known]
+        moved = [_whole(cluster.vertices) for _, cluster in known]
         weights = [np.array(memoryview(cluster.weights)) for _, cluster in known]
     if not bones:
         return None
-    movers = np.repeat(np.arange(len(bones)), [len(each) for each in moved])
-    influences = np.concatenate(moved), movers, np.concatenate(weights)
-    return vertices, _triangles(mesh), bones, _matrices(matrices), *influences
-
-
-def _split(row: tuple[Any, ...], node: ufbx.Node) -> tuple[Any, ...]:
-    """What `_mesh` returned with as many vertices as there are different corners, their normals and places on images,
-    and the materials of triangles.
-    """
-    mesh = _held(node.mesh)
-    vertices, _, bones, matrices, moved, movers, weights = row
+    keys, looks = [_whole(mesh.vertex_indices)], []
+    for values, size in ((mesh.vertex_normal, 3), (mesh.vertex_uv, 2)):
+        exist = with_looks and values.exists and len(values.values) > 0
+        keys.append(_whole(values.indices) if exist else np.zeros(len(keys[0]), np.int64))
+        looks.append(np.array([list(each) for each in _each_part(values.values)]) if exist else np.zeros((1, size)))
+    (of_vertex, of_normal, of_uv), of_corner = np.unique(np.stack(keys), axis=1, return_inverse=True)
     corners, faces = _corners(mesh)
-    keys = [np.array(list(mesh.vertex_indices), np.int64)]
-    for values in (mesh.vertex_normal, mesh.vertex_uv):
-        keys.append(np.array(list(values.indices), np.int64) if values.exists else np.zeros(len(keys[0]), np.int64))
-    different, of_corner = np.unique(np.stack(keys), axis=1, return_inverse=True)
-    of_vertex, of_normal, of_uv = different
-    normals = _values(mesh.vertex_normal, 3)[of_normal]
-    uv = _values(mesh.vertex_uv, 2)[of_uv]
-    order = np.argsort(moved, kind="stable")
-    moved, movers, weights = moved[order], movers[order], weights[order]
-    begins, ends = np.searchsorted(moved, of_vertex), np.searchsorted(moved, of_vertex, side="right")
+    own = [_held(material).typed_id for material in _each(node.materials)] if with_looks else []
+    of_face = _whole(mesh.face_material) if own else np.zeros(0, np.int64)
+    rows, counts = _rows_of(of_vertex, np.concatenate(moved))
+    return {
+        "vertices": np.array(memoryview(mesh.vertices)).reshape(-1, 3)[of_vertex],
+        "normals": looks[0][of_normal],
+        "uv": looks[1][of_uv],
+        "triangles": of_corner.ravel()[corners],
+        "materials": np.array(own)[np.minimum(of_face[faces], len(own) - 1)] if len(of_face) else 0 * faces - 1,
+        "bones": np.array(bones, np.int64),
+        "to_bones": _matrices(matrices),
+        "moved": np.repeat(np.arange(len(of_vertex)), counts),
+        "movers": np.repeat(np.arange(len(bones)), [len(each) for each in moved])[rows],
+        "weights": np.concatenate(weights)[rows],
+    }
+
+
+def _rows_of(wanted: NDArray[np.int64], values: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each of the `wanted` numbers is among some values, one after the other, and how often."""
+    order = np.argsort(values, kind="stable")
+    begins, ends = (np.searchsorted(values[order], wanted, side) for side in ("left", "right"))
     counts = ends - begins
-    rows = np.repeat(begins, counts) + np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    numbers = np.array([_held(material).typed_id for material in _each(node.materials)], np.int64)
-    of_face = np.array(list(mesh.face_material), np.int64) if len(numbers) else np.zeros(0, np.int64)
-    chosen = numbers[np.minimum(of_face[faces], len(numbers) - 1)] if len(of_face) else np.full(len(faces), -1)
-    influences = np.repeat(np.arange(len(of_vertex)), counts), movers[rows], weights[rows]
-    triangles = of_corner.ravel()[corners]
-    return vertices[of_vertex], triangles, bones, matrices, *influences, normals, uv, chosen
+    return order[np.repeat(begins - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())], counts
 
 
-def _values(attribute: Any, size: int) -> Array:
-    """The values of an attribute of vertices, (values, size); one of zeros where there is none."""
-    if not attribute.exists or not len(attribute.values):
-        return np.zeros((1, size))
-    return np.array([list(value) for value in _each_part(attribute.values)], float).reshape(-1, size)
+def _whole(numbers: Any) -> NDArray[np.int64]:
+    return np.array(list(numbers), np.int64)
 
 
-def _materials(scene: ufbx.Scene) -> dict[str, Any]:
-    """The colours of materials, (materials, 4), which of the images is laid on each, -1 for none; the images one after
-    the other, with their sizes, or the names of their files.
-    """
+def _materials(materials: Iterable[ufbx.Material]) -> dict[str, Any]:
+    """Colours, (materials, 4); the number of the image on each, or -1; the images, or the names of their files."""
     colours, on = [], []
     images: list[bytes] = []
     names: list[str] = []
-    for material in _each(scene.materials):
+    for material in materials:
         base = material.pbr.base_color if material.pbr.base_color.has_value else material.fbx.diffuse_color
         colour = [*base.value_vec4][:3] if base.has_value else [0.8] * 3
         opacity = material.pbr.opacity
@@ -276,13 +254,8 @@ def _materials(scene: ufbx.Scene) -> dict[str, Any]:
     }
 
 
-def _triangles(mesh: ufbx.Mesh) -> NDArray[np.int64]:
-    """(triangles, 3), the vertices of the triangles that fan out over the faces of a mesh."""
-    return np.asarray(np.array(list(mesh.vertex_indices), np.int64)[_corners(mesh)[0]])
-
-
 def _corners(mesh: ufbx.Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The corners of the faces of a mesh that these triangles have, (triangles, 3), and the face of each."""
+    """The corners of the faces of a mesh that its triangles have, (triangles, 3), and the face of each."""
     faces = np.array([(face.index_begin, face.num_indices) for face in _each_part(mesh.faces)], np.int64).reshape(-1, 2)
     whole = np.flatnonzero(faces[:, 1] > 2)
     begins, counts = faces[whole].T
@@ -346,9 +319,7 @@ def _curves(stack: ufbx.AnimStack) -> Iterator[tuple[ufbx.Node, ufbx.AnimCurve]]
 def _sampled(
     scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None, most: int
 ) -> dict[str, Any]:
-    """The nodes that move, their translations, rotations and scales in "frames", (frames, nodes, 10), and the step [s];
-    a FileError if there are more than `most` keys or samples.
-    """
+    """The nodes that move, their transforms in "frames", (frames, nodes, 10), and the step [s]; or a FileError."""
     import ufbx
 
     keys, moving = _keys(stack, most)
@@ -379,9 +350,8 @@ def _follows_scale(node: ufbx.Node) -> bool:
 
 
 def _keys(stack: ufbx.AnimStack, most: int) -> tuple[Array, set[int]]:
-    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves.
-
-    Curves with the same keys are the rule: of those of the same length only a few keys are compared.
+    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves. Curves with the same keys
+    are the rule: of those of the same length only a few keys are compared.
     """
     times, seen = array("d"), set()
     count, moving = 0, set()

@@ -41,10 +41,8 @@ REASONS = {
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a file without its byte order mark and final Ctrl-Z; line ends stay as they are.
-
-    The encoding is UTF-8, or UTF-16 if a byte order mark says so. Bytes that are not valid UTF-8 become lone
-    surrogates, which `write_whole` turns back into the same bytes. A FileError if the file is empty or binary.
+    """Return the text of a file, UTF-8, or UTF-16 if a mark says so, without that mark and a final Ctrl-Z. Bytes that
+    are not UTF-8 become lone surrogates, which `write_whole` turns back. A FileError if the file is empty or binary.
     """
     return text_of(read_bytes(path), path)
 
@@ -71,22 +69,19 @@ def check_known(path: str | Path) -> None:
 def text_of(content: bytes, path: str | Path) -> str:
     """Return the text in the content of a file as `read_text` does; `path` is for errors."""
     check_known(path)
-    text = _decoded(path, content)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            text = content.decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise FileError(path, f"begins with a UTF-16 mark, but is not valid UTF-16: {error.reason}") from error
+    else:
+        text = content.removeprefix(codecs.BOM_UTF8).decode("utf-8", "surrogateescape")
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
     text = text.removesuffix(CTRL_Z)
     if not text or text.isspace():
         raise FileError(path, "is empty")
     return text
-
-
-def _decoded(path: str | Path, content: bytes) -> str:
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        try:
-            return content.decode("utf-16")
-        except UnicodeDecodeError as error:
-            raise FileError(path, f"begins with a UTF-16 mark, but is not valid UTF-16: {error.reason}") from error
-    return content.removeprefix(codecs.BOM_UTF8).decode("utf-8", "surrogateescape")
 
 
 def hash_of(*content: bytes | memoryview) -> str:
@@ -99,10 +94,9 @@ def hash_of(*content: bytes | memoryview) -> str:
 
 def hash_of_file(path: Path) -> str | None:
     """Return the hash of a file's content; None if the file does not exist or cannot be read."""
-    try:
+    with contextlib.suppress(FileError):
         return hash_of(read_bytes(path))
-    except FileError:
-        return None
+    return None
 
 
 def safe_file_name(name: str) -> str:
@@ -117,9 +111,7 @@ def is_folder(path: str | Path) -> bool:
 
 
 def is_inside(path: Path, folder: Path) -> bool:
-    """Return whether a path leads to a place in a folder, and not out of it by links or `..`; False if it leads nowhere
-    because links go in circles.
-    """
+    """Return whether a path leads to a place in a folder, and neither out of it by links or `..` nor in circles."""
     try:
         return path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):
@@ -143,20 +135,21 @@ def make_folder(folder: Path) -> None:
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
-    """Check, without writing, that `write_whole` could write this file.
-
-    Raises:
-        FileError: the file exists and must not be replaced, the path is a link to a file that does not exist, or the
-            folder is missing or not writable.
+    """Check, without writing, that `write_whole` could write this file, or raise a FileError: it exists and must not be
+    replaced, is a link to nothing, or its folder is missing or not writable.
     """
     check_path("path", path)
     try:
         place = Path(path).resolve()
         if place.is_dir():
             raise FileError(path, "is a folder, expected the name of a file")
-        if place.exists():
-            _check_replaceable(path, place, overwrite)
-        elif Path(path).is_symlink():
+        if place.exists() and not place.is_file():
+            raise FileError(path, "is not a regular file")
+        if place.exists() and not overwrite:
+            raise FileError(path, "exists already; --overwrite replaces it")
+        if place.exists() and not os.access(place, os.W_OK):
+            raise FileError(path, "permission denied: the file is write-protected")
+        if not place.exists() and Path(path).is_symlink():
             raise FileError(path, f"is a link to {str(place)!r}, which does not exist; remove the link")
         if not place.parent.is_dir():
             raise FileError(path, f"there is no folder {str(place.parent)!r}")
@@ -166,23 +159,10 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
         raise FileError(path, f"permission denied to write into the folder {str(place.parent)!r}")
 
 
-def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
-    if not place.is_file():
-        raise FileError(path, "is not a regular file")
-    if not overwrite:
-        raise FileError(path, "exists already; --overwrite replaces it")
-    if not os.access(place, os.W_OK):
-        raise FileError(path, "permission denied: the file is write-protected")
-
-
 def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> None:
-    """Write a file under a temporary name in its folder, and rename it when it is complete.
-
-    A content may be in parts. Text is written as UTF-8, with line ends as given. A file that replaces another keeps its
-    permissions and, where that is allowed, its owner.
-
-    Raises:
-        FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing has changed.
+    """Write a file, whose content may be in parts, under a temporary name in its folder, and rename it when it is
+    complete. Text is written as UTF-8. A file that replaces another keeps its permissions and, where that is allowed,
+    its owner. A FileError if it exists and `overwrite` is false, or cannot be written; then nothing has changed.
     """
     check_writable(path, overwrite)
     place = Path(path).resolve()
@@ -190,7 +170,11 @@ def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> 
     try:
         with temporary.open("xb") as file:
             if overwrite and place.exists():
-                _copy_owner_and_mode(place, temporary)
+                status = place.stat()
+                if hasattr(os, "chown"):
+                    with contextlib.suppress(PermissionError):
+                        os.chown(temporary, status.st_uid, status.st_gid)
+                temporary.chmod(stat.S_IMODE(status.st_mode))
             file.writelines(encoded_parts(content))
             file.flush()
             os.fsync(file.fileno())
@@ -211,14 +195,6 @@ def encoded_parts(content: Content) -> Iterable[bytes | memoryview]:
     """Return what `write_whole` writes for a content, in parts."""
     parts = [content] if isinstance(content, str | bytes) else content
     return (part.encode("utf-8", "surrogateescape") if isinstance(part, str) else part for part in parts)
-
-
-def _copy_owner_and_mode(place: Path, temporary: Path) -> None:
-    status = place.stat()
-    if hasattr(os, "chown"):
-        with contextlib.suppress(PermissionError):
-            os.chown(temporary, status.st_uid, status.st_gid)
-    temporary.chmod(stat.S_IMODE(status.st_mode))
 
 
 def _rename_to_new(temporary: Path, place: Path) -> None:

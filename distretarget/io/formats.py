@@ -80,9 +80,7 @@ def format_of_name(path: str | Path) -> Format | None:
 
 
 def format_of(content: bytes, path: str | Path) -> Format:
-    """Return the format of a file: by its content, by its name where that does not tell, and else BVH; a FileError if
-    other programs have to convert it.
-    """
+    """Return the format that content or name shows, else BVH; a FileError if other programs have to convert it."""
     suffix = Path(path).suffix.lower()
     if shown := next((each for each in FORMATS if each.is_in(content, suffix)), None):
         return shown

@@ -81,7 +81,6 @@ class Gltf:
         return self.text
 
     def _finite(self, digits: str) -> float:
-        """The value of a number."""
         value = float(digits)
         if not math.isfinite(value):
             raise FileError(self.path, f"its JSON has the number {cut(digits)}, which is not finite; export it again")
@@ -119,9 +118,9 @@ class Gltf:
         return reference.index(len(self.entries(key)) - 1, key)
 
     def numbers(self, reference: Node, kind: str, components: tuple[int, ...] = tuple(COMPONENTS)) -> Array:
-        """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; integers that are normalized
-        become fractions. A SkeletonFileError if the accessor has another kind or other components, leads out of its
-        buffer, or has numbers that are not finite.
+        """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; normalized integers become
+        fractions. A SkeletonFileError if it has another kind or other components, leads out of its buffer, or is not
+        finite.
         """
         fields = self.entry("accessors", reference)
         place, key = fields.node, (fields.node.place, kind)
@@ -134,11 +133,8 @@ class Gltf:
         self._referred += count * WIDTHS[kind]
         if self._referred > max(PER_BYTE * self.size, FREE_NUMBERS):
             place.fail("is referred to too often for a file of this size")
-        if key not in self._accessors:
-            self._accessors[key] = read_only(self._numbers(fields, kind, count, dtype))
-        return self._accessors[key]
-
-    def _numbers(self, fields: Fields, kind: str, count: int, dtype: Dtype) -> Array:
+        if key in self._accessors:
+            return self._accessors[key]
         raw: NDArray[np.generic] = np.zeros((count, WIDTHS[kind]), dtype)
         if "bufferView" in fields:
             raw = self._view(fields, count, WIDTHS[kind], dtype)
@@ -149,8 +145,9 @@ class Gltf:
         if dtype.kind != "f" and fields.read("normalized", Node.flag, False):
             numbers = np.maximum(numbers / np.iinfo(dtype.name).max, -1.0)
         if not np.isfinite(numbers).all():
-            fields.node.fail("has numbers that are not finite")
-        return numbers[:, 0] if kind == "SCALAR" else numbers
+            place.fail("has numbers that are not finite")
+        self._accessors[key] = read_only(numbers[:, 0] if kind == "SCALAR" else numbers)
+        return self._accessors[key]
 
     def _with_sparse(self, sparse: Fields, raw: NDArray[np.generic], dtype: Dtype) -> NDArray[np.generic]:
         """Numbers with those replaced that a sparse accessor lists."""
@@ -180,26 +177,24 @@ class Gltf:
         return np.ndarray((count, width), dtype, buffer[start : start + length], offset if count else 0, steps)
 
     def _buffer(self, fields: Fields) -> memoryview:
-        place = fields.node
-        if place.place not in self._buffers:
-            length = fields.need("byteLength").whole()
-            content = self._content(fields)
-            if len(content) < length:
-                place.fail(
-                    f"has {len(content)} of the {length} bytes that it should have: the file is cut or incomplete"
-                )
-            self._buffers[place.place] = content[:length]
-        return self._buffers[place.place]
-
-    def _content(self, fields: Fields) -> memoryview:
-        if "uri" not in fields:
-            if self.binary is None or fields.node.place != "buffers[0]":
-                fields.node.fail('has no "uri", and the file has no binary chunk for it')
-            return self.binary
-        uri = fields["uri"].text()
-        if not uri.startswith(DATA_URI) and uri not in self.beside:
+        place, uri = fields.node, fields.read("uri", Node.text, None)
+        if place.place in self._buffers:
+            return self._buffers[place.place]
+        length = fields.need("byteLength").whole()
+        if uri is None:
+            if self.binary is None or place.place != "buffers[0]":
+                place.fail('has no "uri", and the file has no binary chunk for it')
+            content = self.binary
+        elif uri.startswith(DATA_URI):
+            content = memoryview(_decoded(fields["uri"], uri))
+        elif uri in self.beside:
+            content = memoryview(self.beside[uri])
+        else:
             fields["uri"].fail(f"there is no file {cut(uri)!r} beside it")
-        return memoryview(_decoded(fields["uri"], uri) if uri.startswith(DATA_URI) else self.beside[uri])
+        if len(content) < length:
+            place.fail(f"has {len(content)} of the {length} bytes that it should have: the file is cut or incomplete")
+        self._buffers[place.place] = content[:length]
+        return self._buffers[place.place]
 
     def image(self, reference: Node) -> bytes:
         """The content of an image; empty where it is in a file that cannot be read."""
@@ -229,9 +224,7 @@ class Gltf:
 def parse_gltf(
     content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None, has_folder: bool = True
 ) -> Gltf:
-    """Return the glTF file with a content, or raise a FileError; `beside` has the files that it names, by URI, and its
-    images may be in others if it has a folder.
-    """
+    """Return the glTF file with a content, or a FileError; `beside` and `has_folder` as in `Gltf`."""
     if content.startswith(GLB_MARK):
         return Gltf(path, _chunks(content, path), beside or {}, has_folder)
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):

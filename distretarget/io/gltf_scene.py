@@ -27,24 +27,22 @@ REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale
 KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # of the outputs of animations
 FLOATS, SIGNED = (5126,), (5126, 5120, 5121, 5122, 5123)  # components of key times; of keys
 
-COMPRESSIONS = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
+DRACO = "KHR_draco_mesh_compression"
+COMPRESSIONS = {DRACO: "Draco", "EXT_meshopt_compression": "meshopt"}
 # The extensions with a humanoid: of VRM 1.0, VRM animations, and VRM 0.
 HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")
 VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names of them
 Triangles = NDArray[np.intp]
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
 WHOLE_NUMBERS = (5121, 5123)  # components of joints
-DRACO = "KHR_draco_mesh_compression"
 FACE_LEFT_OUT = "the animation moves morph targets or expressions, such as those of a face; they are left out"
 
 
 def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> CharacterScene:
     """Return what a glTF file says of a character, with the animation named `clip`, or the only one, at `fps` frames/s
-    or its own keys; without an animation if not `animated`. A FileError or SkeletonFileError if the file is not valid,
-    or has no such animation.
+    or its own keys, if any is wanted. A FileError or SkeletonFileError if the file is not valid, or has none of it.
     """
-    nodes = gltf_nodes(gltf)
-    names = animation_names(gltf)
+    nodes, names = gltf_nodes(gltf), animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
     skins, (kind, humanoid) = _skins(gltf), _humanoid(gltf)
@@ -110,9 +108,7 @@ def _transform(fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
 
 
 def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
-    """Translation, rotation (x y z w) and scale of a transform, (4, 4), without its shear; the scale is negative in all
-    axes where the transform mirrors.
-    """
+    """Translation, rotation (x y z w) and scale, which is negative where it mirrors, of a transform, (4, 4)."""
     linear = matrix[:3, :3]
     scale = np.linalg.norm(linear, axis=0) * (-1.0 if np.linalg.det(linear) < 0 else 1.0)
     axes = linear / np.where(scale, scale, 1.0)
@@ -120,32 +116,28 @@ def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
 
 
 def _skins(gltf: Gltf) -> tuple[SkinBinding, ...]:
-    """The skins, each with the nodes that show a mesh with it."""
-    shown: dict[int, list[int]] = {}
+    """The skins, each with the nodes that show a mesh with it; they may share inverse bind matrices."""
+    shown: dict[int, list[int]] = defaultdict(list)
     for number, entry in enumerate(gltf.entries("nodes")):
+        if "skin" in (fields := entry.entries()):
+            shown[gltf.index("skins", fields["skin"])].append(number)
+    skins, binds = list[SkinBinding](), dict[int, Array]()
+    for number, entry in enumerate(gltf.entries("skins")):
         fields = entry.entries()
-        if "skin" in fields:
-            shown.setdefault(gltf.index("skins", fields["skin"]), []).append(number)
-    binds: dict[int, Array] = {}
-    return tuple(_skin(gltf, entry, tuple(shown.get(n, ())), binds) for n, entry in enumerate(gltf.entries("skins")))
-
-
-def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Array]) -> SkinBinding:
-    """A skin; `binds` keeps the inverse bind matrices of each accessor, which skins may share."""
-    fields = entry.entries()
-    joints = np.array([gltf.index("nodes", node) for node in fields.listed("joints")])
-    if not len(joints):
-        entry.fail("has no joints")
-    if "inverseBindMatrices" not in fields:
-        return SkinBinding(joints, None, meshes)
-    accessor = gltf.index("accessors", fields["inverseBindMatrices"])
-    if accessor not in binds:
-        numbers = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
-        binds[accessor] = numbers.reshape(-1, 4, 4).transpose(0, 2, 1).copy()
-        binds[accessor][:, 3] = 0.0, 0.0, 0.0, 1.0  # as the specification demands
-    if len(binds[accessor]) < len(joints):
-        fields["inverseBindMatrices"].fail(f"{len(binds[accessor])} matrices for {len(joints)} joints")
-    return SkinBinding(joints, binds[accessor][: len(joints)], meshes)
+        joints, matrices = np.array([gltf.index("nodes", node) for node in fields.listed("joints")]), None
+        if not len(joints):
+            entry.fail("has no joints")
+        if "inverseBindMatrices" in fields:
+            accessor = gltf.index("accessors", fields["inverseBindMatrices"])
+            if accessor not in binds:
+                numbers = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
+                binds[accessor] = numbers.reshape(-1, 4, 4).transpose(0, 2, 1).copy()
+                binds[accessor][:, 3] = 0.0, 0.0, 0.0, 1.0  # as the specification demands
+            matrices = binds[accessor][: len(joints)]
+            if len(matrices) < len(joints):
+                fields["inverseBindMatrices"].fail(f"{len(matrices)} matrices for {len(joints)} joints")
+        skins.append(SkinBinding(joints, matrices, tuple(shown[number])))
+    return tuple(skins)
 
 
 def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
@@ -154,26 +146,21 @@ def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
     key = next((key for key in HUMANOIDS if key in extensions), "")
     if not key:
         return "", {}
-    bones, found = extensions[key].entries().inner("humanoid").get("humanBones"), {}
-    if bones and key == "VRM":
-        found = dict(_vrm_0(gltf, bones))
-    elif bones:
-        found = {bone: gltf.index("nodes", each.entries().need("node")) for bone, each in bones.entries().items()}
-    if not found:
-        extensions[key].fail("has no humanoid bones")
-    return key, found
-
-
-def _vrm_0(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
-    for entry in bones.items():
+    humanoid, found = extensions[key].entries().inner("humanoid"), dict[str, int]()
+    if key != "VRM":
+        for bone, each in humanoid.inner("humanBones").items():
+            found[bone] = gltf.index("nodes", each.entries().need("node"))
+    for entry in humanoid.listed("humanBones") if key == "VRM" else ():
         fields = entry.entries()
         if "bone" not in fields or "node" not in fields:
             entry.fail('expected "bone" and "node"')
         bone = fields["bone"].text()
         thumb = next((new for old, new in VRM_0_THUMBS.items() if bone.endswith(old)), "")
-        side = bone.partition("Thumb")[0]
         if fields["node"].value != -1.0:  # some programs write bones that the model lacks so
-            yield f"{side}{thumb}" if thumb else bone, gltf.index("nodes", fields["node"])
+            found[f"{bone.partition('Thumb')[0]}{thumb}" if thumb else bone] = gltf.index("nodes", fields["node"])
+    if not found:
+        extensions[key].fail("has no humanoid bones")
+    return key, found
 
 
 def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animation:
@@ -194,13 +181,24 @@ def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animati
 
 def moves_face(gltf: Gltf, number: int) -> bool:
     """Return whether an animation has keys of morph targets, or of a VRM animation's nodes of expressions."""
-    expressions = gltf.document.inner("extensions").inner("VRMC_vrm_animation").inner("expressions")
-    each = (one.entries() for group in ("preset", "custom") for one in expressions.inner(group).values())
-    nodes = {gltf.index("nodes", one["node"]) for one in each if "node" in one}
+    nodes = nodes_of_expressions(gltf)
     channels = gltf.entries("animations")[number].entries().listed("channels")
     targets = [channel.entries().inner("target") for channel in channels]
     paths = {target.read("path", Node.text, "") for target in targets}
     return "weights" in paths or any(gltf.index("nodes", one["node"]) in nodes for one in targets if "node" in one)
+
+
+def nodes_of_expressions(gltf: Gltf) -> Mapping[int, str]:
+    """Return the nodes whose translations along X are the weights of a VRM animation's expressions, and their names."""
+    named = named_expressions(gltf, "VRMC_vrm_animation")
+    return {gltf.index("nodes", each["node"]): name for name, each in named if "node" in each}
+
+
+def named_expressions(gltf: Gltf, extension: str) -> Iterator[tuple[str, Fields]]:
+    """Yield the expressions of VRM 1.0 in an extension, preset and custom ones, with their names."""
+    expressions = gltf.document.inner("extensions").inner(extension).inner("expressions")
+    for group in ("preset", "custom"):
+        yield from ((name, each.entries()) for name, each in expressions.inner(group).items())
 
 
 def read_curve(gltf: Gltf, fields: Fields, kind: str, width: int = 1) -> Curve:
@@ -247,33 +245,22 @@ def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: SkinBinding
             raise FileError(gltf.path, f"{primitive.node.place} is compressed by Draco")
     attributes = primitives[0]["attributes"].entries()
     vertices = gltf.numbers(attributes["POSITION"], "VEC3")
-    bones = np.array([node]) if skin is None else skin.joints
-    to_bones = skin.inverse_binds if skin else None
-    joints, weights = np.zeros((len(vertices), 1), np.intp), np.ones((len(vertices), 1))
+    count, bones, to_bones = len(vertices), np.array([node]), None
+    joints, weights = np.zeros((count, 1), np.intp), np.ones((count, 1))
     if skin:
-        joints, weights = _influences(gltf, primitives[0].node, attributes, len(vertices), len(bones))
-    triangles = [_triangles(gltf, primitive, len(vertices)) for primitive in primitives]
+        bones, to_bones = skin.joints, skin.inverse_binds
+        joints, weights = _influences(gltf, primitives[0].node, attributes, count, len(bones))
+    if to_bones is None:
+        to_bones = np.tile(np.eye(4), (len(bones), 1, 1))
+    triangles = [_triangles(gltf, primitive, count) for primitive in primitives]
     materials = [gltf.index("materials", each["material"]) if "material" in each else -1 for each in primitives]
-    return MeshPart(
-        vertices,
-        bones,
-        np.tile(np.eye(4), (len(bones), 1, 1)) if to_bones is None else to_bones,
-        joints,
-        weights,
-        np.concatenate(triangles),
-        np.repeat(materials, [len(some) for some in triangles]),
-        _uv(gltf, attributes, len(vertices)),
-    )
-
-
-def _uv(gltf: Gltf, attributes: Fields, vertices: int) -> Array:
-    """(vertices, 2), the places of the vertices on images; zeros where the file does not say them."""
+    of_triangle = np.repeat(materials, [len(some) for some in triangles])
+    uv = np.zeros((0, 2))
     if "TEXCOORD_0" in attributes and gltf.entries("images"):
         with suppress(DistretargetError):
             uv = gltf.numbers(attributes["TEXCOORD_0"], "VEC2")
-            if len(uv) == vertices:
-                return uv
-    return np.zeros((vertices, 2))
+    uv = uv if len(uv) == count else np.zeros((count, 2))
+    return MeshPart(vertices, bones, to_bones, joints, weights, np.concatenate(triangles), of_triangle, uv)
 
 
 def _influences(
@@ -321,25 +308,22 @@ def _triangles(gltf: Gltf, primitive: Fields, vertices: int) -> Triangles:
 
 
 def gltf_materials(gltf: Gltf) -> tuple[Material, ...]:
-    """Return the materials of a file; what of one cannot be read is plain."""
-    return tuple(_material(gltf, place) for place in gltf.entries("materials"))
-
-
-def _material(gltf: Gltf, place: Node) -> Material:
-    try:
-        fields = place.entries()
-        surface = fields.inner("pbrMetallicRoughness")
-        numbers = [number.number() for number in surface.listed("baseColorFactor")]
-        return Material(
-            colour=(*numbers, *(1.0, 1.0, 1.0, 1.0)[len(numbers) :])[:4],
-            image=_image(gltf, surface, "baseColorTexture"),
-            normal_map=_image(gltf, fields, "normalTexture"),
-            mode=fields.read("alphaMode", Node.text, "OPAQUE"),
-            cutoff=fields.read("alphaCutoff", Node.number, 0.5),
-            two_sided=fields.read("doubleSided", Node.flag, False),
-        )
-    except DistretargetError:
-        return Material()
+    """Return the materials of a file; one that cannot be read is plain."""
+    materials = [Material()] * len(gltf.entries("materials"))
+    for number, place in enumerate(gltf.entries("materials")):
+        with suppress(DistretargetError):
+            fields = place.entries()
+            surface = fields.inner("pbrMetallicRoughness")
+            numbers = [each.number() for each in surface.listed("baseColorFactor")]
+            materials[number] = Material(
+                colour=(*numbers, *(1.0, 1.0, 1.0, 1.0)[len(numbers) :])[:4],
+                image=_image(gltf, surface, "baseColorTexture"),
+                normal_map=_image(gltf, fields, "normalTexture"),
+                mode=fields.read("alphaMode", Node.text, "OPAQUE"),
+                cutoff=fields.read("alphaCutoff", Node.number, 0.5),
+                two_sided=fields.read("doubleSided", Node.flag, False),
+            )
+    return tuple(materials)
 
 
 def _image(gltf: Gltf, fields: Fields, key: str) -> bytes:

@@ -21,11 +21,11 @@ from distretarget.character.character import Character
 from distretarget.character.mesh import assembled
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.io.fbx import fbx_looks
+from distretarget.io.fbx import fbx_mesh
 from distretarget.io.files import check_inside, read_bytes
 from distretarget.io.formats import GLB_MARK
 from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, HEADER, JSON_CHUNK, Gltf
-from distretarget.io.gltf_scene import gltf_nodes
+from distretarget.io.gltf_scene import REST, gltf_nodes
 from distretarget.io.input_file import InputFile
 from distretarget.io.json_node import (
     Edit,
@@ -48,13 +48,16 @@ Mode = Literal["add", "replace"]
 Parts = Sequence[bytes | memoryview]
 Top = Mapping[str, Member]
 """The members of a document."""
+Entries = list[dict[str, object]]
+"""Those of a list of a document."""
 Tracks = dict[tuple[str, int], Array]
 """The keys of what an animation moves, by path, such as "rotation", and node."""
 
 ALIGNED = 4  # accessors of floats, and chunks, begin at multiples of this [bytes]
 LARGEST_GLB = 2**32 - 1  # the header has no room for more [bytes]
 OCTETS = "application/octet-stream"
-VECTORS = {3: "VEC3", 4: "VEC4"}
+KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}  # of accessors, by the numbers of an element
+NOTHING = memoryview(b"")
 START = 1, "0"  # the times of a track with a single key: frames, and the time between them
 IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}  # by how they begin
 FLOAT, SHORT, INT = 5126, 5123, 5125
@@ -64,23 +67,13 @@ LEFT_OUT = "of the FBX file's materials only base colours and their images are i
 
 
 class _Numbers:
-    """New numbers for a file, with the accessors and views that find them. They go to the end of what the binary chunk
-    of a GLB holds, or into a buffer of their own.
-    """
+    """New numbers for a buffer, behind the bytes that it holds, with the accessors and views that find them."""
 
-    def __init__(self, gltf: Gltf, as_binary: bool) -> None:
-        buffers, binary = gltf.entries("buffers"), gltf.binary
-        self.extends = False  # a buffer of the file
-        if binary is not None and buffers and "uri" not in (first := buffers[0].entries()):
-            first.need("byteLength").whole()
-            self.extends = True
-        self.in_chunk = as_binary and (self.extends or not buffers)  # of the result
+    def __init__(self, buffer: int = 0, held: memoryview = NOTHING, views: int = 0, accessors: int = 0) -> None:
         self.views: list[dict[str, object]] = []
         self.accessors: list[dict[str, object]] = []
-        self._buffer = 0 if self.extends else len(buffers)
-        self._held = binary if self.extends and binary is not None else memoryview(b"")
+        self._buffer, self._held, self._firsts = buffer, held, (views, accessors)
         self._new = bytearray()
-        self._first = [len(gltf.entries(key)) for key in ("bufferViews", "accessors")]
         self._times: dict[tuple[int, str], int] = {}
 
     @property
@@ -88,16 +81,20 @@ class _Numbers:
         """What the buffer holds, in parts."""
         return [self._held, *_padding(self._held, b"\0"), bytes(self._new)]
 
-    def add(self, values: Array, **entry: object) -> int:
-        """Add numbers, (keys,) or (keys, 3 or 4), as float32; return their accessor."""
-        data = np.ascontiguousarray(values, "<f4").tobytes()
-        view, accessor = self._first[0] + len(self.views), self._first[1] + len(self.accessors)
+    def view(self, data: bytes) -> int:
+        """Add bytes; return their view."""
         start = _aligned(len(self._held)) + len(self._new)
         self.views.append({"buffer": self._buffer, "byteOffset": start, "byteLength": len(data)})
-        kind = "SCALAR" if values.ndim == 1 else VECTORS[values.shape[1]]
-        self.accessors.append({"bufferView": view, "componentType": FLOAT, "count": len(values), "type": kind} | entry)
-        self._new += data
-        return accessor
+        self._new += data + bytes(-len(data) % ALIGNED)
+        return self._firsts[0] + len(self.views) - 1
+
+    def add(self, values: Array | Numbers, component: int = FLOAT, **entry: object) -> int:
+        """Add numbers, (n,) or (n, width); return their accessor."""
+        view = self.view(np.ascontiguousarray(values, COMPONENTS[component]).tobytes())
+        kind = KINDS[values.shape[1] if values.ndim > 1 else 1]
+        accessor = {"bufferView": view, "componentType": component, "count": len(values), "type": kind}
+        self.accessors.append(accessor | entry)
+        return self._firsts[1] + len(self.accessors) - 1
 
     def times(self, frames: int, frame_time_text: str) -> int:
         """Return the accessor of the times of frames, which animations share."""
@@ -118,30 +115,38 @@ def animated(
     whether they are added to those in the file, or replace them. `embedded` reads the file that a URI names, to put it
     into this one; without it URIs stay. A FileError if it would be too large for a GLB.
     """
-    nodes, numbers = gltf_nodes(gltf), _Numbers(gltf, as_binary)
+    nodes, buffers, binary = gltf_nodes(gltf), gltf.entries("buffers"), gltf.binary
+    extends = binary is not None and bool(buffers) and "uri" not in (first := buffers[0].entries())
+    if extends:
+        first.need("byteLength").whole()
+    in_chunk = as_binary and (extends or not buffers)
+    counts = len(gltf.entries("bufferViews")), len(gltf.entries("accessors"))
+    numbers = _Numbers(0 if extends else len(buffers), binary if binary and extends else NOTHING, *counts)
     entries = [*_animation_entries(gltf, animations, numbers, nodes, mode)]
     content = numbers.content
+    buffer = {"byteLength": sum(map(len, content))} | ({} if in_chunk else {"uri": _data_uri(content)})
     with without_collection():
         top = {str(each.key): each for each in members(gltf.text, 0)}
     edits = [
         _listed(gltf.text, top, "bufferViews", numbers.views),
         _listed(gltf.text, top, "accessors", numbers.accessors),
         _listed(gltf.text, top, "animations", entries, replaces=mode == "replace"),
-        _buffer(gltf.text, top, numbers, content),
+        changed(gltf.text, next(members(gltf.text, top["buffers"].start)), buffer)
+        if extends
+        else _listed(gltf.text, top, "buffers", [buffer]),
         *_without_matrices(gltf, top, animations, nodes),
         *(_embedding(gltf, top, embedded) if embedded else ()),
     ]
     document = edited(gltf.text_to_copy, edits).encode()
-    return _glb(gltf, document, content if numbers.in_chunk else None) if as_binary else [document]
+    return _glb(gltf, document, content if in_chunk else None) if as_binary else [document]
 
 
 def _animation_entries(
     gltf: Gltf, animations: Sequence[Animation], numbers: _Numbers, nodes: Nodes, mode: Mode
 ) -> Iterator[dict[str, object]]:
-    """Yield the entries of animations, and add their `numbers`; a name that is taken gets a number.
-
-    Players that go from one animation to another leave what has no keys in the other as it was. So what any of the
-    animations moves has in each a key of its own: the transform that the node shows.
+    """Yield the entries of animations, and add their `numbers`; a name that is taken gets a number. Players leave what
+    has no keys as the animation before had it: what any of them moves has in each a key, the transform that the node
+    shows.
     """
     kept = gltf.entries("animations") if mode == "add" else []
     taken = {entry.entries().read("name", Node.text, "") for entry in kept} - {""}
@@ -193,33 +198,20 @@ def _listed(text: str, top: Top, key: str, entries: Sequence[Mapping[str, object
     texts = [compact(entry) for entry in entries]
     if key not in top:
         end = max(each.end for each in top.values())
-        return Edit(end, end, f',"{key}":[{",".join(texts)}]')
+        return end, end, f',"{key}":[{",".join(texts)}]'
     if replaces:
-        return Edit(top[key].start, top[key].end, f"[{','.join(texts)}]")
+        return top[key].start, top[key].end, f"[{','.join(texts)}]"
     return added(text, top[key].start, texts)
-
-
-def _buffer(text: str, top: Top, numbers: _Numbers, content: Parts) -> Edit:
-    """The edit that gives the buffer with the new numbers its length and, outside a binary chunk, its content."""
-    new: dict[str, object] = {"byteLength": sum(map(len, content))}
-    if not numbers.in_chunk:
-        new["uri"] = _data_uri(content)
-    if numbers.extends:
-        return changed(text, next(members(text, top["buffers"].start)), new)
-    return _listed(text, top, "buffers", [new])
 
 
 def _without_matrices(gltf: Gltf, top: Top, animations: Sequence[Animation], nodes: Nodes) -> Iterator[Edit]:
     """The edits that replace the matrices of nodes that move by translation, rotation and scale."""
     moving = {node for animation in animations for node in (*animation.rotations, *animation.translations)}
-    for number, (entry, node) in enumerate(_entries(gltf, top, "nodes")):
+    transforms = zip(nodes.translations, nodes.rotations, nodes.scales, strict=True)
+    for number, ((entry, node), parts) in enumerate(zip(_entries(gltf, top, "nodes"), transforms, strict=True)):
         if number in moving and "matrix" in node:
-            parts = {
-                "translation": nodes.translations[number].tolist(),
-                "rotation": nodes.rotations[number].tolist(),
-                "scale": nodes.scales[number].tolist(),
-            }
-            yield changed(gltf.text, entry, parts, without="matrix")
+            new = {key: part.tolist() for key, part in zip(REST, parts, strict=True)}
+            yield changed(gltf.text, entry, new, without="matrix")
 
 
 def _embedding(gltf: Gltf, top: Top, embedded: Callable[[Node], bytes]) -> Iterator[Edit]:
@@ -274,23 +266,28 @@ def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[s
     Raises:
         FileError: the file has no mesh that its joints move, or a number that cannot be written.
     """
-    nodes, parts, materials, files = fbx_looks(file.content, file.path)
+    nodes, parts, materials, files = fbx_mesh(file.content, file.path, with_looks=True)
     materials, missing = _with_images(file, materials, files)
     mesh = assembled(character, nodes, parts, materials)
     if mesh is None or mesh.looks is None:
         raise FileError(file.path, "has no mesh to write; write .bvh")
-    document = _Document()
-    document.add_nodes(character, nodes)
-    document.add_mesh(character, mesh, mesh.looks, Path(file.path).stem)
-    return document.as_gltf(file.path), (LEFT_OUT, *missing)
+    numbers, name = _Numbers(), Path(file.path).stem or "Mesh"
+    lists = {"nodes": _nodes(character, nodes, name), "scenes": [{"nodes": [len(nodes), len(nodes) + 1]}]}
+    lists |= {"bufferViews": numbers.views, "accessors": numbers.accessors}
+    lists |= _mesh(character, mesh, mesh.looks, name, numbers)
+    content = b"".join(numbers.content)
+    document = {"asset": {"version": "2.0", "generator": "distretarget"}, "scene": 0}
+    document |= {"buffers": [{"byteLength": len(content)}], **{key: some for key, some in lists.items() if some}}
+    text = json.dumps(document, allow_nan=False, separators=(",", ":")).encode()
+    whole = b"".join([text, *_padding(text, b" ")])
+    chunks = ((JSON_CHUNK, memoryview(whole)), (BINARY_CHUNK, memoryview(content)))
+    return Gltf(file.path, chunks), (LEFT_OUT, *missing)
 
 
 def _with_images(
     file: InputFile, materials: Sequence[Material], files: Sequence[str]
 ) -> tuple[tuple[Material, ...], tuple[str, ...]]:
-    """The materials with images that are in files beside the FBX file, and a line for each that is not found, or of a
-    kind that glTF does not have.
-    """
+    """The materials with images that are beside the FBX file, and a line for each that cannot be written."""
     found, missing = [], []
     for material, name in zip(materials, files, strict=True):
         image = material.image or _beside(file, name)
@@ -316,122 +313,63 @@ def _beside(file: InputFile, name: str) -> bytes:
     return b""
 
 
-class _Document:
-    """A GLB in the making: the lists of its document, and its binary chunk."""
-
-    def __init__(self) -> None:
-        self._lists: dict[str, list[dict[str, object]]] = {}
-        self._binary = bytearray()
-        self._images: dict[bytes, int] = {}
-
-    def as_gltf(self, path: str | Path) -> Gltf:
-        """Return it as that of a file."""
-        document = {
-            "asset": {"version": "2.0", "generator": "distretarget"},
-            "scene": 0,
-            "buffers": [{"byteLength": len(self._binary)}],
-            **self._lists,
-        }
-        text = json.dumps(document, allow_nan=False, separators=(",", ":")).encode()
-        whole = b"".join([text, *_padding(text, b" ")])
-        return Gltf(path, ((JSON_CHUNK, memoryview(whole)), (BINARY_CHUNK, memoryview(self._binary))))
-
-    def add_nodes(self, character: Character, nodes: Nodes) -> None:
-        """Add the nodes of a file, below one that brings them to metres and Y up."""
-        below: dict[int, list[int]] = {}
-        for node, parent in enumerate(nodes.parents.tolist()):
-            below.setdefault(parent, []).append(node)
-        top, skeleton = len(nodes), character.skeleton
-        for node, name in enumerate(nodes.names):
-            self._add(
-                "nodes",
-                _node(name, nodes.translations[node], nodes.rotations[node], nodes.scales[node], below.get(node)),
-            )
-        up = axis_vector(skeleton.up or "Y")
-        scale = np.full(3, METRES[skeleton.units] if skeleton.units else 1.0)
-        turn = least(up[None], axis_vector("Y")[None]).as_quat()
-        self._add("nodes", _node("Armature", np.zeros(3), turn, scale, below[-1]))
-        self._add("scenes", {"nodes": [top, top + 1]})
-
-    def add_mesh(self, character: Character, mesh: SkinnedMesh, looks: Looks, name: str) -> None:
-        """Add the mesh, with a node, its skin and its materials."""
-        binds, joints = character.bind_transforms, character.joint_nodes.tolist()
-        inverse = np.linalg.inv(np.array([binds[joint] for joint in joints]))
-        matrices = self._numbers(np.swapaxes(inverse, 1, 2).reshape(-1, 16), "MAT4")
-        self._add("skins", {"joints": joints, "inverseBindMatrices": matrices})
-        self._add("nodes", {"name": name or "Mesh", "mesh": 0, "skin": 0})
-        vertices = mesh.vertices + character.skeleton.offsets[0]
-        least, most = _exact(vertices.min(axis=0)), _exact(vertices.max(axis=0))
-        attributes = {"POSITION": self._numbers(vertices, "VEC3", min=least, max=most)}
-        if looks.normals is not None and np.linalg.norm(looks.normals, axis=1).min() > 0.5:
-            attributes["NORMAL"] = self._numbers(looks.normals, "VEC3")
-        if looks.uv.any():
-            attributes["TEXCOORD_0"] = self._numbers(looks.uv * [1.0, -1.0] + [0.0, 1.0], "VEC2")
-        for number, (joints_of, weights) in enumerate(_sets(mesh)):
-            attributes[f"JOINTS_{number}"] = self._numbers(joints_of, "VEC4", SHORT)
-            attributes[f"WEIGHTS_{number}"] = self._numbers(weights, "VEC4")
-        primitives = []
-        for material in np.unique(looks.of_triangle).tolist():
-            own = mesh.triangles[looks.of_triangle == material]
-            primitive: dict[str, object] = {
-                "attributes": attributes,
-                "indices": self._numbers(own.ravel(), "SCALAR", INT),
-            }
-            if material >= 0:
-                primitive["material"] = self._material(looks.materials[material], "TEXCOORD_0" in attributes)
-            primitives.append(primitive)
-        self._add("meshes", {"name": name or "Mesh", "primitives": primitives})
-
-    def _material(self, material: Material, has_places: bool) -> int:
-        surface: dict[str, object] = {
-            "baseColorFactor": list(material.colour),
-            "metallicFactor": 0.0,
-            "roughnessFactor": 0.9,
-        }
-        if material.image and has_places:
-            surface["baseColorTexture"] = {"index": self._texture(material.image)}
-        entry: dict[str, object] = {"pbrMetallicRoughness": surface, "doubleSided": True}
-        return self._add("materials", entry | ({"alphaMode": "BLEND"} if material.colour[3] < 1.0 else {}))
-
-    def _texture(self, image: bytes) -> int:
-        if image not in self._images:
-            kind = next(kind for mark, kind in IMAGES.items() if image.startswith(mark))
-            source = self._add("images", {"bufferView": self._view(image), "mimeType": kind})
-            self._images[image] = self._add("textures", {"source": source})
-        return self._images[image]
-
-    def _numbers(self, values: Array | Numbers, kind: str, component: int = FLOAT, **entry: object) -> int:
-        """Add an accessor with some numbers, and return its number."""
-        data = np.ascontiguousarray(values, COMPONENTS[component]).tobytes()
-        accessor = {"bufferView": self._view(data), "componentType": component, "count": len(values), "type": kind}
-        return self._add("accessors", accessor | entry)
-
-    def _view(self, data: bytes) -> int:
-        """Add bytes to the binary chunk, and return the number of the view of them."""
-        view = self._add("bufferViews", {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data)})
-        self._binary += data + bytes(-len(data) % 4)
-        return view
-
-    def _add(self, key: str, entry: dict[str, object]) -> int:
-        """Add an entry to a list of the document, and return its number."""
-        entries = self._lists.setdefault(key, [])
-        entries.append(entry)
-        return len(entries) - 1
+def _nodes(character: Character, nodes: Nodes, mesh: str) -> Entries:
+    """The nodes of a file, one above them that brings them to metres and Y up, and that of the mesh."""
+    below: dict[int, list[int]] = {}
+    for node, parent in enumerate(nodes.parents.tolist()):
+        below.setdefault(parent, []).append(node)
+    skeleton = character.skeleton
+    turn = least(axis_vector(skeleton.up or "Y")[None], axis_vector("Y")[None]).as_quat()
+    scale = np.full(3, METRES[skeleton.units] if skeleton.units else 1.0)
+    each = zip(nodes.names, nodes.translations, nodes.rotations, nodes.scales, strict=True)
+    every = [*each, ("Armature", np.zeros(3), turn, scale)]
+    entries: Entries = []
+    for node, (name, *transform) in enumerate(every):
+        changes = zip(REST.items(), transform, strict=True)
+        entry: dict[str, object] = {"name": name} if name else {}
+        entry |= {key: _exact(value) for (key, usual), value in changes if (value != usual).any()}
+        children = below.get(node if node < len(nodes) else -1)
+        entries.append(entry | ({"children": children} if children else {}))
+    return [*entries, {"name": mesh, "mesh": 0, "skin": 0}]
 
 
-def _node(
-    name: str, translation: Array, rotation: Array, scale: Array, children: list[int] | None
-) -> dict[str, object]:
-    """A node with its transform, as far as that is not the usual one."""
-    entry: dict[str, object] = {"name": name} if name else {}
-    for key, value, usual in (
-        ("translation", translation, [0, 0, 0]),
-        ("rotation", rotation, [0, 0, 0, 1]),
-        ("scale", scale, [1, 1, 1]),
-    ):
-        if (value != usual).any():
-            entry[key] = _exact(value)
-    return entry | ({"children": children} if children else {})
+def _mesh(character: Character, mesh: SkinnedMesh, looks: Looks, name: str, numbers: _Numbers) -> dict[str, Entries]:
+    """The lists of a document with a mesh, its skin and its materials, and its `numbers`."""
+    binds, joints = character.bind_transforms, character.joint_nodes.tolist()
+    inverse = np.linalg.inv(np.array([binds[joint] for joint in joints]))
+    skin = {"joints": joints, "inverseBindMatrices": numbers.add(np.swapaxes(inverse, 1, 2).reshape(-1, 16))}
+    vertices = mesh.vertices + character.skeleton.offsets[0]
+    extremes = [_exact(each(axis=0)) for each in (vertices.min, vertices.max)]
+    attributes = {"POSITION": numbers.add(vertices, min=extremes[0], max=extremes[1])}
+    if looks.normals is not None and np.linalg.norm(looks.normals, axis=1).min() > 0.5:
+        attributes["NORMAL"] = numbers.add(looks.normals)
+    if looks.uv.any():
+        attributes["TEXCOORD_0"] = numbers.add(looks.uv * [1.0, -1.0] + [0.0, 1.0])
+    for number, (joints_of, weights) in enumerate(_sets(mesh)):
+        attributes[f"JOINTS_{number}"] = numbers.add(joints_of, SHORT)
+        attributes[f"WEIGHTS_{number}"] = numbers.add(weights)
+    lists: dict[str, Entries] = {"skins": [skin], "images": [], "textures": [], "materials": []}
+    on: dict[bytes, int] = {}  # the texture of each image
+    primitives: Entries = []
+    for number in np.unique(looks.of_triangle).tolist():
+        own = mesh.triangles[looks.of_triangle == number]
+        primitives.append({"attributes": attributes, "indices": numbers.add(own.ravel(), INT)})
+        if number < 0:
+            continue
+        material = looks.materials[number]
+        surface: dict[str, object] = {"baseColorFactor": list(material.colour), "metallicFactor": 0.0}
+        surface["roughnessFactor"] = 0.9
+        if material.image and looks.uv.any():
+            if material.image not in on:
+                on[material.image] = len(on)
+                kind = next(kind for mark, kind in IMAGES.items() if material.image.startswith(mark))
+                lists["textures"].append({"source": len(lists["images"])})
+                lists["images"].append({"bufferView": numbers.view(material.image), "mimeType": kind})
+            surface["baseColorTexture"] = {"index": on[material.image]}
+        blend = {"alphaMode": "BLEND"} if material.colour[3] < 1.0 else {}
+        primitives[-1]["material"] = len(lists["materials"])
+        lists["materials"].append({"pbrMetallicRoughness": surface, "doubleSided": True, **blend})
+    return lists | {"meshes": [{"name": name, "primitives": primitives}]}
 
 
 def _exact(values: Array) -> list[float]:
@@ -440,9 +378,7 @@ def _exact(values: Array) -> list[float]:
 
 
 def _sets(mesh: SkinnedMesh) -> Iterator[tuple[Numbers, Array]]:
-    """Yield joints and weights of vertices, (vertices, 4) each, four a time; weights add up to 1 in single precision,
-    and joints without weight are 0.
-    """
+    """Yield joints and weights of vertices, (vertices, 4) each, four a time; weights add up to 1."""
     order = np.argsort(-mesh.weights, axis=1, kind="stable")
     weights = np.take_along_axis(mesh.weights, order, axis=1)
     used = max(int((weights > LEAST_WEIGHT).sum(axis=1).max()), 1)

@@ -67,10 +67,8 @@ class InputFile:
 
 def load_file(source: Source) -> InputFile:
     """Read a file, and those that it names if it is a .gltf file; a FileError or SkeletonFileError if one cannot be
-    read, or if it names one outside its folder.
-
-    Bytes, and what a file object holds, have no folder, so that no file beside them is read; the name of a file object,
-    if it has one, stands for them in errors, and its ending says what they are where they do not.
+    read, or is outside its folder. Bytes and file objects have no folder, so that no file beside them is read; the name
+    of a file object, if it has one, stands for them in errors, and its ending may say what they are.
     """
     if isinstance(source, str | PathLike):
         return with_files_beside(InputFile(read_bytes(source), source))

@@ -1,7 +1,5 @@
-"""Motions as the containers of bvhio.
-
-bvhio (https://github.com/Wasserwecken/bvhio) keeps a `Pose` per joint and frame: a position, which the position
-channels replace, and a rotation, both in float32.
+"""Motions as the containers of bvhio (https://github.com/Wasserwecken/bvhio), which keeps a `Pose` per joint and frame:
+a position, which the position channels replace, and a rotation, both in float32.
 """
 
 from __future__ import annotations
@@ -58,11 +56,8 @@ def from_bvhio(container: bvhio.BvhContainer) -> Motion:
 
 def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
     """A container with the motion, which `bvhio.writeBvh` writes and `bvhio.convertBvhToHierarchy` turns into joints.
-
-    What bvhio does not keep:
-
-    - offsets, positions and rotations are rounded to the 7 digits of float32, the frame time to a float;
-    - a joint with neither children nor End Site gets an End Site of length 0.
+    It has 7 digits, the frame time as a float, and an End Site of length 0 at joints with neither children nor End
+    Site.
 
     `bvhio.writeBvh` computes the angles of each frame on its own: they stay within 180 degrees, jump where those of
     `write_bvh` continue, and give another rotation where the middle one is 90 degrees.
@@ -75,7 +70,10 @@ def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
     check_kind("motion", motion, Motion)
     package = _bvhio()
     skeleton = motion.skeleton
-    _check_end_sites(skeleton)
+    for joint, children in enumerate(skeleton.children):
+        if len(children) > 1 and np.any(skeleton.end_sites[list(children)]):
+            name, found = skeleton.names[joint], quoted(skeleton.names[child] for child in children)
+            raise SkeletonError(f"bvhio holds an End Site only where a joint has nothing else; {name!r} has {found}")
     if not extent(motion.translations) <= LARGEST_FLOAT32:
         raise MotionError(f"a position is not finite, or beyond {LARGEST_FLOAT32:.3g}, the most that bvhio holds")
     joints = [_joint(package, motion, number) for number in range(len(skeleton))]
@@ -161,13 +159,3 @@ def _joint(package: ModuleType, motion: Motion, number: int) -> bvhio.BvhJoint:
     quaternions = motion.rotations[:, number, [3, 0, 1, 2]]  # w x y z
     joint.Keyframes = list(map(package.Pose, motion.translations_of(number), quaternions))
     return joint
-
-
-def _check_end_sites(skeleton: Skeleton) -> None:
-    """Raise a SkeletonError if a joint has several End Sites, or one beside other children."""
-    for joint, children in enumerate(skeleton.children):
-        if len(children) > 1 and np.any(skeleton.end_sites[list(children)]):
-            found = quoted(skeleton.names[child] for child in children)
-            raise SkeletonError(
-                f"bvhio holds an End Site only where a joint has nothing else; {skeleton.names[joint]!r} has {found}"
-            )

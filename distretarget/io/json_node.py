@@ -37,9 +37,8 @@ def without_collection() -> Iterator[None]:
 
 
 def parse_json(path: str | Path, text: str) -> Node:
-    """Return the JSON value in a text; `path` is for errors.
-
-    All numbers become floats, since Python refuses to read integers of too many digits.
+    """Return the JSON value in a text; `path` is for errors. Numbers become floats: Python refuses integers of too many
+    digits.
     """
     try:
         with without_collection():
@@ -121,8 +120,7 @@ class Node:
 
     def numbers(self, count: int) -> list[float]:
         """Return the numbers of a list of so many."""
-        numbers = self.items()
-        if len(numbers) != count:
+        if len(numbers := self.items()) != count:
             self.expected(f"a list of {count} numbers")
         return [number.number() for number in numbers]
 
@@ -208,17 +206,11 @@ class Fields(dict[str, Node]):
 
 def described(value: object) -> str:
     """Return what a value is, in a few words."""
-    match value:
-        case tuple():
-            return "an object"
-        case list():
-            return f"a list of {len(value)}"
-        case str():
-            return repr(value if len(value) <= 40 else f"{value[:37]}...")
-        case float():
-            return f"{value:.12g}"
-        case _:
-            return json.dumps(value)
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}" if isinstance(value, list) else "an object"
+    if isinstance(value, str):
+        return repr(value if len(value) <= 40 else f"{value[:37]}...")
+    return f"{value:.12g}" if isinstance(value, float) else json.dumps(value)
 
 
 DECODER = json.JSONDecoder(parse_int=shared_float)  # Python refuses to read integers of too many digits
@@ -256,12 +248,8 @@ class Member(NamedTuple):
     end: int
 
 
-class Edit(NamedTuple):
-    """A part of the text to replace."""
-
-    start: int
-    end: int
-    text: str
+Edit = tuple[int, int, str]
+"""Where a part of a text begins and ends, and what replaces it."""
 
 
 def members(text: str, start: int) -> Iterator[Member]:
@@ -283,7 +271,7 @@ def members(text: str, start: int) -> Iterator[Member]:
 def changed(text: str, entry: Member, new: Mapping[str, object], without: str = "") -> Edit:
     """Return the edit that gives the object at a member new values by key, and takes one of its keys away."""
     old = json.loads(text[entry.start : entry.end], parse_int=_number)
-    return Edit(entry.start, entry.end, compact({key: old[key] for key in old if key != without} | dict(new)))
+    return entry.start, entry.end, compact({key: old[key] for key in old if key != without} | dict(new))
 
 
 def _number(digits: str) -> float:
@@ -297,15 +285,15 @@ def added(text: str, start: int, entries: Sequence[str]) -> Edit:
     for last in members(text, start):  # noqa: B007
         pass
     at = start + 1 if last is None else last.end
-    return Edit(at, at, ("," if last and entries else "") + ",".join(entries))
+    return at, at, ("," if last and entries else "") + ",".join(entries)
 
 
 def edited(text: str, edits: Sequence[Edit]) -> str:
     """Return the text with parts replaced that do not overlap."""
     parts, at = [], 0
-    for edit in sorted(edits):
-        parts += [text[at : edit.start], edit.text]
-        at = edit.end
+    for start, end, new in sorted(edits):
+        parts += [text[at:start], new]
+        at = end
     return "".join([*parts, text[at:]])
 
 

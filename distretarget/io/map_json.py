@@ -61,13 +61,13 @@ class MapFile:
 
 
 def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile:
-    """Return the map in a file, or an empty map if `path` is None. The pose of the first frame of `rest`, a BVH file of
-    the source's rig, replaces the rest pose of the map.
+    """Return the map in a file, or an empty map if `path` is None. The pose of the first frame of `rest`, a file of the
+    source's rig, replaces the rest pose of the map.
 
     Raises:
         FileError: a file cannot be read, or `rest` has no frames, or nobody stands in the first.
-        SkeletonFileError: the map is not an object {"target joint": "source joint" or null}, nor one of the full form.
-        BvhError: `rest` is no valid BVH file.
+        SkeletonFileError, BvhError: the map is neither {"target joint": "source joint" or null} nor of the full form;
+            `rest` is not valid.
     """
     map_file = parse_map(read_text(path), path) if path else MapFile({}, "")
     return replace(map_file, rest=rest_pose_in(load_file(rest))) if rest else map_file
@@ -88,16 +88,12 @@ def rest_pose_in(file: InputFile) -> RestPose:
 def parse_map(text: str, path: str | Path) -> MapFile:
     """Return the map in the text of a file as `load_map` does; `path` is for errors."""
     root = parse_json(path, text)
-    entries = root.entries(entry_place)
-    if "format" not in entries or entries["format"].value != HEADER["format"]:
-        return MapFile(_pairs(entries), path)
-    root.check_header(**HEADER)
-    fields = root.fields((*HEADER, "map"), ("rest",))
-    return MapFile(_pairs(fields["map"].entries(entry_place)), path, fields.read("rest", _rest, None))
-
-
-def _pairs(entries: Mapping[str, Node]) -> JointMap:
-    return {key: node.text_or_null() for key, node in entries.items()}
+    entries, rest = root.entries(entry_place), None
+    if "format" in entries and entries["format"].value == HEADER["format"]:
+        root.check_header(**HEADER)
+        fields = root.fields((*HEADER, "map"), ("rest",))
+        entries, rest = fields["map"].entries(entry_place), fields.read("rest", _rest, None)
+    return MapFile({key: node.text_or_null() for key, node in entries.items()}, path, rest)
 
 
 def _rest(node: Node) -> RestPose:
@@ -110,10 +106,9 @@ def _rest(node: Node) -> RestPose:
 
 
 def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
-    """Return the text of a map file that gives this matching again, with a rest pose if there is one.
-
-    It has a pair for each joint of the target, depth first, except for joints without a driver that blend the rotations
-    of a spine or neck, and for End Sites that were matched automatically.
+    """Return the text of a map file that gives this matching again, with a rest pose if there is one: a pair for each
+    joint of the target, depth first, but spines and necks that blend rotations, and End Sites that were matched
+    automatically.
     """
     source, target, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     bending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)
@@ -129,9 +124,7 @@ def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
 
 
 def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:
-    """Return the map in the target's file, `path`, with the pairs of a map file in place of its own; a
-    SkeletonFileError if one of the two names joints that do not exist.
-    """
+    """Return the map of the target's file, `path`, with the pairs of a map file first; or a SkeletonFileError."""
     pairs = {**target.map, **map_file.pairs}
     try:
         pairs_of_map(source, target.skeleton, pairs)

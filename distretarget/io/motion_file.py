@@ -132,12 +132,9 @@ def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
 
 def _rotations(arrays: ArraysFile) -> Array:
     """The local rotations in a file, in any representation."""
-    name = OWN[0]
-    shape, _ = arrays.kind(name)
-    if len(shape) == 4:
-        return arrays.numbers(name, "frames", "joints", 3, 3)
-    six = shape[-1:] == (6,)
-    return arrays.numbers(name, "frames", "joints", 6 if six else 4)
+    shape, _ = arrays.kind(OWN[0])
+    numbers = (3, 3) if len(shape) == 4 else (6,) if shape[-1:] == (6,) else (4,)
+    return arrays.numbers(OWN[0], "frames", "joints", *numbers)
 
 
 def _positions(arrays: ArraysFile) -> Array:

@@ -57,19 +57,16 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
         better = Path(path).with_suffix(usual) if Path(path).name else usual
         endings = ", ".join(OUTPUTS)
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
-    kind = OUTPUTS[suffix]
-    if kind == "character" and (target is None or not target.format.has_characters):
-        what = f"{suffix} is the target's own file with the motion"
-        if target is None:
-            raise FileError(path, f"{what}; give the character's file")
+    kind, what = OUTPUTS[suffix], f"{suffix} is the target's own file with the motion"
+    if kind == "character" and target is None:
+        raise FileError(path, f"{what}; give the character's file")
+    if kind == "character" and target and not target.format.has_characters:
         raise FileError(path, f"{what}, but {str(target.path)!r} is {target.format.name}; write .bvh")
-    if suffix == ".vrm" and target and not _is_vrm(target):
-        raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
+    if suffix == ".vrm" and target:
+        extensions = target.gltf.document.inner("extensions") if target.kind == "glTF" else {}
+        if {"VRM", "VRMC_vrm"}.isdisjoint(extensions):
+            raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
     return kind
-
-
-def _is_vrm(file: InputFile) -> bool:
-    return file.kind == "glTF" and not {"VRM", "VRMC_vrm"}.isdisjoint(file.gltf.document.inner("extensions"))
 
 
 def suffix_of(target: TargetFile, kind: str | None = None) -> str:
@@ -112,13 +109,18 @@ def write_motion(
         MotionError: the motion has other joints than the character.
         SettingsError: `path` is a file object, and `kind` does not say what to write.
     """
-    moved = _motion_of(motion)
-    place = path if isinstance(path, str | PathLike) else _place_of(path, kind)
+    moved, place = _motion_of(motion), Path(f"motion.{kind}")
+    if isinstance(path, str | PathLike):
+        place = Path(path)
+    else:
+        if not hasattr(path, "writelines") or isinstance(path, io.TextIOBase):
+            raise SettingsError(f"path is {reprlib.repr(path)}; expected a path, or a file opened as binary")
+        check_choice("kind", kind, OUTPUT_FORMATS[1:])
     check_kind("name", name, str, NoneType)
     check_choice("animations", animations, ("add", "replace"))
     target = TargetFile.of(load_file(character)) if character is not None else None
     settings = OutputSettings(animations, in_place)
-    clip = settings.clip(moved, name or Path(place).stem)
+    clip = settings.clip(moved, name or place.stem)
     if output_kind(place, target.file if target else None) == "arrays":
         clip = replace(clip, labels={} if isinstance(motion, Motion) else motion.labels)
     content = content_of(place, clip, target, settings)
@@ -126,14 +128,6 @@ def write_motion(
         write_whole(path, content, overwrite)
     else:
         path.writelines(encoded_parts(content))
-
-
-def _place_of(file: IO[bytes], kind: str | None) -> Path:
-    """The name of what is written to a file object."""
-    if not hasattr(file, "writelines") or isinstance(file, io.TextIOBase):
-        raise SettingsError(f"path is {reprlib.repr(file)}; expected a path, or a file opened as binary")
-    check_choice("kind", kind, OUTPUT_FORMATS[1:])
-    return Path(f"motion.{kind}")
 
 
 def _motion_of(given: object) -> Motion:
@@ -201,9 +195,7 @@ class OutputSettings:
         return npz({**own, **smpl_parameters(clip.motion), **clip.labels}, self.precision)
 
     def clip(self, motion: Motion, name: str, up: Array = Y_UP) -> NamedClip:
-        """Return a motion as it is to be written; `up` is the unit vector up. In place, the root stays above the place
-        on the floor where it begins.
-        """
+        """Return a motion as it is to be written: in place, the root stays above where it begins; `up` is of unit."""
         if not self.in_place:
             return NamedClip(motion, name, {})
         path = level(motion.root_positions, up)
@@ -232,10 +224,9 @@ def content_of(
 def as_written(
     motion: Motion, kind: OutputKind, precision: Precision = "float64", target: TargetFile | None = None
 ) -> Motion:
-    """Return a motion as a file of this kind holds it; `precision` is that of arrays, `target` has the character.
-
-    glTF has single precision, seven digits, which is coarse far from the origin; a VRM animation has the bones of a
-    humanoid alone. BVH rounds to less than 1e-8 of the body and of a turn, which nothing measured here shows.
+    """Return a motion as a file of this kind holds it; `precision` is that of arrays, `target` has the character. glTF
+    has seven digits, which is coarse far from the origin; a VRM animation the bones of a humanoid; BVH rounds to less
+    than 1e-8.
     """
     match kind:
         case "BVH":
@@ -266,10 +257,10 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
     """
     assert target.file is not None
     file, folder = target.file, Path(target.file.path).parent
+    as_binary = Path(path).suffix.lower() != ".gltf"
     if file.kind == "FBX":
         assert isinstance(target.target, CharacterTarget)
-        return animated(target.target.mesh.as_gltf[0], animations, mode, Path(path).suffix.lower() != ".gltf")
-    as_binary = Path(path).suffix.lower() != ".gltf"
+        return animated(target.target.mesh.as_gltf[0], animations, mode, as_binary)
     stays = not file.has_folder or (not as_binary and Path(path).parent.resolve() == folder.resolve())
 
     def embedded(uri: Node) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,43 +21,26 @@ CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which ot
 MOST_POINTS = 100  # vertices that are kept, spread evenly
 
 
-def parse_obj(text: str, path: str | Path) -> Motion:
-    """Return the vertices in the text of an OBJ file as a motion of one frame: a prop that stands still. `path` is for
-    errors, and names the root.
-
-    Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
-    They are in the order in which a BVH file has them. A BvhError if a vertex is not three numbers, or if there is
-    none.
-    """
-    vertices = np.unique(_vertices(text, path), axis=0)
-    points = vertices[spread_out(vertices, MOST_POINTS)]
-    order, before = depth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
-    parents = np.argsort(order)[before[order[1:]]]
-    offsets = points[order] - points[order[np.append(0, parents)]]
-    leaves = ~np.isin(np.arange(len(order)), parents)
-    leaves[0] = False
-    skeleton = Skeleton(
-        names=(Path(path).stem, *(f"point{number}" for number in range(1, len(order)))),
-        parents=np.append(-1, parents),
-        offsets=offsets,
-        channels=(ALL_CHANNELS, *[()] * (len(order) - 1)),
-        end_sites=leaves,
-    )
-    return Motion(skeleton, points[:1], skeleton.unturned[None], "1")
-
-
-def parse_obj_mesh(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
+def parse_obj(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
     """Return the vertices, (vertices, 3), and the triangles, (triangles, 3), in the text of an OBJ file; faces of more
     corners as fans. `path` is for errors: a BvhError if a vertex is not three numbers, if there is none, or if a face
     names vertices that are not there.
     """
-    vertices, triangles, before = _vertices(text, path), [], 0
-    for number, (kind, *words) in _lines(text):
-        before += kind == "v"
-        if kind == "f":
-            corners = [_corner(word, before, path, number) for word in words]
+    vertices: list[list[float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        kind, *words = line.split() or [""]
+        if kind == "v":
+            vertices.append([float(word) for word in words[:3] if NUMBER.fullmatch(word)])
+            if len(vertices[-1]) != 3 or not np.abs(vertices[-1]).max() <= LARGEST:
+                found = " ".join(words[:3])
+                raise BvhError(path, number, f"found {found!r}, expected three finite coordinates after v")
+        elif kind == "f":
+            corners = [_corner(word, len(vertices), path, number) for word in words]
             triangles += [(corners[0], *both) for both in pairwise(corners[1:])]
-    return vertices, np.array(triangles, np.intp).reshape(-1, 3)
+    if not vertices:
+        raise BvhError(path, 0, 'has no vertices, expected a BVH file, or an OBJ file with lines "v x y z"')
+    return np.array(vertices), np.array(triangles, np.intp).reshape(-1, 3)
 
 
 def _corner(word: str, before: int, path: str | Path, line: int) -> int:
@@ -71,21 +53,21 @@ def _corner(word: str, before: int, path: str | Path, line: int) -> int:
     return number - 1 if number > 0 else before + number
 
 
-def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
-    """The number and the words of each line that has some."""
-    return ((number, words) for number, line in enumerate(text.splitlines(), start=1) if (words := line.split()))
-
-
-def _vertices(text: str, path: str | Path) -> Array:
-    """(vertices, 3), the coordinates in the lines that begin with v."""
-    vertices = [_vertex(words[:3], path, number) for number, (kind, *words) in _lines(text) if kind == "v"]
-    if not vertices:
-        raise BvhError(path, 0, 'has no vertices, expected a BVH file, or an OBJ file with lines "v x y z"')
-    return np.array(vertices)
-
-
-def _vertex(words: list[str], path: str | Path, line: int) -> list[float]:
-    place = [float(word) for word in words if NUMBER.fullmatch(word)]
-    if len(place) != 3 or not np.abs(place).max() <= LARGEST:
-        raise BvhError(path, line, f"found {' '.join(words)!r}, expected three finite coordinates after v")
-    return place
+def still_points(vertices: Array, name: str) -> Motion:
+    """Return vertices as a prop that stands still: one frame, whose joints, in the order of a BVH file, are at most
+    `MOST_POINTS` of them, each fixed to one near to it; the first, the root, has the name.
+    """
+    different = np.unique(vertices, axis=0)
+    points = different[spread_out(different, MOST_POINTS)]
+    order, before = depth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
+    parents = np.argsort(order)[before[order[1:]]]
+    leaves = ~np.isin(np.arange(len(order)), parents)
+    leaves[0] = False
+    skeleton = Skeleton(
+        names=(name, *(f"point{number}" for number in range(1, len(order)))),
+        parents=np.append(-1, parents),
+        offsets=points[order] - points[order[np.append(0, parents)]],
+        channels=(ALL_CHANNELS, *[()] * (len(order) - 1)),
+        end_sites=leaves,
+    )
+    return Motion(skeleton, points[:1], skeleton.unturned[None], "1")

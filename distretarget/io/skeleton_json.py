@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from distretarget.errors import SkeletonError, closest, entry_place, quoted
-from distretarget.io.json_node import Fields, Node, described, on_lines
-from distretarget.skeleton import ALL_CHANNELS, AXES, UNITS, USUAL_ROOT, USUAL_ROTATIONS, JointMap, Skeleton
+from distretarget.io.json_node import Fields, Node, on_lines
+from distretarget.skeleton import AXES, UNITS, USUAL_ROOT, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import LoadedTarget, SkeletonEdit, Target, with_bones
 
 HEADER: dict[str, object] = {"format": "distretarget-skeleton", "version": 1}
@@ -66,14 +66,12 @@ def _full_form(document: Node, fields: Fields, name: str) -> Target:
 def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Skeleton:
     names = tuple(joint["name"].name() for joint in joints)
     ends = [joint.read("end", Node.flag, False) for joint in joints]
-    if ends[0]:
-        joints[0]["end"].fail("the root cannot be an End Site")
     for joint, end in zip(joints, ends, strict=True):
         if end and "radius" in joint:
             joint["radius"].fail("an End Site moves no part of the body; give the radius of its parent")
     return Skeleton(
         names=names,
-        parents=np.array(_parents([joint["parent"] for joint in joints], names, ends)),
+        parents=np.array(_parents([joint["parent"] for joint in joints], names)),
         offsets=np.array([joint["offset"].numbers(3) for joint in joints]),
         channels=tuple(map(_channels, joints, ends)),
         end_sites=np.array(ends),
@@ -84,22 +82,13 @@ def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Sk
 
 def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
     """The channels of a joint: those that the file states, else the usual ones."""
-    if "channels" not in joint:
-        usual = USUAL_ROTATIONS if joint["parent"].value is not None else USUAL_ROOT
-        return () if end else usual
-    channels: list[str] = []
-    for node in joint["channels"].items():
-        if end:
-            joint["channels"].fail("an End Site has no channels")
-        if node.text() not in ALL_CHANNELS:
-            node.fail(f"unknown channel {described(node.value)}; {closest(node.text(), ALL_CHANNELS)}")
-        if node.text() in channels:
-            node.fail(f"expected each channel once, found {described(node.value)} again")
-        channels.append(node.text())
-    return tuple(channels)
+    if "channels" in joint:
+        return tuple(node.text() for node in joint["channels"].items())
+    usual = USUAL_ROTATIONS if joint["parent"].value is not None else USUAL_ROOT
+    return () if end else usual
 
 
-def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) -> list[int]:
+def _parents(nodes: Sequence[Node], names: Sequence[str]) -> list[int]:
     """(joints,), the number of each joint's parent, -1 for the root."""
     roots = [node for node in nodes if node.value is None]
     if not roots:
@@ -112,8 +101,6 @@ def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) 
     for node in nodes[1:]:
         parents.append(_parent(node, names, parents, known))
         known.setdefault(names[len(parents) - 1], []).append(len(parents) - 1)
-        if ends[parents[-1]]:
-            node.fail(f"{node.text()!r} is an End Site, which has no children")
     return parents
 
 
@@ -133,10 +120,9 @@ def _parent(node: Node, names: Sequence[str], parents: Sequence[int], known: Map
 def joints_meant(
     reference: str, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]
 ) -> list[int]:
-    """Return the joints among those `known`, by name, that a reference `name`, `parent/name` and so on may mean.
-
-    A reference that is the whole path from the root to a joint means that joint alone. So each of `Skeleton.keys` means
-    its own joint, as long as no name contains "/".
+    """Return the joints among those `known`, by name, that a reference `name`, `parent/name` and so on may mean. A
+    whole path from the root means its joint alone: each of `Skeleton.keys` means its own, as long as no name contains
+    "/".
     """
     ends = (reference[start:] for start in (0, *(slash.end() for slash in re.finditer("/", reference))))
     joints = sorted(joint for name in ends for joint in known.get(name, ()))
@@ -157,11 +143,8 @@ def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int
 def skeleton_to_json(
     skeleton: Skeleton, name: str, joint_map: JointMap | None = None, radii: Mapping[int, float] | None = None
 ) -> str:
-    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map; `radii` are
-    those of joints. Each joint and each pair of the map has a line of its own.
-
-    Raises:
-        SkeletonError: because of a "/" in joint names it is not clear which joint is a parent.
+    """Return the text of a skeleton file (full form) with a line a joint, and the map if it has entries; `radii` are
+    those of joints. A SkeletonError if because of a "/" in names it is not clear which joint is a parent.
     """
     head = HEADER | {"name": name, "units": skeleton.units, "up": skeleton.up}
     parents = _references(skeleton)

@@ -43,16 +43,8 @@ ABOVE = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)  
 PARENTS = {name: BODY[above] for name, above in zip(BODY[1:], ABOVE, strict=True)} | dict.fromkeys(FACE_JOINTS, "head")
 PARENTS |= {name: f"{name.split('_')[0]}_wrist" for name in (*STUBS, *HANDS[::3])}
 PARENTS |= {name: before for name, before in zip(HANDS[1:], HANDS, strict=False) if not name.endswith("1")}
-ROLES = {
-    "hip": "UpperLeg",
-    "knee": "LowerLeg",
-    "ankle": "Foot",
-    "foot": "Toes",
-    "collar": "Shoulder",
-    "shoulder": "UpperArm",
-    "elbow": "LowerArm",
-    "wrist": "Hand",
-}
+ROLES = {"hip": "UpperLeg", "knee": "LowerLeg", "ankle": "Foot", "foot": "Toes", "collar": "Shoulder"}
+ROLES |= {"shoulder": "UpperArm", "elbow": "LowerArm", "wrist": "Hand"}
 # The joints of the body alone, of SMPL, SMPL-H and SMPL-X, by their number.
 MODELS = {len(names): names for names in (BODY, BODY + STUBS, BODY + HANDS, BODY + FACE_JOINTS + HANDS)}
 CONVENTION = "SMPL"
@@ -117,9 +109,7 @@ class SmplBody:
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> SmplBody:
-        """Return the body of a skeleton with the joints of SMPL, under any names and in any rest pose, or raise a
-        SkeletonError if it lacks one.
-        """
+        """Return the body of a skeleton, under any names and in any rest pose; a SkeletonError if it lacks joints."""
         body = Body.of(skeleton)
         if body.anatomy is None or body.at_rest is None:
             raise SkeletonError("is not recognised as human, so parameters of SMPL cannot pose it")
@@ -163,9 +153,7 @@ class SmplBody:
         return Motion(skeleton, path, rotations, frame_time_text)
 
     def parameters(self, motion: Motion) -> dict[str, Array | float]:
-        """Return `poses`, `trans` and `mocap_frame_rate` of a motion of the body in which Y is up, for a world with Z
-        up as in AMASS.
-        """
+        """Return `poses`, `trans` and `mocap_frame_rate` of a motion in which Y is up, for a world with Z up."""
         has = self.joints.keys()
         names = MODELS[len(BODY) + (2 if has.isdisjoint(HANDS) else 30 if has.isdisjoint(FACE_JOINTS) else 33)]
         world, rest = motion.world_rotations, Rotation.from_quat(self.turns)

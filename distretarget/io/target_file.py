@@ -44,16 +44,15 @@ def read_character_scene(
 
 def animations_in(file: InputFile) -> tuple[str, ...]:
     """Return the names of the animations in a file, which may be empty or the same; none in other files than these."""
-    if file.kind == "FBX":
-        return read_character_scene(file, animated=False).animations
-    return animation_names(file.gltf) if file.kind == "glTF" else ()
+    if file.kind == "glTF":
+        return animation_names(file.gltf)
+    return read_character_scene(file, animated=False).animations if file.kind == "FBX" else ()
 
 
 @dataclass(frozen=True, eq=False)
 class CharacterMesh:
-    """The mesh of a character, read from its file when it is first asked for; called, it returns it.
-
-    A file without a mesh, or with one that cannot be read, has none: all else in the file is not to blame.
+    """The mesh of a character, read from its file when it is first asked for; called, it returns it, or None where
+    there is none or none can be read.
     """
 
     file: InputFile
@@ -74,9 +73,7 @@ class CharacterMesh:
 
     @cached_property
     def as_gltf(self) -> tuple[Gltf, tuple[str, ...]]:
-        """The character of an FBX file as glTF, and what of it is left out, a line each; errors as in
-        `gltf_character`.
-        """
+        """The character of an FBX file as glTF, and what is left out, a line each; errors as in `gltf_character`."""
         return gltf_character(self.file, self.character)
 
     @cached_property
@@ -85,7 +82,7 @@ class CharacterMesh:
             if self.file.kind == "FBX":
                 if VERTICES not in self.file.content:
                     return None, ()
-                return skinned_mesh(self.character, *fbx_mesh(self.file.content, self.file.path)), ()
+                return skinned_mesh(self.character, *fbx_mesh(self.file.content, self.file.path)[:2]), ()
             scene = gltf_scene(self.file.gltf, animated=False)
             parts = tuple(gltf_parts(self.file.gltf, scene.skins))
             return skinned_mesh(self.character, scene.nodes, parts, gltf_materials(self.file.gltf)), ()
@@ -124,15 +121,13 @@ class TargetFile:
 
 def load_target(path: Source) -> LoadedTarget:
     """Return the target in a skeleton file (full or short form), a BVH file, or the file of a character: glTF 2.0
-    (.glb, .gltf), VRM 0 or 1, FBX. The content decides which it is. It may be given as bytes, or as a file object
-    opened as binary, in place of its path.
+    (.glb, .gltf), VRM 0 or 1, FBX; or in its bytes, or a file object opened as binary. The content decides which it is.
 
     `retarget` takes the result as it is; its method `for_source` gives the whole skeleton for a source.
 
     Raises:
         FileError: the file cannot be read, or has no character.
-        SkeletonFileError: the file is JSON that breaks the format, or no bone of the body has a length.
-        BvhError: the file is none of these, nor BVH.
+        SkeletonFileError, BvhError: it breaks its format, or is no BVH file; or no bone of the body has a length.
     """
     return parse_target(load_file(path))
 
@@ -143,7 +138,12 @@ def parse_target(file: InputFile) -> LoadedTarget:
         case "skeleton":
             return skeleton_target(parse_json(file.path, file.text))
         case "BVH":
-            return _bvh_target(file.text, file.path)
+            text, path = file.text, file.path
+            with suppress(BvhError, MotionError):  # its MOTION may be missing or invalid
+                motion = parse_bvh(text, path)
+                check_reach(motion, "its motion")
+                return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
+            return Target(with_bones(parse_bvh_skeleton(text, path), path), {}, "")
         case "arrays":
             return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
     character = character_of(read_character_scene(file, animated=False))
@@ -153,23 +153,11 @@ def parse_target(file: InputFile) -> LoadedTarget:
 
 
 def parse_full_target(file: InputFile) -> Target:
-    """Return the target in a file of a whole skeleton; errors as in `parse_target`, and a SkeletonFileError for the
-    short form of skeleton files, which needs a source.
-    """
+    """Return the target in a file of a whole skeleton, or a SkeletonFileError; other errors as in `parse_target`."""
     target = parse_target(file)
     if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(file.path, "", 'has no "joints"; this short form needs a source to change')
     return target
-
-
-def _bvh_target(text: str, path: str | Path) -> Target:
-    """The target in the text of a BVH file; its MOTION may be missing or invalid."""
-    try:
-        motion = parse_bvh(text, path)
-        check_reach(motion, "its motion")
-    except (BvhError, MotionError):
-        return Target(with_bones(parse_bvh_skeleton(text, path), path), {}, "")
-    return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
 
 
 def load_build(path: str | Path) -> Build:
@@ -193,16 +181,12 @@ def load_build(path: str | Path) -> Build:
 
 def parse_build(file: InputFile) -> Build:
     """Return the build of the body in a file as `load_build` does."""
-    return build_of(parse_full_target(file), file.path)
-
-
-def build_of(target: Target, path: str | Path) -> Build:
-    """Return the build of a target's body; a FileError that names a path if it shows none."""
+    target = parse_full_target(file)
     body, mesh = Body.of(target.skeleton, target.motion), target.mesh()
     if body.anatomy is None:
-        raise FileError(path, "shows no human body, so that another body cannot be as thick as it")
+        raise FileError(file.path, "shows no human body, so that another body cannot be as thick as it")
     if mesh is None and not target.radii:
-        raise FileError(path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
+        raise FileError(file.path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
     return Build.of(body, capsules_of(body, mesh, target.radii), mesh and bare_mesh(body, mesh))
 
 

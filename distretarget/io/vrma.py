@@ -50,7 +50,10 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     lines = [[number[each] for each in motion.skeleton.line(joint)[1:] if each in number] for joint in joints]
     parents = np.array([line[0] if line else -1 for line in lines])
     places = motion.skeleton.posed(rest.as_quat())
-    height = _height(places, float(upright.apply(np.array(motion.skeleton.offsets[0]))[1]))
+    # The height of the root, on which players scale the path: as stated, or if nobody could stand so, with the lowest
+    # joint on the floor.
+    height, lowest = float(upright.apply(np.array(motion.skeleton.offsets[0]))[1]), float(places[:, 1].min())
+    height = height if abs(height + lowest) < STANDING_WITHIN * float(np.ptp(places[:, 1])) else -lowest
     offsets = unit * (places[joints] - np.where((parents >= 0)[:, None], places[joints][parents], [0.0, -height, 0.0]))
     world = upright * Rotation.from_quat(motion.world_rotations[:, joints]) * rest[joints].inv()
     above = Rotation.from_quat(
@@ -87,14 +90,6 @@ def _humanoid(motion: Motion) -> tuple[Body, dict[str, int]]:
     if missing := [bone for bone in REQUIRED if bone not in bones]:
         raise MotionError(f"a VRM animation needs the bones {quoted(missing)}, which the target lacks")
     return body, bones
-
-
-def _height(places: Array, stated: float) -> float:
-    """The height of the root at rest above the floor, on which players scale the path: as the file states it, or where
-    nobody could stand so, such that the lowest joint is on the floor; `places`, (joints, 3), are from the root on.
-    """
-    lowest, size = float(places[:, 1].min()), float(np.ptp(places[:, 1]))
-    return stated if abs(stated + lowest) < STANDING_WITHIN * size else -lowest
 
 
 def humanoid_bones(body: Body) -> dict[str, int]:

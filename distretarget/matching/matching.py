@@ -252,9 +252,7 @@ class Matching:
 
     @property
     def on_resting_soles(self) -> Matching:
-        """The same matching, with the source's soles as they rest on the floor in its motion; those of one rig are its
-        target's anyway.
-        """
+        """The same matching with the source's soles as they rest in its motion; those of one rig are its target's."""
         if self.legs is None or self.is_one_rig:
             return self
         soles = tuple(sole for sole, _ in self.soles)
@@ -262,9 +260,7 @@ class Matching:
         return replace(self, source_normals=normals)
 
     def on_mesh_soles(self, mesh: SkinnedMesh | None) -> Matching:
-        """Return the same matching, with the target's soles as its mesh shows them, if it does; and the source's,
-        if both are one rig.
-        """
+        """Return the same matching with the target's soles, and those of the same rig, as the target's mesh shows."""
         if self.legs is None or mesh is None:
             return self
         left, right = (own for _, own in self._soles)
@@ -320,7 +316,6 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
     Raises:
         MatchingError: it cannot; the message says why, and which names come closest.
         MapError: `joint_map` names joints that do not exist.
-        SettingsError: an argument is of another type.
     """
     check_kind("source", source, Body)
     check_kind("target", target, Body)

@@ -124,10 +124,8 @@ def with_tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPai
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
     """Yield target joint, two source joints to blend, and the weight of the second [0 to 1], for each joint of a spine
-    or neck with another number of joints in the source.
-
-    The rotation along the source's chain is interpolated between the midpoints of its bones, and a target joint takes
-    the rotation at the midpoint of its own bone, as shares of the chain's length.
+    or neck with another number of joints in the source. Rotations are interpolated between the midpoints of bones, as
+    shares of the chain's length.
     """
     if source.anatomy is None or target.anatomy is None:
         return

@@ -101,14 +101,10 @@ class Underside:
 
     def _once(self, find: Callable[[int], T], joint: int) -> T:
         """What one of the methods below returns for a joint, kept for the next call."""
-        key = find.__name__, joint
-        if key not in self._found:
-            self._found[key] = find(joint)
-        return cast(T, self._found[key])
-
-    @cached_property
-    def _found(self) -> dict[tuple[str, int], object]:
-        return {}
+        found, key = vars(self).setdefault("_found", {}), (find.__name__, joint)
+        if key not in found:
+            found[key] = find(joint)
+        return cast(T, found[key])
 
     def _reach(self, joint: int) -> float:
         whole = self._whole_about(joint)
@@ -148,9 +144,7 @@ class Underside:
         return self._balls(centres, carriers, np.ones(carriers.shape), (shares * radii).sum(axis=1))
 
     def _balls(self, points: Array, joints: Numbers, weights: Array, radii: Array) -> BoundBalls:
-        """Balls, given by their centres while no joint is turned, (balls, 3), the joints that move them and their
-        weights, (balls, n) each, and radii.
-        """
+        """Balls, from centres at rest, (balls, 3), the joints that move them and weights, (balls, n), radii."""
         rest, moving = self.body.skeleton.rest_positions, np.unique(joints[weights > 0.0]).tolist()
         shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
         bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]

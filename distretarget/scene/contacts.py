@@ -1,7 +1,5 @@
-"""A scene: its performers and props, the contacts between them, and what lies or sits on a prop, as it does on skin.
-
-Between two performers, contacts are pairs of joints that come near. A joint that touches a prop belongs where the
-placement of the prop takes the driver of the joint. Springs keep both near.
+"""A scene: performers and props, and the contacts between them. Between two performers, these are pairs of joints that
+come near; a joint that touches a prop belongs where the placement of the prop takes its driver.
 """
 
 from __future__ import annotations
@@ -23,6 +21,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.time_series import Shots, by_shot, median_of_three, over_runs
 from distretarget.numerics.vectors import Array, Numbers, lengths, level, spread_out
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
@@ -31,7 +30,7 @@ from distretarget.objectives.contact_pairs import pair_stiffness
 from distretarget.objectives.contact_terms import share_across
 from distretarget.objectives.supports import RESTS, ROOT_BLEND
 from distretarget.pipeline.performer import Performer
-from distretarget.scene.props import Hold, PlacedProp, Placement, held_placement, nearest_places
+from distretarget.scene.props import PlacedProp, Placement, nearest_places
 from distretarget.skin.capsules import IS_ARM, SEGMENTS
 
 Both = tuple[Array, Array]
@@ -41,6 +40,7 @@ NEAREST = 0.01  # ... until D is about this
 LEAST_STIFFNESS = 0.05  # pairs with less are left out
 NO_STIFFNESS = 1e-12  # added to a stiffness matrix so that it is never singular
 REGION_POINTS = 9  # most joints of a region that may touch others
+FREE_WEIGHT = 1e-6  # least weight of the place that a prop has while nobody holds it, in the fit to those who do
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
 TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
 # Parts that rest on their skin; hands are brought to it in the end (`scene.skin`). The last is none.
@@ -81,12 +81,10 @@ class PerformerContacts:
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
     def springs(self, alone: Both, now: Both, gives: Both, units: tuple[float, float]) -> list[Springs]:
-        """The springs that draw the joints of each performer to where they touch, in its body units, frames first.
-
-        `alone` and `now`, (frames, joints, 3), are the positions of both performers without each other and at present
-        [target file units]; `gives`, (frames, joints), is how far each joint goes to meet the other [target file
-        units], in proportion; `units` are the body units. A joint that touches several others has one spring with the
-        sum of their energies.
+        """The springs that draw the joints of each performer to where they touch, in its body units, frames first: one
+        a joint, with the energies of all its pairs. `alone` and `now`, (frames, joints, 3), are the positions of both
+        without each other and at present [target file units], `gives`, (frames, joints), how far each joint goes to
+        meet the other, in proportion; `units` are the body units.
         """
 
         def of_pairs(values: Both) -> list[Array]:
@@ -104,8 +102,8 @@ class PerformerContacts:
         ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring for each joint, over `count` frames, to where its pairs are in balance. Each entry draws its joint
-        to its place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
+        """One spring for each joint, over `count` frames, where its pairs balance: each entry draws its joint to its
+        place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
         """
         touches = np.bincount(joints) > 0
         kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
@@ -128,13 +126,10 @@ class PerformerContacts:
 def find_performer_contacts(
     one: ContactPoints, other: ContactPoints, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
 ) -> PerformerContacts:
-    """Return the pairs of joints of two performers that are near each other; `up` is the unit vector up.
-
-    They are near where their distance over the mean length of both paths to the pelvis is below `settings.reach`: about
-    where two hands of one body would be, between which the path is about as long.
-
-    Their vectors have the `scale` of the world or that of Eq. (1), from the path lengths of both bodies, if it is less:
-    hands that touch do not part because longer legs make the world larger.
+    """Return the pairs of joints of two performers that are near each other: whose distance over the mean length of
+    both paths to the pelvis is below `settings.reach`, about as two hands of one body. `up` is the unit vector up.
+    Their vectors have the `scale` of the world, or that of Eq. (1) if it is less: hands that touch do not part because
+    longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
     margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
@@ -164,10 +159,8 @@ def find_performer_contacts(
 
 
 def firmness(D: Array, settings: ContactSettings) -> Array:
-    """The stiffness of pairs across bodies over that of pairs within a body, by their normalised distances D.
-
-    It is larger because whole bodies have to move, not only limbs. The nearest pairs count most: hands of different
-    size that hold each other cannot keep all distances between their joints.
+    """The stiffness of pairs across bodies over that of pairs within a body, by their normalised distances D. Whole
+    bodies have to move; and the nearest count most, since hands of different size cannot keep all distances.
     """
     return FIRMER * (settings.reach + NEAREST) / (D + NEAREST)
 
@@ -204,11 +197,9 @@ class PropContacts:
 def find_prop_contacts(
     points: ContactPoints, prop: Array, leg: float, free: Array, frame_time: float, settings: ContactSettings
 ) -> PropContacts:
-    """Return the joints of a performer that come near the points of a prop, (frames, points, 3).
-
-    No path leads from a joint to the prop: its normalised distance is that from the nearest point over the length of a
-    `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 while a joint
-    rests elsewhere.
+    """Return the joints that come near the points of a prop, (frames, points, 3), as far as they are `free`, (frames,
+    points), from resting elsewhere. Distances count in lengths of a `leg` [source file units]; joints of one region
+    share their stiffness.
     """
     distances = _nearest_distances(points.source, prop)
     D = distances / leg
@@ -248,15 +239,31 @@ class SceneContacts:
         return [self._placement(number, prop, now) for number, prop in enumerate(self.props)]
 
     def _placement(self, number: int, prop: PlacedProp, now: Sequence[Motion]) -> Placement:
-        holds = []
+        """The best fit of a prop, in place and rotation, to all joints that hold it (Kabsch); these turn as they do
+        against the rotation copy, which turns as the source does.
+        """
+        holds, free = [], prop.free
         for i, grips in prop.grips.items():
             clip, near = self.performers[i].clip, self.on_props[i, number]
             for column in np.flatnonzero(np.isin(near.joints, grips)):
                 joint = near.joints[column]
                 copied, turned = (Rotation.from_quat(each.world_rotations[:, joint]) for each in (clip.copy, now[i]))
                 turn, place = (turned * copied.inv()).as_matrix(), now[i].positions[:, joint]
-                holds.append(Hold(near.f[:, column], near.source[:, column], place, turn, LEVER * clip.unit))
-        return held_placement(prop.free, holds) if holds else prop.free
+                holds.append((near.f[:, column], near.source[:, column], place, turn, LEVER * clip.unit))
+        if not holds:
+            return free
+        weight, source, places, turns, levers = zip(*holds, strict=True)
+        loose = np.maximum(1.0 - np.max(weight, axis=0), FREE_WEIGHT)
+        weights = np.stack([loose, *weight])[..., None]
+        a = np.stack([0.0 * free.centre, *(free.scale * (each - free.centre) for each in source)])
+        b = np.stack([free.place, *places])
+        middle_a, middle_b = ((weights * x).sum(axis=0) / weights.sum(axis=0) for x in (a, b))
+        H = np.einsum("hfi,hfj->fij", weights * (b - middle_b), a - middle_a)
+        H += (max(levers) ** 2 * loose)[:, None, None] * np.eye(3)
+        for share, turn, lever in zip(weight, turns, levers, strict=True):
+            H += (lever**2 * share)[:, None, None] * turn
+        best = nearest_rotations(H)
+        return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", best, middle_a), best, free.scale)
 
     def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
         """Return the springs from each performer to the others and to props; `alone` has the motions solved without
@@ -329,10 +336,9 @@ def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedP
 
 
 def how_far_joints_give(one: Performer) -> Array:
-    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units].
-
-    A joint of a limb goes as far as the limb is long up to it, one of the trunk as far as the trunk leans. A limb that
-    rests on the world gives no more than the trunk.
+    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units]: one of
+    a limb as far as the limb is long up to it, one of the trunk, or of a limb that rests on the world, as the trunk
+    leans.
     """
     clip, skeleton = one.clip, one.clip.skeleton
     trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
@@ -392,9 +398,7 @@ def _resting_on(one: Performer, near: PropContacts, free: Placement) -> Performe
 
 
 def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Performer:
-    """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet. `moving`
-    has frames, joints and activations of these contacts.
-    """
+    """Weaken supports off the floor that touch what is `moving`: frames, joints and activations of contacts."""
     clip, supports, reach = one.clip, one.supports, REST_HEIGHT * one.clip.leg_lengths[1]
     floor = clip.scale.heights(clip.source_floor)[:, None]
     touched = np.zeros((len(clip), len(clip.regions.names)))
@@ -406,9 +410,9 @@ def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) 
 
 
 def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
-    """(frames, joints, 3), the `rises` of the joints of `near` [target file units]: upwards, so that their skin is as
-    high over the prop as the source's skin, or on the prop where the source's sinks in; the mean over each rest. 0 for
-    arms and feet, for joints beside the prop, and for bodies without thickness.
+    """(frames, joints, 3), the `rises` of the joints of `near` [target file units]: upwards, to the height of the
+    source's skin over the prop, or on it; the mean over each rest. 0 for arms and feet, beside the prop, and without
+    thickness.
     """
     clip, undersides, rises = one.clip, one.match.undersides, np.zeros(near.source.shape)
     if undersides is None:
@@ -440,9 +444,7 @@ def seated(one: Performer, near: PropContacts, prop: PlacedProp) -> Performer:
 
 
 def moved_by(one: Performer, by: Array) -> Performer:
-    """Return the performer with its path moved by vectors, (frames, 3), and what rests by their mean over the rest,
-    feet along the floor [target file units].
-    """
+    """Return the performer moved by vectors, (frames, 3), and what rests by their mean [target file units]."""
     clip, supports = one.clip, one.supports
     if not by.any():
         return one

@@ -1,17 +1,15 @@
-"""Props that performers touch, hold or sit on: their surfaces, as far as files show them, and where they go.
-
-A prop keeps its shape: in each frame, a similarity takes it and the world around it to the world of the target. An OBJ
-file shows its surface by faces, or without faces by vertices; a skeleton shows the lines of its bones, such as a staff.
+"""Props that performers touch, hold or sit on. In each frame, a similarity takes a prop and the world around it to the
+world of the target. An OBJ file shows its surface by faces, or else by vertices, a skeleton the lines of its bones.
 Faces that enclose a volume have an inside and an outside, others are thin sheets.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import NoneType
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -23,7 +21,6 @@ from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, extent, lengths, normalised
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
@@ -32,14 +29,11 @@ MOST_PARTS = 60  # into which a side of a triangle is divided
 CANDIDATES = 6  # triangles that are looked at for the nearest place
 LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
 PropScale = Literal["world"] | int | float
-FREE_WEIGHT = 1e-6  # least weight of the place that a prop has while nobody holds it, in the fit to those who do
 
 
 @dataclass(frozen=True, eq=False)
 class PropSurface:
-    """The surface of a rigid prop: triangles, or points that stand alone. Raises a SettingsError if the arrays do not
-    fit each other, or there is no triangle.
-    """
+    """The surface of a rigid prop: triangles, or points that stand alone; a SettingsError if the arrays do not fit."""
 
     # (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point is there three times
     corners: Array  # [file units]
@@ -58,9 +52,7 @@ class PropSurface:
 
     @classmethod
     def of_mesh(cls, vertices: Array, triangles: Numbers) -> PropSurface:
-        """Return the surface of a mesh, vertices (vertices, 3) and triangles (triangles, 3), or that of its vertices if
-        no triangle has an area.
-        """
+        """Return the surface of triangles, (triangles, 3), or of vertices, (vertices, 3), if none has an area."""
         vertices = np.asarray(vertices, np.float64)
         size = max(float(np.ptp(vertices, axis=0).max(initial=0.0)), LEAST)
         corners = vertices[np.asarray(triangles, np.intp).reshape(-1, 3)]
@@ -141,9 +133,7 @@ def _shares(count: int) -> Array:
 
 
 def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
-    """(triangles,) each, whether the connected part that a triangle belongs to is closed, every edge being that of two
-    triangles that face the same way, and whether its triangles face inwards.
-    """
+    """(triangles,) each, whether the connected part of a triangle is closed, and whether its triangles face inwards."""
     keys = np.round(corners.reshape(-1, 3) / (1e-6 * size)).astype(np.int64)
     joined = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1, 3)
     edges = np.concatenate([joined[:, [0, 1]], joined[:, [1, 2]], joined[:, [2, 0]]])
@@ -260,11 +250,8 @@ class Prop:
 
 
 def prop_of(motion: Motion, joint: str) -> Motion:
-    """Return the motion of a joint and all joints below it, such as a sword in a hand, as a motion of its own.
-
-    Raises:
-        SkeletonError: there is no such joint.
-        SettingsError: `motion` is not a motion.
+    """Return the motion of a joint and all joints below it, such as a sword in a hand, as a motion of its own; a
+    SkeletonError if there is no such joint.
     """
     check_kind("motion", motion, Motion)
     skeleton = motion.skeleton
@@ -339,29 +326,3 @@ class PlacedProp:
     free: Placement  # where it goes while nobody holds it
     grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
     surface: PropSurface | None = None  # None for its bones
-
-
-class Hold(NamedTuple):
-    """A joint that holds a prop."""
-
-    weight: Array  # (frames,), 1 while it holds the prop, blended to 0
-    source: Array  # (frames, 3), where its driver is [source file units]
-    place: Array  # (frames, 3), where it is on the target [target file units]
-    turn: Array  # (frames, 3, 3), its rotation against the rotation copy, which turns as the source does
-    lever: float  # its rotation weighs as much as a point at this distance [target file units]
-
-
-def held_placement(free: Placement, holds: Sequence[Hold]) -> Placement:
-    """Place a prop that joints hold by the best fit, in place and rotation, to all of them (Kabsch)."""
-    loose = np.maximum(1.0 - np.max([hold.weight for hold in holds], axis=0), FREE_WEIGHT)
-    weights = np.stack([loose, *(hold.weight for hold in holds)])[..., None]
-    a = np.stack([0.0 * free.centre, *(free.scale * (hold.source - free.centre) for hold in holds)])
-    b = np.stack([free.place, *(hold.place for hold in holds)])
-    middle_a, middle_b = ((weights * x).sum(axis=0) / weights.sum(axis=0) for x in (a, b))
-    H = np.einsum("hfi,hfj->fij", weights * (b - middle_b), a - middle_a)
-    lever = max(hold.lever for hold in holds)
-    H += (lever**2 * loose)[:, None, None] * np.eye(3)
-    for hold in holds:
-        H += (hold.lever**2 * hold.weight)[:, None, None] * hold.turn
-    turn = nearest_rotations(H)
-    return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", turn, middle_a), turn, free.scale)

@@ -190,10 +190,11 @@ def retarget_transfers(
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
-    prepared = [
-        performer.performer(_on_soles(performer, level, height), each.options).with_supports(each.options, settings)
-        for performer, height, each in zip(performers, heights, transfers, strict=True)
-    ]
+    prepared = []
+    for match, height, given in zip(performers, heights, transfers, strict=True):
+        soles = height * rise_onto_soles(match.matching, height, match.undersides)  # on the floor that all share
+        one = match.performer(RootScale(level, height, soles), given.options)
+        prepared.append(one.with_supports(given.options, settings))
     company = skins_in_company(performers, [each.options.skin for each in transfers])
     solved = solve_scene(prepared, placed, company, contact_lists, mapper, progress)
     results, touching = list[RetargetResult](), solved.contacts
@@ -219,11 +220,6 @@ def retarget_transfers(
         gap_error=solved.gap_error,
         units=units,
     )
-
-
-def _on_soles(performer: Match, level: float, height: float) -> RootScale:
-    """The scales of a performer, whose soles are on the floor that all share."""
-    return RootScale(level, height, height * rise_onto_soles(performer.matching, height, performer.undersides))
 
 
 def _of_each(name: str, given: Sequence[Value] | None, usual: Any, count: int, *kinds: type) -> Sequence[Value]:
@@ -254,13 +250,11 @@ def _check_times(sources: Sequence[Motion], props: Sequence[Prop]) -> None:
 
 def _matched(transfers: Sequence[Transfer]) -> list[Match]:
     """The performers, in the axes of the first."""
-    performers = list[Match]()
+    performers, axes = list[Match](), dict[str, Any]()
     for number, each in enumerate(transfers):
-        options = each.options
-        if performers:
-            options = replace(options, source_up=performers[0].world.source_up, target_up=performers[0].world.up)
         with _performer(number):
-            performers.append(match_performer(replace(each, options=options)))
+            performers.append(match_performer(replace(each, options=replace(each.options, **axes))))
+        axes = {"source_up": performers[0].world.source_up, "target_up": performers[0].world.up}
     return performers
 
 
@@ -271,10 +265,8 @@ def _in_one_unit(transfers: Sequence[Transfer]) -> tuple[list[Match], list[float
     if max(heights) > SAME_UNITS * min(heights):
         cm = [centimetres(one.matching.target.unit) for one in performers]
         units = [cm[0] / each for each in cm]
-        scaled = [
-            replace(each, target=each.loaded.scaled(1.0 / unit)) for each, unit in zip(transfers, units, strict=True)
-        ]
-        performers = _matched(scaled)
+        both = zip(transfers, units, strict=True)
+        performers = _matched([replace(each, target=each.loaded.scaled(1.0 / unit)) for each, unit in both])
         heights = [find_root_scale(one.matching) for one in performers]
     if max(heights) > SAME_UNITS * min(heights):
         with _performer(int(np.argmax(heights)), of_target=True):
@@ -299,16 +291,13 @@ def _looking_alike(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tupl
     """All as given; where bodies of some files look to -Z by convention and others do not, as those that look to +Z."""
     if len({(each.source.skeleton.looks_back, each.goal.skeleton.looks_back) for each in transfers}) == 1:
         return transfers, props
-    turned = [
-        replace(each, source=each.source.looking_ahead(), target=each.loaded.looking_ahead()) for each in transfers
-    ]
+    ahead = ((each, each.source.looking_ahead(), each.loaded.looking_ahead()) for each in transfers)
+    turned = [replace(each, source=source, target=target) for each, source, target in ahead]
     return turned, [replace(prop, motion=prop.motion.looking_ahead()) for prop in props]
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
-    """A prop in the target's axes, and the joints of targets that hold it. While nobody does, it goes along the floor
-    with the world's scale, `level`, and upwards with its own.
-    """
+    """A prop in the target's axes, and what holds it; else it goes along the floor at the scale `level`."""
     matching = performers[0].matching
     scale = level if prop.scale == "world" else prop.scale
     if isinstance(scale, int):
@@ -336,11 +325,10 @@ def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: S
     """The gaps while performers move like this and props follow them."""
     each = zip(results, motions, strict=True)
     bodies = [[body_part(one.matching, one.source.positions, motion.positions)] for one, motion in each]
-    moved = zip([prop.motion for prop in contacts.props], contacts.placements(motions), strict=True)
-    props = [
-        (ScenePart(a=prop.positions, b=place(prop.positions), keys=prop.skeleton.keys), place.scale)
-        for prop, place in moved
-    ]
+    props = []
+    for prop, place in zip(contacts.props, contacts.placements(motions), strict=True):
+        x = prop.motion.positions
+        props.append((ScenePart(a=x, b=place(x), keys=prop.motion.skeleton.keys), place.scale))
     return dict(measure_gaps(bodies, props, contacts.performers[0].clip.scale.level))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -17,7 +17,7 @@ from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.obj import parse_obj, parse_obj_mesh
+from distretarget.io.obj import parse_obj, still_points
 from distretarget.io.target_file import load_build, load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
@@ -57,11 +57,9 @@ class SceneClip:
 
 @dataclass(frozen=True, kw_only=True)
 class PerformerFiles(SceneClip):
-    """A performer of a scene, with the paths of its target and of its map file, if any.
-
-    `skin` is as in `retarget_scene`, or an average build or the path of a character as thick as the target; None for
-    what the scene says. `source_skin` is that of the source, if not what its own mesh shows. `contacts` is the path of
-    a contact file.
+    """A performer of a scene, with the paths of its target and of its map and contact files, if any. `skin` is as in
+    `retarget_scene`, or an average build or the path of a character as thick as the target; None for what the scene
+    says. `source_skin` is that of the source, if not what its own mesh shows.
     """
 
     target: Path
@@ -78,20 +76,18 @@ class PerformerFiles(SceneClip):
 
     def recipe(self, options: Options) -> Recipe:
         """Read how it is retargeted in a scene with these options; errors as in `load_map` and `load_build`."""
-        if self.skin is not None:
-            options = replace(options, skin="auto" if isinstance(self.skin, Path) else self.skin)
-        if options.skin == "none":
-            return Recipe(options, load_map(self.map_path))
-        source = load_build(self.source_skin) if self.source_skin else None
-        target = load_build(self.skin) if isinstance(self.skin, Path) else None
+        body = self.skin if isinstance(self.skin, Path) else None
+        skin: SkinMode | None = "auto" if isinstance(self.skin, Path) else self.skin
+        options = replace(options, skin=skin or options.skin)
+        thick = (self.source_skin, body) if options.skin != "none" else (None, None)
+        source, target = (load_build(path) if path else None for path in thick)
         return Recipe(options, load_map(self.map_path), builds=Builds(source, target))
 
 
 @dataclass(frozen=True, kw_only=True)
 class PropFiles(SceneClip):
-    """A prop of a scene; `scale` and `held_by` are as in `Prop`.
-
-    A prop may be part of a performer's file, such as a sword: the joint above holds it, unless `held_by` names others.
+    """A prop of a scene; `scale` and `held_by` are as in `Prop`. Of a part of a performer's file, such as a sword, the
+    joint above is the holder, unless `held_by` names others.
     """
 
     part_of: Grip | None = None  # the joint at which it begins in that file
@@ -128,7 +124,7 @@ class SceneSetup:
 
     @property
     def names(self) -> list[str]:
-        """The names of performers and props, in their order."""
+        """Their names."""
         return [clip.name for clip in self.clips]
 
     @property
@@ -138,23 +134,24 @@ class SceneSetup:
         return [*(clip.file for clip in self.clips), *filter(None, chain(*given))]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
-        """Read the motions of the performers, and the props, and synchronise them as `cut` and `resample` say.
-
-        Raises:
-            DistretargetError: a file cannot be read, ends before its start, or has no such prop.
+        """Read the motions of the performers, and the props, synchronised as `cut` and `resample` say; a
+        DistretargetError if a file cannot be read, ends before its start, or has no such prop.
         """
-        own = [prop for prop in self.props if prop.part_of is None]
-        read = {clip: _read(clip) for clip in (*self.performers, *own)}
-        motions, moving = {clip: motion for clip, (motion, _) in read.items()}, list[SceneClip](self.performers)
-        moving += [prop for prop in own if len(motions[prop]) != 1]
-        clips = synchronised([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
-        motions |= zip(moving, clips, strict=True)
+        count, own = len(self.performers), [prop for prop in self.props if prop.part_of is None]
+        read = [_read(clip) for clip in (*self.performers, *own)]
+        motions = [motion for motion, _ in read]
+        moving = [number for number, motion in enumerate(motions) if number < count or len(motion) != 1]
+        alike = synchronised([motions[each] for each in moving], cut=self.cut, resample=self.resample)
+        for number, motion in zip(moving, alike, strict=True):
+            motions[number] = motion
         with in_file(self.performers[0].file):
-            edited = self.edits.together([motions[each] for each in self.performers], [motions[each] for each in own])
-        motions = dict(zip((*self.performers, *own), edited, strict=True))
-        sources = [motions[performer] for performer in self.performers]
-        surfaces = {clip: surface for clip, (_, surface) in read.items()}
-        return sources, [_made(prop, motions, surfaces.get(prop), sources) for prop in self.props]
+            motions = self.edits.together(motions[:count], motions[count:])
+        shown = ((motion, surface) for motion, (_, surface) in zip(motions[count:], read[count:], strict=True))
+        own_or_part = [next(shown) if prop.part_of is None else (None, None) for prop in self.props]
+        return motions[:count], [
+            _made(prop, motion, surface, motions)
+            for prop, (motion, surface) in zip(self.props, own_or_part, strict=True)
+        ]
 
     def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
@@ -175,12 +172,11 @@ class SceneSetup:
 
 
 def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
-    """The motion in a file from its start, and the surface in an OBJ file, which a prop may have; a prop of one frame
-    has no start.
-    """
+    """The motion in a file from its start, if it has more than a frame, and the surface in an OBJ file."""
     file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
     if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
-        motion, (vertices, triangles) = parse_obj(file.text, clip.file), parse_obj_mesh(file.text, clip.file)
+        vertices, triangles = parse_obj(file.text, clip.file)
+        motion = still_points(vertices, clip.file.stem)
         surface = PropSurface.of_mesh(vertices - motion.positions[0, 0], triangles)
     else:
         motion, _ = parse_motion(file)
@@ -199,8 +195,8 @@ def started(motion: Motion, start: float) -> Motion:
 
 
 def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest; raise a
-    MotionError if one that is resampled and not cut has not as many frames as the first.
+    """Return the motions, if asked for with the frame time of the first and cut to the shortest; raise a MotionError if
+    one that is resampled and not cut has other frames than the first.
     """
     time = motions[0].frame_time_text
     counts = [motion.resampled_frames(time) if resample else len(motion) for motion in motions]
@@ -216,25 +212,23 @@ def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> lis
     return [motion[:frames] if cut and len(motion) > frames else motion for motion in motions]
 
 
-def _made(
-    prop: PropFiles, own: Mapping[SceneClip, Motion], surface: PropSurface | None, sources: Sequence[Motion]
-) -> Prop:
+def _made(prop: PropFiles, motion: Motion | None, surface: PropSurface | None, sources: Sequence[Motion]) -> Prop:
     """A prop with the motion in its own file, or with that of the joint where it begins."""
+    held_by = prop.held_by
     with in_file(prop.file):
-        if prop.part_of is None:
-            return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by, surface=surface)
-        source, joint = sources[prop.part_of.performer], prop.part_of.joint
-        above = source.skeleton.line(source.skeleton.index(joint))[1:2]
-        held_by = prop.held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
-        return Prop(name=prop.name, motion=prop_of(source, joint), scale=prop.scale, held_by=held_by)
+        if motion is None:
+            assert prop.part_of is not None
+            source, joint = sources[prop.part_of.performer], prop.part_of.joint
+            motion, above = prop_of(source, joint), source.skeleton.line(source.skeleton.index(joint))[1:2]
+            held_by = held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
+        return Prop(name=prop.name, motion=motion, scale=prop.scale, held_by=held_by, surface=surface)
 
 
 def load_scene(path: str | Path) -> SceneSetup:
     """Return the scene in a file; paths in it start from its folder.
 
     Raises:
-        FileError: the file cannot be read.
-        SkeletonFileError: it breaks the format.
+        FileError, SkeletonFileError: the file cannot be read, or breaks the format.
     """
     document = parse_json(path, read_text(path))
     fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS, *EDITS))

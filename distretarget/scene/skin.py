@@ -1,10 +1,9 @@
 """Skin of performers who share a world: limbs leave other bodies and props, and hands that touch them lie on them.
 
-Here all performers are one body with many limbs, in one unit, so that limbs that meet give way alike; their own parts
-stay apart as well. Hands that touch another performer or a prop in the source are drawn to its surface, on a performer
-to the same place of the body, and limbs leave what they are in, as those of a single performer (`objectives.skin`). For
-each ball of a limb, a prop has one ball that stands for it, inside its surface at the point nearest to that ball. So
-size and shape of a prop do not matter.
+All performers are one body with many limbs, in one unit, so that limbs that meet give way alike. Hands that touch
+another performer or a prop in the source are drawn to its surface, on a performer to the same place of the body, and
+limbs leave what they are in (`objectives.skin`). For each ball of a limb, a prop has one ball, inside its surface at
+the point nearest to that ball, so that its size and shape do not matter.
 """
 
 from __future__ import annotations
@@ -262,9 +261,8 @@ def _with_own_skins(
 
 
 def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
-    """The shapes of the props, by their numbers, for performers with these skins. A prop follows a hand that alone
-    holds it, and does not keep that hand off. A stick, of which only the line is known, may be within hands that hold
-    it.
+    """The shapes of the props, by their numbers. A prop follows a hand that alone holds it, and does not keep it off; a
+    stick, of which only the line is known, may be within hands that hold it.
     """
     shapes = {}
     for k, prop in enumerate(contacts.props):
@@ -374,9 +372,7 @@ def _drawn_to(one: Performer, body: BodySkin) -> Array:
 
 
 def _how_free(one: Performer, body: BodySkin) -> Array:
-    """(frames, limbs, 2), how far the middle and end of limbs can move, 0 to 1: not while they touch a prop without a
-    shape.
-    """
+    """(frames, limbs, 2), how far middle and end of limbs can move, 0 to 1: not on a prop without a shape."""
     alone = 1.0 - _drawn_to(one, body)
     return how_free(one.clip, body, one.supports, one.settings) * alone[..., None]
 

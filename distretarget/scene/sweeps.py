@@ -1,19 +1,14 @@
 """Solve a scene: performers whose bodies would be in each other move apart, slowly; then sweeps, in each of which each
 performer is solved by itself, drawn to the present places of the others and of props.
 
-Balls along the capsules of trunk and head show how far two performers have to part in each frame: along the floor, or
-upwards where one sits or lies on the other in the source. Some overlap is allowed: the depth by which flesh gives way,
-and for performers side by side as much as the bodies of the source overlap. They part and come back slowly, mostly
-while somebody steps, and each resting foot stays where it is: its place moves by the mean over its rest.
+Balls along the capsules of trunk and head show how far two performers have to part: along the floor, or upwards where
+one sits or lies on the other in the source, but for some depth of flesh, and for performers side by side the overlap of
+the source. They part and come back mostly while somebody steps; each resting foot moves by the mean over its rest.
 
-In the first sweep nobody is drawn to other performers. It decides where hips and feet are: from then on the hips stay
-there, and limbs and trunk do what contacts ask. How much they do changes smoothly in time. Where a user asks for
-contacts, the scene is solved without what is made, and again with it, and blended where it sets in and lets go.
-
-A body of finite stiffness stops short of the places that its springs draw it to. The next sweep draws it further by as
-much, as in the method of multipliers (M. J. D. Powell, A method for nonlinear constraints in minimization problems,
-1969). Each region of the body is drawn as a whole: a hand that holds a larger one cannot have all joints in their
-places.
+The first sweep, without other performers, decides where hips and feet are; then limbs and trunk do what contacts ask,
+smoothly in time. Where a user asks for contacts, the scene is solved without and with them, and blended. A body of
+finite stiffness stops short of where its springs draw it; the next sweep draws each region further by as much, as in
+the method of multipliers (M. J. D. Powell, A method for nonlinear constraints in minimization problems, 1969).
 """
 
 from __future__ import annotations
@@ -133,9 +128,7 @@ class _Way:
 
 
 def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], numbers: tuple[int, int]) -> Iterator[_Way]:
-    """The ways in which two performers part: along the floor; or upwards, where one is on the trunk or the lap of the
-    other, which then stays.
-    """
+    """The ways in which two performers part: along the floor, or upwards, where the one below stays."""
     up, both = contacts.performers[0].clip.up, [contacts.performers[number] for number in numbers]
     pelvises = [one.clip.source.positions[:, one.clip.drivers[one.clip.pelvis]] @ up for one in both]
     if np.mean(np.subtract(*pelvises)) < 0.0:  # the first is the one that is higher
@@ -171,9 +164,7 @@ def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], number
 
 
 def _slowed(ways: Array, speed: Array, frames: float) -> Array:
-    """(frames,), the least that is nowhere less than ways, (frames,), and changes no faster than `speed`, (frames,), a
-    frame; then smoothed over about `frames` on each side.
-    """
+    """(frames,), the least above ways, (frames,), that changes by at most `speed` a frame, smoothed over `frames`."""
     s = np.cumsum(speed)
     before = np.maximum.accumulate(ways + s) - s
     after = (np.maximum.accumulate((ways - s)[::-1]) + s[::-1])[::-1]
@@ -273,9 +264,7 @@ def _carriers(
 
 
 def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
-    """The place on a prop that is nearest to one, (3,), both relative to its first joint as that is turned, and the
-    direction out of it there [target file units].
-    """
+    """The place on a prop nearest to one, (3,), from its first joint, and the direction out [target file units]."""
     scale, rest = prop.free.scale, prop.motion.skeleton.rest_positions
     if prop.surface:
         farthest = float(lengths(place) / scale + lengths(prop.surface.corners).max())
@@ -336,10 +325,9 @@ def _springs_of_hips(one: Performer, alone: Motion) -> Springs:
 
 
 def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers) -> Springs:
-    """Return the springs of the next sweep, which draw each region further by its shortfall in the last.
-
-    `before` are the last sweep's springs, on the same joints and perhaps others after them, and `x`,
-    (frames, joints, 3), its positions [body units]; `regions` are of all joints.
+    """Return the springs of the next sweep, which draw each region further by its shortfall in the last, whose springs
+    were those `before`, perhaps with others after them, and positions `x`, (frames, joints, 3) [body units]; `regions`
+    are of all joints.
     """
     a, count = springs.a, len(springs.a)
     short = before.rest[:, :count] - x[:, a]
