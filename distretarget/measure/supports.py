@@ -150,7 +150,7 @@ class SourceFeet:
         source, own = self.tracks, _FootTracks.of(result, self.feet, self.leg, self.up)
         sole, off = own.sole, own.sole - self.belongs
         if self.surface is not None:
-            feet = [result.skeleton.subtree(foot.leg.ankle) for foot in self.feet]
+            feet = [result.skeleton.subtree_at(foot.leg.ankle) for foot in self.feet]
             lowest = [self.surface.lowest(result, foot, self.up) for foot in feet]
             sole = np.stack(lowest, axis=1) / self.leg + self.thickness
             off = self.floor.off(sole, self.belongs)
@@ -228,7 +228,7 @@ def _soles_of_mesh(surface: Surface | None, body: Body, legs: Sequence[Leg]) -> 
     """The surface of a body if it is of a mesh that shows the soles of both its legs."""
     if surface is None or not surface.of_mesh:
         return None
-    return surface if all(len(surface.on(body.skeleton.subtree(leg.ankle))) for leg in legs) else None
+    return surface if all(len(surface.on(body.skeleton.subtree_at(leg.ankle))) for leg in legs) else None
 
 
 def _means(soles: Array, rests: Flags) -> Array:
