@@ -334,6 +334,10 @@ class Skeleton:
             below.extend(self.children[upper])
         return below
 
+    def subtree_at(self, joint: int) -> list[int]:
+        """Return `joint` and all its descendants; for an End Site from its parent on, which moves the skin there."""
+        return self.subtree(self.parents.item(joint) if self.end_sites[joint] else joint)
+
     def rotation_axes(self, joint: int) -> str:
         """Return the Euler order of a joint's rotation channels, such as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)

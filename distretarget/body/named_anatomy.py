@@ -46,13 +46,14 @@ Trunk = tuple[int, Sequence[int], Sequence[int], int | None]
 
 
 @lru_cache(maxsize=64)
-def by_tree(tree: NamedTree) -> Anatomy | None:
+def by_tree(tree: NamedTree, *, single: bool = False) -> Anatomy | None:
     """Return the anatomy that a tree of names shows; None where it shows too little. Found once for all clips of a rig.
 
     The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
     trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
+    Limbs may be `single` bones, the upper ones, as of figures of blocks; then the names must show all four.
     """
-    return _Rig(tree.parents, name_meanings(tree)).anatomy()
+    return _Rig(tree.parents, name_meanings(tree)).anatomy(single)
 
 
 def with_named_fingers(skeleton: Skeleton, anatomy: Anatomy) -> Anatomy:
@@ -71,10 +72,11 @@ class _Rig:
     parents: tuple[int, ...]
     meanings: NameMeanings
 
-    def anatomy(self) -> Anatomy | None:
-        """The anatomy; None where the names show too little."""
-        arms, legs = ([self._limb(limb, side) for side in SIDES] for limb in (ARM, LEG))
-        if not (all(arms) or all(legs)):
+    def anatomy(self, single: bool) -> Anatomy | None:
+        """The anatomy, with limbs that may be `single` bones; None where the names show too little."""
+        find = self._limb_or_bone if single else self._limb
+        arms, legs = ([find(limb, side) for side in SIDES] for limb in (ARM, LEG))
+        if not (all(arms) and all(legs) if single else all(arms) or all(legs)):
             return None
         trunk = self._trunk(*([min(limb.values()) for limb in limbs if limb] for limbs in (arms, legs)))
         if trunk is None:
@@ -108,6 +110,23 @@ class _Rig:
             (best[-1] for best in chains), key=lambda chain: (chain[0], self._below[max(chain[1].values(), default=-1)])
         )
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
+
+    def _limb_or_bone(self, limb: Sequence[str], side: str) -> dict[str, int]:
+        """The joints of `_limb`; or else the first joint on a side that hangs from trunk or collar bone, has a name of
+        a long bone, and carries only its end and leaves, with its end: the part's, or an End Site; empty without one.
+        """
+        if found := self._limb(limb, side):
+            return found
+        names, parts = self.meanings.names, self.meanings.parts
+        upper, lower, end = ARM[1:] if limb is ARM else LEG[:3]
+        for joint, parent in enumerate(self.parents):
+            of_trunk = parent >= 0 and (names[parent].side != side or ARM[0] in parts(parent))
+            if of_trunk and names[joint].side == side and parts(joint).keys() & {upper, lower}:
+                below = [each for each, above in enumerate(self.parents) if above == joint]
+                ends = [each for each in below if end in parts(each) or not names[each].stem]
+                if not {*below}.difference(ends) & {*self.parents}:
+                    return {upper: joint} | ({end: ends[0]} if ends else {})
+        return {}
 
     def fingers(self, hand: int) -> dict[str, int]:
         """The joints of the fingers below a hand, by role without side, such as "Index1"."""

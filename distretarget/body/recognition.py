@@ -24,15 +24,17 @@ THUMB = ("Metacarpal", "Proximal", "Distal")
 def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
     """Return the anatomy of a skeleton; None where no human body is recognised. Where names show the body but not all
     its arms and legs, its shape shows the others, if it agrees on the rest; `positions`, (frames, joints, 3), of a
-    motion help.
+    motion help. Where shape shows none, limbs may be single bones.
     """
     named = by_names(skeleton)
     if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in LIMBS)):
         return named
     shaped = by_shape(skeleton, positions)
+    if not shaped:
+        return by_tree(NamedTree.of(skeleton), single=True) or named
     if not named:
-        return with_named_fingers(skeleton, shaped) if shaped else None
-    same = next((each for each in (shaped, shaped.mirrored) if _agree(named, each)), None) if shaped else None
+        return with_named_fingers(skeleton, shaped)
+    same = next((each for each in (shaped, shaped.mirrored) if _agree(named, each)), None)
     return _completed(named, same) if same else named
 
 

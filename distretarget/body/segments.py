@@ -259,8 +259,8 @@ def _limbs(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
 def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Frame]]:
     """The parts of a hand; its fingers hang on the wrist where it has no joints for them."""
     x, anatomy = size.positions, size.anatomy
-    hand = anatomy.roles.get(f"{side}Hand")
-    if hand is None:
+    hand, elbow = (anatomy.roles.get(side + part) for part in ("Hand", "LowerArm"))
+    if hand is None or elbow is None:
         return
     known = anatomy.joints(*(f"{side}{finger}1" for finger in FINGERS[1:]))
     average = PALM * size.size
@@ -268,7 +268,7 @@ def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Fram
     tip = x[known].mean(axis=0) if is_known else x[size.skeleton.farthest[hand]]
     along = tip - x[hand]
     if not along.any():
-        along = x[hand] - x[anatomy.roles[f"{side}LowerArm"]]
+        along = x[hand] - x[elbow]
     palm = float(np.clip(_norm(along), PALMS[0] * average, PALMS[1] * average)) if is_known else average
     wide = x[known[0]] - x[known[-1]] if is_known else size.axes[:, 2]
     if not level(wide, normalised(along)).any():

@@ -119,7 +119,8 @@ def _named(nodes: Nodes) -> list[int]:
     if not 0 < len(nodes) <= MOST_JOINTS:
         return []
     tree = nodes.among(nodes.top_down)
-    anatomy = by_tree(NamedTree(tree.names, tuple(tree.parents.tolist()), (False,) * len(tree)))
+    named = NamedTree(tree.names, tuple(tree.parents.tolist()), (False,) * len(tree))
+    anatomy = by_tree(named) or by_tree(named, single=True)
     return [nodes.top_down[place] for place in anatomy.roles.values()] if anatomy else []
 
 

@@ -9,6 +9,7 @@ from types import NoneType
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.single_bones import on_ends, with_ends
 from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, in_file, quoted
@@ -16,7 +17,7 @@ from distretarget.io.arrays import ArraysFile
 from distretarget.io.bvh import doubts, parse_bvh
 from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
-from distretarget.io.target_file import parse_full_target, read_character_scene
+from distretarget.io.target_file import CharacterMesh, parse_full_target, read_character_scene
 from distretarget.motion import FASTEST, SLOWEST, Motion, is_frame_time
 from distretarget.numerics.rotations import from_represented
 from distretarget.numerics.vectors import Array
@@ -81,6 +82,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
     character = character_of(scene)
     with in_file(file.path):
         motion = character.motion(scene.animation, len(file.content) + sum(map(len, file.beside.values())))
+        motion = on_ends(motion, with_ends(motion.skeleton, CharacterMesh(file, character)))
     return motion, character.warnings
 
 

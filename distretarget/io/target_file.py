@@ -10,6 +10,7 @@ from pathlib import Path
 from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, Builds, average_build, capsules_of
+from distretarget.body.single_bones import with_ends
 from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of
 from distretarget.character.mesh import skinned_mesh
@@ -147,9 +148,10 @@ def parse_target(file: InputFile) -> LoadedTarget:
         case "arrays":
             return Target(with_bones(array_skeleton(file.arrays), file.path), {}, "")
     character = character_of(read_character_scene(file, animated=False))
-    skeleton = with_bones(character.skeleton, file.path)
+    mesh = CharacterMesh(file, character)
+    skeleton = with_ends(with_bones(character.skeleton, file.path), mesh)
     face = face_of(file.gltf) if file.kind == "glTF" else None
-    return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character), face=face)
+    return CharacterTarget(skeleton, {}, "", character=character, mesh=mesh, face=face)
 
 
 def parse_full_target(file: InputFile) -> Target:

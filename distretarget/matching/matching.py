@@ -221,7 +221,8 @@ class Matching:
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
         """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
-        same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle.
+        same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle,
+        unless an End Site shows that the target's end on the floor.
         """
         normals = self.source_normals, self.target_normals
         if not self._soles or normals == (None, None):
@@ -241,8 +242,11 @@ class Matching:
             target = find_soles(*feet[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
             source = find_soles(*feet[0], (target[0].normal, target[1].normal))
-        pairs = zip(self.legs[1], source, target, strict=True)
-        return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for leg, a, b in pairs)
+        ends = self.target.skeleton.end_sites & (self.target.anatomy is not None)
+        footless = (leg.toe == leg.ankle and not ends[leg.ankle] for leg in self.legs[1])
+        return tuple(
+            (a.at_ankle, b.at_ankle) if cut else (a, b) for cut, a, b in zip(footless, source, target, strict=True)
+        )
 
     @of_rig
     def _own_soles(self) -> tuple[tuple[Sole, Sole], ...]:
@@ -358,6 +362,7 @@ def _paired(
     method = tuple(method if driver >= 0 else "" for driver, method in found)
     overruled = {joint for joint in map_pairs if map_pairs[joint][0] != found_pairs.get(joint, (None, ""))[0]}
     rotation_sources, blend = np.stack([drivers, drivers], axis=1), np.zeros(len(drivers))
+    rotation_sources[[joint for joint in target.roles.values() if target.skeleton.end_sites[joint]]] = -1
     for joint, neighbours, weight in spine_blend(source, target):
         if joint not in overruled:
             rotation_sources[joint], blend[joint] = neighbours, weight

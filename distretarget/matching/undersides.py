@@ -72,7 +72,7 @@ class Underside:
 
     def foot(self, ankle: int) -> Numbers:
         """Return the vertices of a foot that can be its lowest; none without a mesh."""
-        joints = tuple(self.body.skeleton.subtree(ankle))
+        joints = tuple(self.body.skeleton.subtree_at(ankle))
         return _outermost(self.mesh, joints) if self.mesh else np.zeros(0, np.intp)
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 
 from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, side_and_part
+from distretarget.body.single_bones import single_bones
 from distretarget.errors import counted, quoted
 from distretarget.matching.matching import Matching
 
@@ -22,9 +23,12 @@ NAMED = 3  # so many other joints are named
 
 
 def parts_without_source(matching: Matching) -> Iterator[str]:
-    """Yield a line on limbs that the source has and that were not recognised in the target, though it has joints enough
-    for them, and a line on the parts of its body that no joint of the source drives.
+    """Yield a line on limbs of one bone; one on limbs that the source has and that were not recognised in the target,
+    though it has joints enough for them; and one on the parts of its body that no joint of the source drives.
     """
+    single = [middle for _, middle, _ in single_bones(matching.target.anatomy) if middle in matching.source.roles]
+    if single := [name for name in ("arms", "legs") if any(name[:3].title() in middle for middle in single)]:
+        yield f"{_listed(single)} of the target are one bone each, so those of the source are taken as straight"
     still = _still(matching)
     anatomy = matching.target.anatomy
     lost = _unrecognised(matching)

@@ -128,7 +128,7 @@ class SourceFeet:
         ankle_rests, stands = self.stance[:, ::2], self.stance[:, ::2] | self.stance[:, 1::2]
         sole, off = own.sole, own.sole - self.belongs
         if self.surface is not None:
-            feet = [result.skeleton.subtree(leg.ankle) for leg, _ in self.feet]
+            feet = [result.skeleton.subtree_at(leg.ankle) for leg, _ in self.feet]
             lowest = [self.surface.lowest(result, foot, self.up) for foot in feet]
             sole = np.stack(lowest, axis=1) / self.leg + self.thickness
             off = off_floor(sole, self.belongs, self.floor)
@@ -185,6 +185,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | 
     )
 
 
+            feet = [result.skeleton.subtree_at(leg.ankle) for leg, _ in self.feet]
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SupportsMeasured:
     """The joints that rest on the world in a source, apart from feet, and how they do so in a result."""

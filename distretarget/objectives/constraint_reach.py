@@ -126,6 +126,8 @@ class Reaching:
     def _moved(self, motion: Motion, displacements: Array, steady: float) -> Motion:
         """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
         clip, limbs = self.constraints.clip, self.skin.limbs
+        if not limbs:  # as those of figures of blocks, which do not bend
+            return motion
         displacements = clip.averaged(displacements, steady) * (self.constraints.share > 0.0)[:, None, None]
         poles, firmness = self._poles(motion, displacements)
         displaced = [

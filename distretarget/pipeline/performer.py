@@ -16,6 +16,7 @@ from distretarget.body.beside import Tree, without_twins
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
 from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
+from distretarget.body.single_bones import straightened
 from distretarget.body.skin_anchors import AnchoredSkin
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
@@ -145,7 +146,8 @@ def match_performer(transfer: Transfer) -> Match:
     of_target = at_thighs(of_target) if hips else of_target
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
-    matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
+    on_target = straightened(world.to_target_axes(of_source), of_target)
+    matching = match(on_target, of_target.with_up(world.up), pairs)
     has_skin = options.objective != "paper" and options.skin != "none"
     mesh = _bare(goal) if has_skin and not builds.target else None
     source_build = builds.source or (_build_of_rig(matching, goal, mesh, transfer) if has_skin else None)

@@ -1,0 +1,108 @@
+"""Limbs of one bone, as figures of blocks have: where they end, and sources whose limbs are as straight.
+
+A straight leg, which points from hip to ankle, is longer than a bent one. So the hips rise, as far as ankles of legs
+that stand would be under their floor, averaged over time. That is where an ankle is while its foot rests, and in
+between on the line from one rest to the next, but never above the ankle. Legs that lead away from the hips, as those of
+somebody who sits, turn up instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.body.body import Body
+from distretarget.body.conventions import NamedTree
+from distretarget.body.limbs import Leg
+from distretarget.body.named_anatomy import by_tree
+from distretarget.body.resting import feet_at_rest
+from distretarget.motion import Motion
+from distretarget.numerics.moving import averaged
+from distretarget.numerics.time_series import by_shot, smoothstep
+from distretarget.numerics.vectors import Array, angles_between, lengths, level, normalised
+from distretarget.skeleton import SMALLEST, Skeleton
+from distretarget.skin.limbs import Limb, bent
+from distretarget.skin.mesh import MeshReader
+
+PARTS = tuple(tuple(side + part for part in parts) for parts in (ARM[1:], LEG[:3]) for side in SIDES)
+# The body stands on a leg that is within the first angle of straight down; one beyond the second leads away [rad].
+STANDS, LEADS = np.radians(25), np.radians(45)
+RISE_BLEND = 0.1  # the rise is averaged over this time before and after a frame [s]
+
+
+def single_bones(anatomy: Anatomy | None) -> Iterator[tuple[str, ...]]:
+    """Yield the roles of upper bone, lower bone and end for the limbs of an anatomy that have an upper bone alone."""
+    roles = anatomy.roles if anatomy else {}
+    return (parts for parts in PARTS if parts[0] in roles and parts[1] not in roles)
+
+
+def with_ends(skeleton: Skeleton, mesh: MeshReader) -> Skeleton:
+    """Return a skeleton with an End Site more for each limb of one bone that has no end, where its skin in the `mesh`
+    ends: straight below the hip, or along the longest axis of an arm's skin.
+    """
+    body = Body.of(skeleton) if any(single_bones(by_tree(NamedTree.of(skeleton), single=True))) else None
+    open_ = [parts for parts in single_bones(body.anatomy) if parts[2] not in body.roles] if body else []
+    skin = mesh() if open_ else None
+    if body is None or skin is None:
+        return skeleton
+    tops, offsets = [body.roles[parts[0]] for parts in open_], []
+    for top, (_, _, end) in zip(tops, open_, strict=True):
+        points = skin.vertices[np.unique(skin.firsts[skin.carriers == top])] - skeleton.rest_positions[top]
+        points = points if len(points) else np.zeros((1, 3))
+        is_leg = end.endswith("Foot")
+        along = -body.up_vector if is_leg else np.linalg.svd(points - points.mean(axis=0))[2][0]
+        reach = points @ along
+        offsets.append((reach.max() if is_leg or reach.mean() > 0.0 else reach.min()) * along)
+    return replace(
+        skeleton,
+        names=(*skeleton.names, *(f"{skeleton.names[top]}_End" for top in tops)),
+        parents=np.append(skeleton.parents, tops),
+        offsets=np.vstack([skeleton.offsets, *offsets]),
+        channels=(*skeleton.channels, *((),) * len(tops)),
+        end_sites=np.append(skeleton.end_sites, np.ones(len(tops), bool)),
+    )
+
+
+def on_ends(motion: Motion, skeleton: Skeleton) -> Motion:
+    """Return a motion on a skeleton that has more End Sites after its joints, or fewer."""
+    more, kept = len(skeleton) - len(motion.skeleton), motion.rotations[:, : len(skeleton)]
+    still = np.tile(skeleton.unturned[:1], (len(motion), max(more, 0), 1))
+    return replace(motion, skeleton=skeleton, rotations=np.hstack([kept, still])) if more else motion
+
+
+def straightened(source: Body, target: Body) -> Body:
+    """Return the source with straight limbs where the target's are single bones."""
+    motion, roles, up = source.motion, source.roles, source.up_vector
+    known = (parts for parts in single_bones(target.anatomy) if roles.keys() >= {*parts})
+    limbs = [Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known]
+    if motion is None or not limbs:
+        return source
+    legs, low = {leg.hip: leg for leg in source.legs or ()}, np.zeros((len(motion), len(limbs)))
+    tops, middles, ends = (motion.positions[:, joints] for joints in np.transpose([limb.joints for limb in limbs]))
+    upper, whole = lengths(middles - tops), lengths(middles - tops) + lengths(ends - middles)
+    ways = whole[..., None] * normalised(ends - tops)
+    for number, limb in enumerate(limbs):
+        if limb.top in legs:
+            floor = _floor(motion, legs[limb.top], up, source.leg_length)
+            low[:, number] = floor - (tops + ways)[:, number] @ up
+    leads = smoothstep((angles_between(ways, np.broadcast_to(-up, ways.shape)) - STANDS) / (LEADS - STANDS))
+    rise = ((1.0 - leads) * low).max(axis=1, initial=0.0)
+    rise = by_shot(partial(averaged, reach=round(RISE_BLEND / motion.frame_time)), source.shots_of(motion), rise)
+    height = ways @ up + np.maximum(leads * (low - rise[:, None]), 0.0)
+    aside = np.sqrt(np.maximum(whole**2 - height**2, 0.0))
+    ways = aside[..., None] * normalised(level(ways, up)) + height[..., None] * up
+    at_middles = tops + (upper / np.maximum(whole, SMALLEST))[..., None] * ways
+    moved = np.stack([at_middles - middles, tops + ways - ends], axis=2)
+    return source.with_motion(bent(motion, limbs, moved).moved(np.outer(rise, up)), source.up)
+
+
+def _floor(motion: Motion, leg: Leg, up: Array, length: float) -> Array:
+    """The height of the floor of an ankle, (frames,), with legs of a `length` [file units]."""
+    heights = motion.positions[:, leg.ankle] @ up
+    rests = np.flatnonzero(feet_at_rest(motion, leg, up, length).any(axis=1))
+    floor = np.interp(np.arange(len(motion)), rests, heights[rests]) if len(rests) else heights.min()
+    return np.asarray(np.minimum(heights, floor))
