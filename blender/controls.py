@@ -266,7 +266,7 @@ def solve(
     without_action(armature)
     for _, track in others_on(armature, ()):
         track.mute = True
-    poses, bones = poses_of(armature, names, matrices), armature.data.bones
+    (poses, _), bones = poses_of(armature, names, matrices), armature.data.bones
     rig = Rig(armature, [name for name in poses if name in names and bones[name].use_deform] or names)
     goals = [{name: poses[name][frame] for name in rig.joints} for frame in range(len(matrices))]
     transforms = {name: np.tile(np.eye(4), (len(matrices), 1, 1)) for name in rig.controls}

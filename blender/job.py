@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from .contacts import entries_of, state_of
-from .keys import keyed, transforms_of
+from .keys import keyed, poses_of
 from .rig import motion_of, others_on, shape_of, title_of
 from .settings import clip_key
 
@@ -47,16 +47,11 @@ def target_of(context: bpy.types.Context) -> bpy.types.Object:
     return chosen
 
 
-Names = tuple[str, str]
-
-
-def names_of(scene: bpy.types.Scene, armature: bpy.types.Object) -> Names:
-    """By what both are found again: undo replaces everything in a file."""
-    return scene.name, armature.name
+Names = tuple[str, str]  # of a scene and an armature, which are found again by them: undo replaces everything
 
 
 def there(names: Names) -> tuple[bpy.types.Scene, bpy.types.Object]:
-    """The scene and the armature with these names."""
+    """The scene and the armature of names."""
     scene, armature = bpy.data.scenes.get(names[0]), bpy.data.objects.get(names[1])
     if scene is None or armature is None or armature.type != "ARMATURE":
         raise FailedError(f"{names[1]!r} or its scene is gone; the motion was dropped")
@@ -142,7 +137,7 @@ class Job:
         others = others_on(armature, names if on_joints else ())
         for _, each in others:
             each.mute = True
-        transforms = transforms_of(armature, names, matrices) if on_joints else answer["transforms"]
+        transforms = poses_of(armature, names, matrices)[1] if on_joints else answer["transforms"]
         action = keyed(armature, self.title, times, transforms, answer.get("switches", ()))
         lines = answer.get("lines", [])
         if muted := [*dict.fromkeys(repr(name) for name, _ in others)]:

@@ -12,34 +12,28 @@ from .rig import moved_bones
 STILL = 1e-5  # locations up to this get no keys [of the bone]
 ALIKE = 1e-6  # transforms up to this from none get no keys
 LINEAR = 1  # the number of this interpolation
+Frames = dict[str, list[Matrix]]  # of bones, by frame
 
 
-def poses_of(armature: bpy.types.Object, joints: Sequence[str], matrices: np.ndarray) -> dict[str, list[Matrix]]:
-    """Poses of the bones of joints, and of those above them, which keep to their parents: in the armature, by frame.
+def poses_of(armature: bpy.types.Object, joints: Sequence[str], matrices: np.ndarray) -> tuple[Frames, Frames]:
+    """Poses in the armature, and own transforms, of the bones of joints and of those above them, which keep to theirs.
 
     `matrices`, (frames, joints, 4, 4), lead from the rest pose without its places to the world.
     """
-    world, poses = np.array(armature.matrix_world), {}
+    world, poses, transforms = np.array(armature.matrix_world), {}, {}
     for bone in moved_bones(armature, joints):
+        above = poses[bone.parent.name] if bone.parent else [None] * len(matrices)
         if bone.name in joints:
             axes = world @ np.array(bone.bone.matrix_local)
             axes[:3, 3] = 0.0
             there = np.linalg.inv(world) @ matrices[:, joints.index(bone.name)] @ axes
             poses[bone.name] = [*map(Matrix, there.tolist())]
+            both = zip(poses[bone.name], above, strict=True)
+            transforms[bone.name] = [converted(bone, pose, parent, invert=True) for pose, parent in both]
         else:
-            above = poses[bone.parent.name] if bone.parent else [None] * len(matrices)
+            transforms[bone.name] = [Matrix()] * len(matrices)
             poses[bone.name] = [converted(bone, Matrix(), parent, invert=False) for parent in above]
-    return poses
-
-
-def transforms_of(armature: bpy.types.Object, joints: Sequence[str], matrices: np.ndarray) -> dict[str, list[Matrix]]:
-    """The bones' own transforms that bring joints there, by frame; `matrices` as in `poses_of`."""
-    poses, transforms = poses_of(armature, joints, matrices), {}
-    for bone in moved_bones(armature, joints):
-        above = poses[bone.parent.name] if bone.parent else [None] * len(matrices)
-        both = zip(poses[bone.name], above, strict=True)
-        transforms[bone.name] = [converted(bone, pose, parent, invert=True) for pose, parent in both]
-    return transforms
+    return poses, transforms
 
 
 def converted(bone: bpy.types.PoseBone, matrix: Matrix, parent: Matrix | None, invert: bool) -> Matrix:

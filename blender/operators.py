@@ -14,7 +14,7 @@ from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from .contacts import clip_frame, entries_of, listed, put, state_of, take_markers
-from .job import ENDINGS, FailedError, Job, names_of, target_of, there
+from .job import ENDINGS, FailedError, Job, target_of, there
 from .rig import skeleton
 
 LOOKS = 0.05  # a process is looked at so often [s]
@@ -110,7 +110,7 @@ def retarget(self, context):
         raise FailedError("choose a clip, or an armature of the scene that moves")
     take_markers(context.scene)
     clip = settings.performer or Path(bpy.path.abspath(settings.clip))
-    job = Job(names_of(context.scene, target_of(context)), clip)
+    job = Job((context.scene.name, target_of(context).name), clip)
     yield from job.done()
     _, told = job.apply()
     _show(job, told)
@@ -146,7 +146,7 @@ def _show(job: Job, told: dict[str, Any]) -> None:
 @operator("Retarget a folder")
 def retarget_folder(self, context):
     """Retarget all clips of the folder onto the active armature, an action each"""
-    settings, names, faults = context.scene.distretarget, names_of(context.scene, target_of(context)), []
+    settings, names, faults = context.scene.distretarget, (context.scene.name, target_of(context).name), []
     folder = Path(bpy.path.abspath(settings.folder)) if settings.folder else None
     if folder is None or not folder.is_dir():
         raise FailedError("choose a folder of clips")

@@ -108,23 +108,17 @@ def others_on(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple
     return [(name, each) for name, each in found if not each.mute]
 
 
-def rest_of(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that its meshes need: `names` and `parents`, (joints,), and `heads`, (joints, 3)."""
-    joints = skeleton(armature)
-    names, world, bones = [*joints], armature.matrix_world, armature.data.bones
-    heads = [world @ bones[name].head_local if name in bones else world.translation for name in names]
-    parents = [-1 if parent is None else names.index(parent) for parent in joints.values()]
-    return {"names": names, "parents": np.array(parents), "heads": np.array([[*head] for head in heads])}
-
-
 def shape_of(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that meshes need, as `rest_of`, and the vertices that move with them, in the rest pose.
+    """Return the joints that meshes need, and the vertices that move with them, in the rest pose.
 
-    `vertices` (vertices, 3), `triangles` (triangles, 3), and of each influence `moved` (its vertex, in ascending
-    order), `movers` (its joint) and `weights`, (influences,).
+    `names` and `parents`, (joints,), `heads`, (joints, 3), `vertices` (vertices, 3), `triangles` (triangles, 3), and of
+    each influence `moved` (its vertex, in ascending order), `movers` (its joint) and `weights`, (influences,).
     """
-    arrays = rest_of(armature)
-    number = {name: index for index, name in enumerate(arrays["names"])}
+    joints, world, bones = skeleton(armature), armature.matrix_world, armature.data.bones
+    number: dict[str | None, int] = {name: index for index, name in enumerate(joints)} | {None: -1}
+    heads = [world @ bones[name].head_local if name in bones else world.translation for name in joints]
+    parents = np.array([number[parent] for parent in joints.values()])
+    arrays: Arrays = {"names": [*joints], "parents": parents, "heads": np.array([[*head] for head in heads])}
     vertices, triangles, influences, first = [np.empty((0, 3))], [np.empty((0, 3), int)], [], 0
     before, armature.data.pose_position = armature.data.pose_position, "REST"
     for mesh in skinned_meshes(armature):
