@@ -28,9 +28,11 @@ def main() -> None:
         atexit.register(extension.unregister)  # Python would hang as it ends
     asked = _asked()
     if asked.character.suffix != ".blend" or not asked.character.is_file():
-        _fail(f"{asked.character}: expected a .blend file; GLB and VRM need no Blender: distretarget CLIP HERO.glb")
+        sys.exit(
+            f"Error: {asked.character}: expected a .blend file; GLB and VRM need no Blender: distretarget CLIP HERO.glb"
+        )
     if asked.out.suffix != ".blend" or asked.out.exists():
-        _fail(f"{asked.out}: expected the name of a new .blend file")
+        sys.exit(f"Error: {asked.out}: expected the name of a new .blend file")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(asked.character.resolve()), load_ui=False)
         bpy.context.view_layer.objects.active = _armature(asked.armature)
@@ -47,7 +49,7 @@ def main() -> None:
             bpy.ops.distretarget.retarget()
         bpy.ops.wm.save_as_mainfile(filepath=str(asked.out.resolve()))
     except RuntimeError as error:
-        _fail(str(error).strip().splitlines()[0].removeprefix("Error: "))
+        sys.exit(str(error).strip().splitlines()[0])
     for line in (settings.verdict, *(each.name for each in settings.warnings)):
         print(line)
 
@@ -68,10 +70,6 @@ def _asked() -> argparse.Namespace:
     return parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
 
 
-def _fail(message: str) -> None:
-    sys.exit(f"Error: {message}")
-
-
 def _armature(name: str | None) -> bpy.types.Object:
     """The armature with a name, else the only one with meshes, else the only one."""
     objects = bpy.context.view_layer.objects
@@ -79,7 +77,7 @@ def _armature(name: str | None) -> bpy.types.Object:
     found = [each for each in all_ if any(mesh.find_armature() == each for mesh in objects)] or all_
     if len(found) != 1:
         names = ", ".join(repr(each.name) for each in objects if each.type == "ARMATURE") or "none"
-        _fail(f"expected one armature{f' {name!r}' if name else '; choose with --armature'}, found {names}")
+        sys.exit(f"Error: expected one armature{f' {name!r}' if name else '; choose with --armature'}, found {names}")
     return found[0]
 
 

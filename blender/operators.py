@@ -31,9 +31,12 @@ class Told:
             for _ in self.do(context) or ():
                 time.sleep(LOOKS)
         except FailedError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self.stopped("ERROR", str(error))
         return {"FINISHED"}
+
+    def stopped(self, kind, line):
+        self.report({kind}, line)
+        return {"CANCELLED"}
 
 
 class Running(Told):
@@ -48,21 +51,18 @@ class Running(Told):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        if event.type not in ("TIMER", "ESC"):
-            return {"PASS_THROUGH"}
-        status, kind, line = {"FINISHED"}, "INFO", ""
+        status = {"RUNNING_MODAL" if event.type == "TIMER" else "PASS_THROUGH"}
         try:
             if event.type == "TIMER":
                 context.workspace.status_text_set(f"{next(self.steps)}; Esc cancels")
-                return {"RUNNING_MODAL"}
-            status, line = {"CANCELLED"}, "cancelled"
+            elif event.type == "ESC":
+                status = self.stopped("INFO", "cancelled")
         except StopIteration:
-            pass
+            status = {"FINISHED"}
         except FailedError as error:
-            status, kind, line = {"CANCELLED"}, "ERROR", str(error)
-        self.cancel(context)
-        if line:
-            self.report({kind}, line)
+            status = self.stopped("ERROR", str(error))
+        if status & {"FINISHED", "CANCELLED"}:
+            self.cancel(context)
         return status
 
     def cancel(self, context):

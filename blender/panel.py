@@ -13,10 +13,14 @@ from .job import chosen_armature
 LETTER = 7.5  # mean width of a letter [px]
 
 
-class DISTRETARGET_PT_panel(bpy.types.Panel):
-    bl_label = bl_category = "Retarget"
+class InSidebar:
+    bl_category = "Retarget"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
+
+
+class DISTRETARGET_PT_panel(InSidebar, bpy.types.Panel):
+    bl_label = "Retarget"
 
     def draw(self, context):
         settings, layout = context.scene.distretarget, self.layout
@@ -31,15 +35,13 @@ class DISTRETARGET_PT_panel(bpy.types.Panel):
             _wrap(row, line.name, letters - 12, "ERROR", "BLANK1")
             if line.frame >= 0:
                 _go_to(row, line.frame, text=f"{line.frame}")
-        for title, closed, draw in (
-            ("Contacts", False, _contacts),
-            ("Bones and joints of the clip", True, _pairs),
-            ("A folder of clips", True, _folder),
-        ):
-            header, body = layout.panel(f"distretarget_{draw.__name__}", default_closed=closed)
-            header.label(text=title)
-            if body:
-                draw(body, settings, chosen_armature(context))
+
+
+def _section(name, label, draw, **members):
+    """A panel below that of the extension, which `draw` draws."""
+    members |= {"bl_label": label, "bl_parent_id": "DISTRETARGET_PT_panel"}
+    members["draw"] = lambda self, context: draw(self.layout, context.scene.distretarget, chosen_armature(context))
+    return type(f"DISTRETARGET_PT_{name}", (InSidebar, bpy.types.Panel), members)
 
 
 def _wrap(layout, text, letters, first, rest):
@@ -107,4 +109,11 @@ class DISTRETARGET_UL_pairs(bpy.types.UIList):
         layout.prop_search(item, "source", context.scene.distretarget, "joints", text="")
 
 
-CLASSES = (DISTRETARGET_PT_panel, DISTRETARGET_UL_contacts, DISTRETARGET_UL_pairs)
+CLASSES = (
+    DISTRETARGET_PT_panel,
+    DISTRETARGET_UL_contacts,
+    DISTRETARGET_UL_pairs,
+    _section("contacts", "Contacts", _contacts),
+    _section("pairs", "Bones and joints of the clip", _pairs, bl_options={"DEFAULT_CLOSED"}),
+    _section("folder", "A folder of clips", _folder, bl_options={"DEFAULT_CLOSED"}),
+)

@@ -324,7 +324,7 @@ def test_what_is_stopped_changes_nothing():
 
 
 def test_linked_characters_are_refused_and_overrides_work():
-    odd("posed")
+    rest = rig.shape_of(odd("posed"))["vertices"]
     clip, character = settings().clip, str(FOLDER / "character.blend")
     bpy.ops.wm.save_as_mainfile(filepath=character)
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -334,6 +334,7 @@ def test_linked_characters_are_refused_and_overrides_work():
     armature, body = linked.objects
     for each in linked.objects:
         bpy.context.scene.collection.objects.link(each)
+    assert np.allclose(rig.shape_of(armature)["vertices"], rest, atol=1e-6)
     bpy.context.view_layer.objects.active = armature
     assert "is linked from another file; make it local or an override" in fault(operators.retarget)
     own = armature.override_create(remap_local_usages=True)
@@ -465,16 +466,17 @@ def test_pairs_are_chosen_and_kept_with_the_character():
 
 def test_the_panel_draws_what_there_is():
     hero()
-    drawn, layout = SimpleNamespace(layout=MagicMock()), MagicMock()
-    drawn.layout.panel.return_value = layout, layout
-    context = MagicMock(wraps=bpy.context, scene=bpy.context.scene, active_object=bpy.context.active_object)
+    context = MagicMock(scene=bpy.context.scene, active_object=bpy.context.active_object)
     context.region.width, context.preferences.system.ui_scale = 300, 1.0
-    panel.DISTRETARGET_PT_panel.draw(drawn, context)
-    done(operators.retarget)
-    panel.DISTRETARGET_PT_panel.draw(drawn, context)
-    for each in (*layout.prop.call_args_list, *drawn.layout.prop.call_args_list):
-        assert each.args[1] in each.args[0].bl_rna.properties
-    assert "distretarget_pairs" in [each.args[3] for each in layout.template_list.call_args_list]
+    for _ in range(2):  # before and after
+        drawn = SimpleNamespace(layout=MagicMock())
+        for each in panel.CLASSES:
+            if issubclass(each, bpy.types.Panel):
+                each.draw(drawn, context)
+        for call in drawn.layout.prop.call_args_list:
+            assert call.args[1] in call.args[0].bl_rna.properties
+        done(operators.retarget)
+    assert [call.args[3] for call in drawn.layout.template_list.call_args_list] == ["contacts", "distretarget_pairs"]
 
 
 def test_controls_bring_joints_to_where_the_motion_has_them():
