@@ -42,7 +42,6 @@ CHANGES = {  # what an entry says, by state
     "FLOOR": {"on": "floor"},
     "HERE": {"on": "where it is"},
 }
-MARK = "distretarget"  # the property of a marker: the number of a contact, which of its ends, and the frame
 
 
 def subject_of(entry: Entry) -> str:
@@ -132,6 +131,14 @@ def _set_state(row: bpy.types.PropertyGroup, number: int) -> None:
             _change(row, **dict.fromkeys(SAID) | CHANGES[state] | gap)
 
 
+class DISTRETARGET_PG_mark(bpy.types.PropertyGroup):
+    """A marker, by its name, with the end of a contact at which it was put, and the frame."""
+
+    row: IntProperty()
+    end: IntProperty()
+    frame: IntProperty()
+
+
 class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
     clip: StringProperty()
     entry: StringProperty()
@@ -180,22 +187,24 @@ def listed(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGroup]:
 
 def take_markers(scene: bpy.types.Scene) -> None:
     """Give contacts the frames to which their markers were moved."""
-    rows = scene.distretarget.contacts
-    for marker in scene.timeline_markers:
-        number, end, frame = marker.get(MARK, (0, 0, marker.frame))
-        if marker.frame != frame and number < len(rows):
-            _move(rows[number], end, marker.frame)
+    settings = scene.distretarget
+    for mark in settings.marks:
+        marker = scene.timeline_markers.get(mark.name)
+        if marker is not None and marker.frame != mark.frame and mark.row < len(settings.contacts):
+            _move(settings.contacts[mark.row], mark.end, marker.frame)
 
 
 def set_markers(scene: bpy.types.Scene) -> None:
     """Show the contacts of the clip as markers at their first and last frames; not what rests as found."""
     settings, markers = scene.distretarget, scene.timeline_markers
-    for marker in [each for each in markers if MARK in each]:
+    for marker in filter(None, map(markers.get, settings.marks.keys())):
         markers.remove(marker)
+    settings.marks.clear()
     for number, row in enumerate(settings.contacts if settings.markers and settings.step else ()):
         entry = json.loads(row.entry)
         if row.clip == settings.clip_key and (subject_of(entry) != "plant" or state_of(entry) != "FOUND"):
             start = f"{number + 1}{' dropped' if state_of(entry) == 'DROP' else ''}"
             for end, frame in enumerate((row.first, row.last)):
-                marker = markers.new(f"{start}{' end' * end}. {title_of(entry)}", frame=frame)
-                marker[MARK] = [number, end, frame]
+                mark, title = settings.marks.add(), f"{start}{' end' * end}. {title_of(entry)}"
+                mark.row, mark.end, mark.frame = number, end, frame
+                mark.name = markers.new(title, frame=frame).name  # Blender shortens long names
