@@ -12,17 +12,17 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 Entry = dict[str, Any]
 SUBJECTS = ("between", "plant", "look", "distance")  # the fields that say what an entry is about
 SAID = ("keep", "gap", "firmness", "on")  # the fields that say what becomes of it
-GAP = ("GAP", "Hold at a gap", "The skins are as far apart as the gap says")
-STATES = {  # by subject, what may become of it
+STATES = {  # by subject, what may become of it: its name, and what the panel shows
     "between": [
         ("FOUND", "As found", "It is kept as far as it is found in the clip"),
         ("DROP", "Drop", "These parts need not touch"),
         ("SOURCE", "Hold as in the clip", "The skins are as far apart as in the clip"),
-        GAP,
+        ("GAP", "Hold at a gap", "The skins are as far apart as the gap says"),
     ],
     "plant": [
         ("FOUND", "As found", "It rests as far as it is found to rest in the clip"),
@@ -54,44 +54,34 @@ def title_of(entry: Entry) -> str:
     return named if isinstance(named, str) else " - ".join(named)
 
 
-def acts(entry: Entry) -> bool:
-    """Whether an entry changes anything."""
-    return state_of(entry) != "FOUND"
-
-
 def state_of(entry: Entry) -> str:
-    subject = subject_of(entry)
-    if subject not in ("between", "plant"):
+    """What is to become of it; where it is "FOUND", the entry changes nothing."""
+    if subject_of(entry) in ("look", "distance"):
         return "ASKED"
     if entry.get("keep") is False:
         return "DROP"
     if "gap" in entry:
         return "SOURCE" if entry["gap"] == "source" else "GAP"
-    if "on" in entry:
-        return {"floor": "FLOOR", "where it is": "HERE"}.get(str(entry["on"]), "THERE")
-    return "FOUND"
+    return {"None": "FOUND", "floor": "FLOOR", "where it is": "HERE"}.get(str(entry.get("on")), "THERE")
+
+
+def span_of(entry: Entry, settings: bpy.types.PropertyGroup) -> list[int]:
+    """The first and the last frame of the clip for which an entry is, counted from 0."""
+    if "seconds" in entry and settings.frame_time:
+        return [round(each / settings.frame_time) for each in entry["seconds"]]
+    return [int(each) for each in entry.get("frames", (0, max(settings.frames - 1, 0)))]
+
+
+def clip_frame(settings: bpy.types.PropertyGroup, frame: float) -> int:
+    """The frame of the clip that is shown in a frame of the scene."""
+    number = round((frame - settings.start) / (settings.step or 1.0))
+    return min(max(number, 0), max(settings.frames - 1, 0))
 
 
 def _change(row: bpy.types.PropertyGroup, **values: Any) -> None:
     """Change fields of the entry of a row; None takes one out, and so does the usual firmness."""
-    entry = json.loads(row.entry) | values
-    said = {key: value for key, value in entry.items() if value is not None and (key, value) != ("firmness", 1.0)}
-    row.entry = json.dumps(said)
-
-
-def _get_state(row: bpy.types.PropertyGroup) -> int:
-    entry = json.loads(row.entry)
-    return [state for state, *_ in STATES[subject_of(entry)]].index(state_of(entry))
-
-
-def _set_state(row: bpy.types.PropertyGroup, number: int) -> None:
-    entry = json.loads(row.entry)
-    state = STATES[subject_of(entry)][number][0]
-    if state in CHANGES and state != state_of(entry):
-        found = re.match(r"[\d.]+", entry.get("found", ""))
-        gap = {"gap": float(found[0])} if found and state == "GAP" else {}
-        with listed(row.id_data):
-            _change(row, **(dict.fromkeys(SAID) | CHANGES[state] | gap))
+    said = (json.loads(row.entry) | values).items()
+    row.entry = json.dumps({key: value for key, value in said if value is not None and (key, value) != ("firmness", 1)})
 
 
 def _number(key: str, usual: float) -> dict[str, Any]:
@@ -101,10 +91,7 @@ def _number(key: str, usual: float) -> dict[str, Any]:
         value = json.loads(row.entry).get(key, usual)
         return usual if isinstance(value, str) else float(value)
 
-    def set_(row: bpy.types.PropertyGroup, value: float) -> None:
-        _change(row, **{key: round(value, 4)})
-
-    return {"get": get, "set": set_}
+    return {"get": get, "set": lambda row, value: _change(row, **{key: round(value, 4)})}
 
 
 def _end(which: int) -> dict[str, Any]:
@@ -130,42 +117,43 @@ def _move(row: bpy.types.PropertyGroup, which: int, frame: int) -> None:
     _change(row, frames=span, seconds=None)
 
 
-def clip_frame(settings: bpy.types.PropertyGroup, frame: float) -> int:
-    """The frame of the clip that is shown in a frame of the scene."""
-    number = round((frame - settings.start) / (settings.step or 1.0))
-    return min(max(number, 0), max(settings.frames - 1, 0))
+def _get_state(row: bpy.types.PropertyGroup) -> int:
+    entry = json.loads(row.entry)
+    return [state for state, *_ in STATES[subject_of(entry)]].index(state_of(entry))
 
 
-def span_of(entry: Entry, settings: bpy.types.PropertyGroup) -> list[int]:
-    """The first and the last frame of the clip for which an entry is, counted from 0."""
-    if "seconds" in entry and settings.frame_time:
-        return [round(each / settings.frame_time) for each in entry["seconds"]]
-    return [int(each) for each in entry.get("frames", (0, max(settings.frames - 1, 0)))]
+def _set_state(row: bpy.types.PropertyGroup, number: int) -> None:
+    entry = json.loads(row.entry)
+    state, found = STATES[subject_of(entry)][number][0], re.match(r"[\d.]+", entry.get("found", ""))
+    if state in CHANGES and state != state_of(entry):
+        gap = {"gap": float(found[0])} if found and state == "GAP" else {}
+        with listed(row.id_data):
+            _change(row, **dict.fromkeys(SAID) | CHANGES[state] | gap)
 
 
 class DISTRETARGET_PG_mark(bpy.types.PropertyGroup):
     """A marker, by its name, with the end of a contact at which it was put, and the frame."""
 
-    row: bpy.props.IntProperty()
-    end: bpy.props.IntProperty()
-    frame: bpy.props.IntProperty()
+    row: IntProperty()
+    end: IntProperty()
+    frame: IntProperty()
 
 
 class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
-    clip: bpy.props.StringProperty()
-    entry: bpy.props.StringProperty()
-    state: bpy.props.EnumProperty(
+    clip: StringProperty()
+    entry: StringProperty()
+    state: EnumProperty(
         name="Contact",
         items=lambda row, _: STATES[subject_of(json.loads(row.entry))],
         get=_get_state,
         set=_set_state,
     )
-    gap: bpy.props.FloatProperty(name="Gap", description="Between the skins [cm]", min=0.0, **_number("gap", 0.0))
-    firmness: bpy.props.FloatProperty(
+    gap: FloatProperty(name="Gap", description="Between the skins [cm]", min=0.0, **_number("gap", 0.0))
+    firmness: FloatProperty(
         name="Firmness", description="How far they are brought there", min=0.0, max=1.0, **_number("firmness", 1.0)
     )
-    first: bpy.props.IntProperty(name="First frame", **_end(0))
-    last: bpy.props.IntProperty(name="Last frame", **_end(1))
+    first: IntProperty(name="First frame", **_end(0))
+    last: IntProperty(name="Last frame", **_end(1))
 
 
 def entries_of(scene: bpy.types.Scene, clip: str) -> list[Entry]:
@@ -177,10 +165,8 @@ def put(scene: bpy.types.Scene, clip: str, *entries: Iterable[Entry]) -> None:
     """List some entries for a clip, in place of all that are listed for it; the first of several for the same span."""
     settings, kept = scene.distretarget, {}
     for entry in itertools.chain(*entries):
-        span = {key: entry[key] for key in ("frames", "seconds") if key in entry}
-        parts = entry[subject_of(entry)]
-        parts = sorted(parts) if isinstance(parts, list) else parts
-        kept.setdefault(json.dumps([subject_of(entry), parts, span]), entry)
+        about = [subject_of(entry), sorted(title_of(entry).split(" - ")), entry.get("frames"), entry.get("seconds")]
+        kept.setdefault(json.dumps(about), entry)
     rows = settings.contacts
     for number in reversed([number for number, row in enumerate(rows) if row.clip == clip]):
         rows.remove(number)
@@ -211,15 +197,14 @@ def take_markers(scene: bpy.types.Scene) -> None:
 def set_markers(scene: bpy.types.Scene) -> None:
     """Show the contacts of the clip as markers at their first and last frames; not what rests as found."""
     settings, markers = scene.distretarget, scene.timeline_markers
-    for marker in filter(None, [markers.get(mark.name) for mark in settings.marks]):
+    for marker in filter(None, map(markers.get, settings.marks.keys())):
         markers.remove(marker)
     settings.marks.clear()
     for number, row in enumerate(settings.contacts if settings.markers and settings.step else ()):
         entry = json.loads(row.entry)
-        if row.clip != settings.clip_key or (subject_of(entry) == "plant" and not acts(entry)):
-            continue
-        start = f"{number + 1}{' dropped' if state_of(entry) == 'DROP' else ''}"
-        for end, frame in enumerate((row.first, row.last)):
-            mark, title = settings.marks.add(), f"{start}{' end' * end}. {title_of(entry)}"
-            mark.row, mark.end, mark.frame = number, end, frame
-            mark.name = markers.new(title, frame=frame).name  # Blender shortens long names
+        if row.clip == settings.clip_key and (subject_of(entry) != "plant" or state_of(entry) != "FOUND"):
+            start = f"{number + 1}{' dropped' if state_of(entry) == 'DROP' else ''}"
+            for end, frame in enumerate((row.first, row.last)):
+                mark, title = settings.marks.add(), f"{start}{' end' * end}. {title_of(entry)}"
+                mark.row, mark.end, mark.frame = number, end, frame
+                mark.name = markers.new(title, frame=frame).name  # Blender shortens long names

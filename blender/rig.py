@@ -12,7 +12,7 @@ import numpy as np
 SAME = 1e-4  # largest difference between the rest matrices of bones that coincide, with a body of size 1
 MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones whose drivers move them
 Joints = dict[str, str | None]
-Arrays = dict[str, np.ndarray]
+Arrays = dict[str, Any]
 
 
 def skinned_meshes(armature: bpy.types.Object) -> list[bpy.types.Object]:
@@ -108,65 +108,44 @@ def others_on(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple
     return [(name, each) for name, each in found if not each.mute]
 
 
-def arrays_of(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that meshes need, and the vertices that move with them, as arrays.
+def shape_of(armature: bpy.types.Object) -> Arrays:
+    """Return the joints that meshes need, and the vertices that move with them, in the rest pose.
 
-    `names` and `parents` (joints,), `heads` (joints, 3), `vertices` (vertices, 3), `triangles` (triangles, 3), and of
+    `names` and `parents`, (joints,), `heads`, (joints, 3), `vertices` (vertices, 3), `triangles` (triangles, 3), and of
     each influence `moved` (its vertex, in ascending order), `movers` (its joint) and `weights`, (influences,).
     """
-    arrays = rest_arrays(armature)
-    number = {name: index for index, name in enumerate(arrays["names"].tolist())}
+    joints, world, bones = skeleton(armature), armature.matrix_world, armature.data.bones
+    number: dict[str | None, int] = {name: index for index, name in enumerate(joints)} | {None: -1}
+    heads = [world @ bones[name].head_local if name in bones else world.translation for name in joints]
+    parents = np.array([number[parent] for parent in joints.values()])
+    arrays: Arrays = {"names": [*joints], "parents": parents, "heads": np.array([[*head] for head in heads])}
+    vertices, triangles, influences, first = [np.empty((0, 3))], [np.empty((0, 3), int)], [], 0
     before, armature.data.pose_position = armature.data.pose_position, "REST"
-    try:
-        parts = [_part(mesh, number) for mesh in skinned_meshes(armature)]
-    finally:
-        armature.data.pose_position = before
-    first = 0
-    for part in parts:
-        part["triangles"] += first
-        part["moved"] += first
-        first += len(part["vertices"])
-    return arrays | {key: np.concatenate([part[key] for part in parts]) for key in (parts[0] if parts else ())}
-
-
-def rest_arrays(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that its meshes need: `names`, `parents` and `heads`, as `arrays_of`."""
-    joints = skeleton(armature)
-    names, world, bones = [*joints], armature.matrix_world, armature.data.bones
-    number = {name: index for index, name in enumerate(names)}
-    heads = [world @ bones[name].head_local if name in bones else world.translation for name in names]
-    parents = [-1 if parent is None else number[parent] for parent in joints.values()]
-    return {"names": np.array(names), "parents": np.array(parents), "heads": np.array([[*head] for head in heads])}
-
-
-def _part(mesh: bpy.types.Object, number: dict[str, int]) -> Arrays:
-    """A mesh with its modifiers, in the world."""
-    shown = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    data = shown.to_mesh()
-    try:
+    for mesh in skinned_meshes(armature):
+        data = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get()).data  # with its modifiers
         data.calc_loop_triangles()
-        places = np.empty(3 * len(data.vertices))
-        data.vertices.foreach_get("co", places)
-        triangles = np.empty(3 * len(data.loop_triangles), np.int32)
-        data.loop_triangles.foreach_get("vertices", triangles)
+        matrix, places = np.array(mesh.matrix_world), _read(data.vertices, "co")
+        vertices.append(places @ matrix[:3, :3].T + matrix[:3, 3])
+        triangles.append(first + _read(data.loop_triangles, "vertices").astype(int))
         groups = {group.index: number[group.name] for group in mesh.vertex_groups if group.name in number}
-        influences = [
-            (vertex.index, groups[each.group], each.weight)
+        influences += [
+            (first + vertex.index, groups[each.group], each.weight)
             for vertex in data.vertices
             for each in vertex.groups
             if each.group in groups and each.weight > 0.0
         ]
-    finally:
-        shown.to_mesh_clear()
-    matrix = np.array(mesh.matrix_world)
+        first += len(places)
+    armature.data.pose_position = before
     moved, movers, weights = np.array(influences).reshape(-1, 3).T
-    return {
-        "vertices": places.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3],
-        "triangles": triangles.reshape(-1, 3).astype(np.int64),
-        "moved": moved.astype(np.int64),
-        "movers": movers.astype(np.int64),
-        "weights": weights,
-    }
+    arrays |= {"vertices": np.concatenate(vertices), "triangles": np.concatenate(triangles), "weights": weights}
+    return arrays | {"moved": moved.astype(int), "movers": movers.astype(int)}
+
+
+def _read(items: bpy.types.bpy_prop_collection, name: str) -> np.ndarray:
+    """A property with three numbers of each item, (items, 3)."""
+    values = np.empty(3 * len(items))
+    items.foreach_get(name, values)
+    return values.reshape(-1, 3)
 
 
 def title_of(armature: bpy.types.Object) -> str:
@@ -175,15 +154,15 @@ def title_of(armature: bpy.types.Object) -> str:
 
 
 def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
-    """Return the joints of an armature, as `rest_arrays`, and where they are in each frame of its action, or of the
-    scene where it has none: `places`, (frames, joints, 3), `turns` from the rest pose in the world, (frames, joints,
-    4), x y z w, and `frame_time`. Constraints, drivers and NLA tracks count; the scene is at its frame again.
+    """Return the joints of an armature in each frame of its action, or of the scene where it has none.
+
+    `places`, (frames, joints, 3), and `turns` from the rest pose, (frames, joints, 4), x y z w, are in the world;
+    `frame_time` [s]. Constraints, drivers and NLA tracks count; the scene is at its frame again.
     """
-    action = _action_of(armature)
+    action, now, names = _action_of(armature), scene.frame_current_final, [*skeleton(armature)]
     first, last = action.frame_range if action else (scene.frame_start, scene.frame_end)
-    arrays, bones, now = rest_arrays(armature), armature.pose.bones, scene.frame_current_final
-    names, world = arrays["names"].tolist(), armature.matrix_world
-    back = [(world @ bones[name].bone.matrix_local if name in bones else world).inverted() for name in names]
+    bones, world = armature.data.bones, armature.matrix_world
+    back = [(world @ bones[name].matrix_local if name in bones else world).inverted() for name in names]
     places, turns = [], []
     for frame in range(round(first), round(last) + 1):
         scene.frame_set(frame)
@@ -193,8 +172,8 @@ def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
         places.append([[*matrix.translation] for matrix in posed])
         turns.append([[*(matrix @ start).to_quaternion()] for matrix, start in zip(posed, back, strict=True)])
     scene.frame_set(math.floor(now), subframe=now % 1.0)
-    arrays |= {"places": np.array(places), "turns": np.array(turns)[..., [1, 2, 3, 0]]}
-    return arrays | {"frame_time": np.array(scene.render.fps_base / scene.render.fps)}
+    frame_time = scene.render.fps_base / scene.render.fps
+    return {"places": np.array(places), "turns": np.array(turns)[..., [1, 2, 3, 0]], "frame_time": frame_time}
 
 
 def _action_of(armature: bpy.types.Object) -> bpy.types.Action | None:

@@ -4,14 +4,15 @@
 from pathlib import PurePath
 
 import bpy
+from bpy import props
 
-from . import contacts
+from .contacts import DISTRETARGET_PG_contact, DISTRETARGET_PG_mark, set_markers
 from .rig import title_of
 
 
 def _is_another(settings, _context):
     settings.step = 0.0
-    contacts.set_markers(settings.id_data)
+    set_markers(settings.id_data)
 
 
 def _is_chosen(pair, _context):
@@ -21,37 +22,38 @@ def _is_chosen(pair, _context):
 class DISTRETARGET_PG_pair(bpy.types.PropertyGroup):
     """The joint of the clip that moves a bone, which `name` is."""
 
-    source: bpy.props.StringProperty(name="Joint", description="The joint of the clip", update=_is_chosen)
-    is_chosen: bpy.props.BoolProperty(name="Chosen", description="It was chosen here, and stays so")
+    source: props.StringProperty(name="Joint", description="The joint of the clip", update=_is_chosen)
+    is_chosen: props.BoolProperty(name="Chosen", description="It was chosen here, and stays so")
 
 
 class DISTRETARGET_PG_warning(bpy.types.PropertyGroup):
-    text: bpy.props.StringProperty()
-    frame: bpy.props.IntProperty(default=-1)
+    """A warning, which `name` is."""
+
+    frame: props.IntProperty(default=-1)
 
 
 class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
-    clip: bpy.props.StringProperty(
-        name="Clip", subtype="FILE_PATH", description="BVH, FBX, GLB, VRMA or npz", update=_is_another
+    clip: props.StringProperty(
+        name="Clip", description="BVH, FBX, GLB, VRMA or npz", subtype="FILE_PATH", update=_is_another
     )
-    performer: bpy.props.PointerProperty(
+    performer: props.PointerProperty(
         name="Armature",
+        description="An armature of the scene whose motion is the clip, in place of a file",
         type=bpy.types.Object,
         poll=lambda settings, each: each.type == "ARMATURE" and each.name in settings.id_data.objects,
-        description="An armature of the scene whose motion is the clip, in place of a file",
         update=_is_another,
     )
-    animation: bpy.props.StringProperty(
+    animation: props.StringProperty(
         name="Animation", description="Which of several animations of the file", update=_is_another
     )
-    start: bpy.props.IntProperty(name="Start", default=1, description="The frame at which the action begins")
-    whole_frames: bpy.props.BoolProperty(
+    start: props.IntProperty(name="Start", description="The frame at which the action begins", default=1)
+    whole_frames: props.BoolProperty(
         name="Whole frames", description="A key in each frame of the scene, in place of one for each frame of the clip"
     )
-    mirror: bpy.props.BoolProperty(name="Mirror", description="Exchange left and right")
-    loop: bpy.props.BoolProperty(name="Loop", description="The end leads to the start")
-    in_place: bpy.props.BoolProperty(name="In place", description="Leave out the path along the floor")
-    keys: bpy.props.EnumProperty(
+    mirror: props.BoolProperty(name="Mirror", description="Exchange left and right")
+    loop: props.BoolProperty(name="Loop", description="The end leads to the start")
+    in_place: props.BoolProperty(name="In place", description="Leave out the path along the floor")
+    keys: props.EnumProperty(
         name="Keys",
         description="Which bones get the keys",
         items=[
@@ -60,27 +62,27 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
             ("IK", "Controls, IK", "FK and IK controls, with switches at IK"),
         ],
     )
-    verdict: bpy.props.StringProperty()
-    warnings: bpy.props.CollectionProperty(type=DISTRETARGET_PG_warning)
-    # Of the clip, since it was retargeted last:
-    frames: bpy.props.IntProperty()
-    frame_time: bpy.props.FloatProperty(description="In seconds")
-    step: bpy.props.FloatProperty(description="Frames of the scene for one of the clip; 0 until it is retargeted")
-    joints: bpy.props.CollectionProperty(type=bpy.types.PropertyGroup)  # by their names
-    contacts: bpy.props.CollectionProperty(type=contacts.DISTRETARGET_PG_contact)
-    marks: bpy.props.CollectionProperty(type=contacts.DISTRETARGET_PG_mark)
-    contact: bpy.props.IntProperty(description="The contact that is chosen in the list")
-    markers: bpy.props.BoolProperty(
+    markers: props.BoolProperty(
         name="Markers",
-        default=True,
         description="Show contacts in the timeline; markers that are moved count when it is retargeted again",
-        update=lambda settings, _: contacts.set_markers(settings.id_data),
+        default=True,
+        update=lambda settings, _: set_markers(settings.id_data),
     )
-    folder: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", description="A folder of clips")
-    as_assets: bpy.props.BoolProperty(name="Mark as assets", description="Show the actions in the asset browser")
-    push_down: bpy.props.BoolProperty(
+    folder: props.StringProperty(name="Folder", description="A folder of clips", subtype="DIR_PATH")
+    as_assets: props.BoolProperty(name="Mark as assets", description="Show the actions in the asset browser")
+    push_down: props.BoolProperty(
         name="Push down", description="Make an NLA track of each action; all but the last are muted"
     )
+    # Of the clip, since it was retargeted last:
+    verdict: props.StringProperty()
+    warnings: props.CollectionProperty(type=DISTRETARGET_PG_warning)
+    frames: props.IntProperty()
+    frame_time: props.FloatProperty(description="In seconds")
+    step: props.FloatProperty(description="Frames of the scene for one of the clip; 0 until it is retargeted")
+    joints: props.CollectionProperty(type=bpy.types.PropertyGroup)  # by their names
+    contacts: props.CollectionProperty(type=DISTRETARGET_PG_contact)
+    marks: props.CollectionProperty(type=DISTRETARGET_PG_mark)
+    contact: props.IntProperty(description="The contact that is chosen in the list")
 
     @property
     def clip_key(self) -> str:
@@ -95,7 +97,7 @@ def clip_key(clip: str | PurePath, animation: str) -> str:
 GROUPS = (
     DISTRETARGET_PG_pair,
     DISTRETARGET_PG_warning,
-    contacts.DISTRETARGET_PG_mark,
-    contacts.DISTRETARGET_PG_contact,
+    DISTRETARGET_PG_mark,
+    DISTRETARGET_PG_contact,
     DISTRETARGET_PG_settings,
 )

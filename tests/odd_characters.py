@@ -1,15 +1,10 @@
-"""Make characters that are hard to move, as .blend.
+"""Characters that are hard to move, made in Blender of the basic human of the add-on Rigify, with a box for each bone.
 
-    python tests/odd_characters.py FOLDER NAME...
-
-Needs the package bpy. A character is the basic human of the add-on Rigify, with a box as mesh for each bone.
+Each function with a character's name changes that human, which has Rigify's names, and may bring its own meshes.
 """
 
 import math
-import os
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import bpy
 from mathutils import Euler, Matrix, Vector
@@ -33,22 +28,37 @@ VRM = (
     "J_Bip_{}_UpperLeg,J_Bip_{}_LowerLeg,J_Bip_{}_Foot,J_Bip_{}_ToeBase"
 )
 ODD = UNITY.replace("Upper Chest", "Brust/Oberkörper").replace("Head", "頭").replace("{} Hand", "{}:Hand.x")
+LIMBS = [
+    (one + side, two + side, end + side)
+    for side in (".L", ".R")
+    for one, two, end in (("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot"))
+]
 NO_BONES = ("breast", "pelvis", "heel")  # parts of Rigify's human that other characters lack
 
+Armature = bpy.types.Object
+Bones = bpy.types.bpy_prop_collection
 
-def human() -> bpy.types.Object:
-    """An empty scene with Rigify's basic human and a box for each bone."""
+
+def made(name: str) -> Armature:
+    """Make a character in an empty scene, and return its armature, which is active."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module="rigify")
     bpy.ops.object.armature_basic_human_metarig_add()
     armature = bpy.context.object
+    if name == "rigify":
+        bpy.ops.pose.rigify_generate()
+        return bpy.context.object
     armature.name = armature.data.name = "Armature"
     spare = [bone.name for bone in armature.data.bones if bone.name.startswith(NO_BONES)]
-    with_edit_bones(armature, lambda bones: [bones.remove(bones[name]) for name in spare])
+    with_edit_bones(armature, lambda bones: [bones.remove(bones[each]) for each in spare])
+    globals()[name](armature)
+    if not bpy.data.meshes:
+        add_boxes(armature)
+    bpy.context.view_layer.objects.active = armature
     return armature
 
 
-def with_edit_bones(armature: bpy.types.Object, change: Callable[[bpy.types.bpy_prop_collection], object]) -> None:
+def with_edit_bones(armature: Armature, change: Callable[[Bones], object]) -> None:
     """Change bones in edit mode."""
     bpy.context.view_layer.objects.active = armature
     bpy.ops.object.mode_set(mode="EDIT")
@@ -56,84 +66,72 @@ def with_edit_bones(armature: bpy.types.Object, change: Callable[[bpy.types.bpy_
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
-def add_boxes(armature: bpy.types.Object, skinned: bool = True) -> None:
+def add_boxes(armature: Armature, skinned: bool = True) -> None:
     """Give each deforming bone a box: in one mesh that the armature deforms, or as meshes that hang on the bones."""
     corners, faces, groups = [], [], {}
     square = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    box = [(0, 1, 2, 3), (7, 6, 5, 4), *((i, i + 4, (i + 1) % 4 + 4, (i + 1) % 4) for i in range(4))]
     for bone in (each for each in armature.data.bones if each.use_deform):
         first, width = len(corners), bone.length * 0.15
         ends = [Vector((x * width, y, z * width)) for y in (0.02 * bone.length, 0.9 * bone.length) for x, z in square]
         corners += [bone.matrix_local @ each for each in ends]
-        box = [(0, 1, 2, 3), (7, 6, 5, 4), *((i, i + 4, (i + 1) % 4 + 4, (i + 1) % 4) for i in range(4))]
         faces += [tuple(first + corner for corner in face) for face in box]
         groups[bone.name] = range(first, first + 8)
         if not skinned:
             hang(armature, bone.name, ends, box)
     if skinned:
-        body = new_mesh("Body", corners, faces)
+        body = new_object("Body", bpy.data.meshes.new("Body"))
+        body.data.from_pydata(corners, [], faces)
         body.parent = armature
         for name, numbers in groups.items():
             body.vertex_groups.new(name=name).add(list(numbers), 1.0, "REPLACE")
         body.modifiers.new("Armature", "ARMATURE").object = armature
 
 
-def new_mesh(name: str, corners: list[Vector], faces: list[tuple[int, ...]]) -> bpy.types.Object:
-    """A new mesh in the scene."""
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(corners, [], faces)
-    made = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(made)
-    return made
+def new_object(name: str, data: bpy.types.ID | None) -> bpy.types.Object:
+    """A new object in the scene."""
+    new = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(new)
+    return new
 
 
-def hang(armature: bpy.types.Object, bone: str, corners: list[Vector], faces: list[tuple[int, ...]]) -> None:
+def hang(armature: Armature, bone: str, corners: list[Vector], faces: list[tuple[int, ...]]) -> None:
     """A mesh whose parent is a bone."""
-    part = new_mesh(f"Part {bone}", corners, faces)
+    part = new_object(f"Part {bone}", bpy.data.meshes.new("Part"))
+    part.data.from_pydata(corners, [], faces)
     part.parent, part.parent_type, part.parent_bone = armature, "BONE", bone
     part.matrix_parent_inverse = Matrix.Translation((0, -armature.data.bones[bone].length, 0))
 
 
-def rename(
-    armature: bpy.types.Object, names: str, prefix: str = "", sides: tuple[str, str] = ("Left", "Right")
-) -> None:
+def rename(armature: Armature, names: str, left: str, right: str) -> None:
     """Give the bones other names."""
     by_part = dict(zip(PARTS.split(","), names.split(","), strict=True))
     for bone in armature.data.bones:
         part = bone.name.removesuffix(".L").removesuffix(".R")
-        bone.name = prefix + by_part[part].format(sides[bone.name.endswith(".R")])
+        bone.name = by_part[part].format(right if bone.name.endswith(".R") else left)
 
 
-def add_bone(
-    armature: bpy.types.Object, name: str, head: Vector, tail: Vector, parent: str | None = None, roll: float = 0.0
-) -> None:
-    """Add a bone."""
-
-    def add(bones: bpy.types.bpy_prop_collection) -> None:
+def add_bone(armature: Armature, name: str, head: Vector, tail: Vector, parent: str | None = None) -> None:
+    def add(bones: Bones) -> None:
         bone = bones.new(name)
-        bone.head, bone.tail, bone.roll = head, tail, roll
-        bone.parent = bones[parent] if parent else None
+        bone.head, bone.tail, bone.parent = head, tail, bones[parent] if parent else None
 
     with_edit_bones(armature, add)
 
 
-def names_with_spaces() -> None:
+def names_with_spaces(armature: Armature) -> None:
     """Names as in Unity's humanoid: Left Upper Arm."""
-    armature = human()
-    rename(armature, UNITY)
-    add_boxes(armature)
+    rename(armature, UNITY, "Left", "Right")
 
 
-def odd_names() -> None:
+def odd_names(armature: Armature) -> None:
     """Colons, slashes, dots and other alphabets in names."""
-    armature = human()
-    rename(armature, ODD, "rig:")
-    add_boxes(armature)
+    rename(armature, ",".join(f"rig:{each}" for each in ODD.split(",")), "Left", "Right")
 
 
-def unreal() -> None:
+def unreal(armature: Armature) -> None:
     """A root bone, twist bones that have skin, and IK bones that have none, as in Unreal."""
-    armature = human()
-    rename(armature, UNREAL, sides=("l", "r"))
+    rename(armature, UNREAL, "l", "r")
     add_bone(armature, "root", Vector(), Vector((0, 0.2, 0)))
     with_edit_bones(armature, lambda bones: setattr(bones["pelvis"], "parent", bones["root"]))
     for name in ("upperarm_l", "upperarm_r", "lowerarm_l", "lowerarm_r", "calf_l", "calf_r"):
@@ -146,10 +144,9 @@ def unreal() -> None:
         add_bone(armature, f"ik_{end}", bone.head_local, bone.tail_local, "root")
 
 
-def vrm() -> None:
+def vrm(armature: Armature) -> None:
     """Names as of VRoid, a skirt of eight bones whose sway hangs from the hips, and a staff as a mesh on a hand."""
-    armature = human()
-    rename(armature, VRM, sides=("L", "R"))
+    rename(armature, VRM, "L", "R")
     hips = armature.data.bones["J_Bip_C_Hips"].head_local.copy()
     for number in range(8):
         way = Matrix.Rotation(number * math.pi / 4, 3, "Z") @ Vector((0.2, 0, 0))
@@ -160,43 +157,38 @@ def vrm() -> None:
     hang(armature, "J_Bip_R_Hand", [Vector((0, 0, -0.5)), Vector((0, 0, 0.5)), Vector((0.02, 0, 0.5))], [(0, 1, 2)])
 
 
-def scale_001() -> None:
+def scale_001(armature: Armature) -> None:
     """An armature in centimetres with Y up, below an object with scale 0.01, turned by 90 degrees."""
-    armature = human()
     turn = Matrix.Rotation(math.radians(90), 4, "X") @ Matrix.Scale(0.01, 4)
     armature.data.transform(turn.inverted())
     armature.matrix_world = turn
-    add_boxes(armature)
 
 
-def scale_uneven() -> None:
+def scale_uneven(armature: Armature) -> None:
     """An armature below an object that is 10 % taller than wide."""
-    armature = human()
     armature.scale = (1, 1, 1.1)
-    add_boxes(armature)
 
 
-def ik() -> None:
+def ik(armature: Armature) -> None:
     """IK of arms and legs, with targets that count as deforming but move no mesh, as Blender makes bones."""
-    armature = human()
     add_boxes(armature)
-    limbs = [(bone, f"{end}{side}") for bone, end in (("forearm", "hand"), ("shin", "foot")) for side in (".L", ".R")]
-    for _, end in limbs:
-        bone = armature.data.bones[end]
-        add_bone(armature, f"{end[:-2]}_ik{end[-2:]}", bone.head_local, bone.tail_local)
-    for bone, end in limbs:
-        constraint = armature.pose.bones[bone + end[-2:]].constraints.new("IK")
-        constraint.target, constraint.subtarget = armature, f"{end[:-2]}_ik{end[-2:]}"
-        constraint.chain_count = 2
+    for _, bone, end in LIMBS:
+        target, rest = f"{end[:-2]}_ik{end[-2:]}", armature.data.bones[end]
+        add_bone(armature, target, rest.head_local, rest.tail_local)
+        constrain(armature, bone, "IK", target).chain_count = 2
 
 
-def constraints() -> None:
+def constrain(armature: Armature, bone: str, kind: str, target: str) -> bpy.types.Constraint:
+    """A new constraint of a bone whose target is another."""
+    constraint = armature.pose.bones[bone].constraints.new(kind)
+    constraint.target, constraint.subtarget = armature, target
+    return constraint
+
+
+def constraints(armature: Armature) -> None:
     """A hand held to the head, a limited foot, IK from a toe up to the root; bones that are locked or scaled."""
-    armature = human()
-    add_boxes(armature)
-    for name, kind, target in (("hand.L", "CHILD_OF", "spine.006"), ("toe.L", "IK", "hand.R")):
-        constraint = armature.pose.bones[name].constraints.new(kind)
-        constraint.target, constraint.subtarget = armature, target
+    constrain(armature, "hand.L", "CHILD_OF", "spine.006")
+    constrain(armature, "toe.L", "IK", "hand.R")
     limits = armature.pose.bones["foot.L"].constraints.new("LIMIT_ROTATION")
     limits.use_limit_x = limits.use_limit_y = limits.use_limit_z = True
     limits.owner_space = "LOCAL"
@@ -207,27 +199,22 @@ def constraints() -> None:
     armature.pose.bones["spine"].scale = (2, 2, 2)
 
 
-def hidden() -> None:
+def hidden(armature: Armature) -> None:
     """The armature is hidden in viewports."""
-    armature = human()
     add_boxes(armature)
     armature.hide_viewport = True
 
 
-def no_inherited_rotation() -> None:
+def no_inherited_rotation(armature: Armature) -> None:
     """Upper arms and head keep their direction when the trunk turns; hands do not inherit scale."""
-    armature = human()
-    add_boxes(armature)
     for name in ("upper_arm.L", "upper_arm.R", "spine.006"):
         armature.data.bones[name].use_inherit_rotation = False
     for name in ("hand.L", "hand.R"):
         armature.data.bones[name].inherit_scale = "NONE"
 
 
-def drivers() -> None:
+def drivers(armature: Armature) -> None:
     """The left forearm bends with the right one, by a driver."""
-    armature = human()
-    add_boxes(armature)
     for bone in armature.pose.bones:
         bone.rotation_mode = "XYZ"
     driver = armature.pose.bones["forearm.L"].driver_add("rotation_euler", 0).driver
@@ -239,90 +226,54 @@ def drivers() -> None:
     driver.expression = "angle + 0.3"
 
 
-def two_armatures() -> None:
+def two_armatures(_armature: Armature) -> None:
     """The character, and a crane for the camera, which moves no mesh."""
-    add_boxes(human())
-    crane = bpy.data.objects.new("Crane", bpy.data.armatures.new("Crane"))
-    bpy.context.scene.collection.objects.link(crane)
-    with_edit_bones(crane, lambda bones: setattr(bones.new("arm"), "tail", (0, 0, 3)))
+    add_bone(new_object("Crane", bpy.data.armatures.new("Crane")), "arm", Vector(), Vector((0, 0, 3)))
 
 
-def two_characters() -> None:
+def two_characters(armature: Armature) -> None:
     """Two armatures with a skinned mesh each, so that somebody has to choose."""
-    armature = human()
     add_boxes(armature)
-    mesh = bpy.data.objects["Body"]
-    for one in (armature, mesh):
-        twin = one.copy()
-        twin.data = one.data.copy()
-        twin.name = f"{one.name} 2"
-        bpy.context.scene.collection.objects.link(twin)
-    bpy.data.objects["Armature 2"].location.x = 2
-    bpy.data.objects["Body 2"].parent = bpy.data.objects["Armature 2"]
-    bpy.data.objects["Body 2"].modifiers["Armature"].object = bpy.data.objects["Armature 2"]
+    body = bpy.data.objects["Body"]
+    twin, skin = (new_object(f"{one.name} 2", one.data.copy()) for one in (armature, body))
+    twin.location.x, skin.parent = 2, twin
+    for group in body.vertex_groups:
+        skin.vertex_groups.new(name=group.name)
+    skin.modifiers.new("Armature", "ARMATURE").object = twin
 
 
-def two_roots() -> None:
+def two_roots(armature: Armature) -> None:
     """The body, and a lantern beside it, without a common root."""
-    armature = human()
     add_bone(armature, "lantern", Vector((1, 0, 1)), Vector((1, 0, 1.3)))
-    add_boxes(armature)
 
 
-def meshes_on_bones() -> None:
+def meshes_on_bones(armature: Armature) -> None:
     """A robot: every part is a mesh that hangs on a bone, and nothing is skinned."""
-    add_boxes(human(), skinned=False)
+    add_boxes(armature, skinned=False)
 
 
-def posed() -> None:
-    """A pose in the file that is not the bind pose: the nodes of the .glb show the pose."""
-    armature = human()
-    add_boxes(armature)
+def posed(armature: Armature) -> None:
+    """A pose in the file that is not the bind pose."""
     for number, bone in enumerate(armature.pose.bones):
         bone.rotation_mode = "QUATERNION"
         bone.rotation_quaternion = Euler((0.3 * math.sin(number), 0.2 * math.cos(number), 0.1)).to_quaternion()
 
 
-def rigify() -> None:
-    """The rig that Rigify generates."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.preferences.addon_enable(module="rigify")
-    bpy.ops.object.armature_basic_human_metarig_add()
-    bpy.ops.pose.rigify_generate()
-
-
-def copies() -> None:
+def copies(rig: Armature) -> None:
     """Deforming bones copy FK bones, or IK bones with poles by a property of the targets."""
-    rig = human()
-    rig.name = "rig"
-    deforming = [bone.name for bone in rig.data.bones]
-    limbs = [
-        (one + side, two + side, end + side)
-        for side in (".L", ".R")
-        for one, two, end in (("upper_arm", "forearm", "hand"), ("thigh", "shin", "foot"))
-    ]
-    with_edit_bones(rig, lambda bones: _add_controls(bones, deforming, limbs))
-    poses, shape = rig.pose.bones, bpy.data.objects.new("shape", None)
-
-    def copy(name: str, source: str, driver: str = "") -> None:
-        constraint = poses[name].constraints.new("COPY_TRANSFORMS")
-        constraint.target, constraint.subtarget = rig, source
-        if driver:
-            curve = constraint.driver_add("influence")
-            target = curve.driver.variables.new().targets[0]
-            target.id, target.data_path = rig, f'pose.bones["{driver}"]["ik"]'
-            curve.driver.type = "AVERAGE"
-
+    deforming, shape = rig.data.bones.keys(), bpy.data.objects.new("shape", None)
+    with_edit_bones(rig, lambda bones: _add_controls(bones, deforming))
+    poses = rig.pose.bones
     for name in deforming:
-        copy(name, "fk " + name)
-    for one, two, end in limbs:
+        constrain(rig, name, "COPY_TRANSFORMS", "fk " + name)
+    for one, two, end in LIMBS:
         poses["target " + end]["ik"] = 0.0
-        copy(one, "ik " + one, "target " + end)
-        copy(two, "ik " + two, "target " + end)
-        copy(end, "target " + end, "target " + end)
-        ik = poses["ik " + two].constraints.new("IK")
-        ik.target = ik.pole_target = rig
-        ik.subtarget, ik.pole_subtarget, ik.chain_count = "target " + end, "pole " + end, 2
+        for name, source in ((one, "ik " + one), (two, "ik " + two), (end, "target " + end)):
+            driver = constrain(rig, name, "COPY_TRANSFORMS", source).driver_add("influence").driver
+            target = driver.variables.new().targets[0]
+            target.id, target.data_path, driver.type = rig, f'pose.bones["target {end}"]["ik"]', "AVERAGE"
+        ik = constrain(rig, "ik " + two, "IK", "target " + end)
+        ik.pole_target, ik.pole_subtarget, ik.chain_count = rig, "pole " + end, 2
 
         def away(degrees: int, ik: bpy.types.Constraint = ik, two: str = two) -> float:
             ik.pole_angle = math.radians(degrees)
@@ -335,9 +286,7 @@ def copies() -> None:
             bone.custom_shape = shape
 
 
-def _add_controls(
-    bones: bpy.types.bpy_prop_collection, deforming: list[str], limbs: list[tuple[str, str, str]]
-) -> None:
+def _add_controls(bones: Bones, deforming: list[str]) -> None:
     """Add FK bones for all bones, and for limbs IK bones, targets and poles."""
 
     def copied(name: str, new: str, parent: str | None) -> bpy.types.EditBone:
@@ -348,19 +297,10 @@ def _add_controls(
 
     for name in deforming:
         copied(name, "fk " + name, "fk " + bones[name].parent.name if bones[name].parent else None)
-    for one, two, end in limbs:
+    for one, two, end in LIMBS:
         copied(one, "ik " + one, "fk " + bones[one].parent.name)
         copied(two, "ik " + two, "ik " + one)
         copied(end, "target " + end, None)
         pole = copied(two, "pole " + end, None)
-        way = bones[two].head - (bones[one].head + bones[end].head) / 2
-        pole.head = bones[two].head + way.normalized() * 0.4
-        pole.tail = pole.head + way.normalized() * 0.1
-
-
-if __name__ == "__main__":
-    for chosen in sys.argv[2:]:
-        globals()[chosen]()
-        bpy.ops.wm.save_as_mainfile(filepath=str(Path(sys.argv[1], f"{chosen}.blend").resolve()))
-    sys.stdout.flush()
-    os._exit(0)  # Blender may hang as it ends
+        way = (bones[two].head - (bones[one].head + bones[end].head) / 2).normalized()
+        pole.head, pole.tail = bones[two].head + way * 0.4, bones[two].head + way * 0.5

@@ -21,7 +21,7 @@ import blender  # noqa: E402
 FRAME = 67  # of the clip: hands touch
 SPAN = [50, 80]
 HANDS = {"between": ["left hand", "right hand"], "frames": SPAN}
-SAID = ([], [HANDS | {"gap": 10}])
+SAID = ([], [HANDS | {"gap": 20}])
 APART = 1.2  # [m]
 
 

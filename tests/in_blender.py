@@ -1,0 +1,530 @@
+"""Tests of the extension that run in Blender, through the operators that its panel calls: in_blender.py TEST FOLDER.
+
+They need the packages bpy and distretarget. `test_blender_extension.py` runs them all.
+"""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import traceback
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from odd_characters import made
+
+import blender
+from blender import job, panel, rig
+from distretarget import contacts_to_json, find_contacts, load_contacts, load_target, read_bvh, retarget, write_bvh
+
+FOLDER, ROOT = Path(sys.argv[2]), Path(__file__).resolve().parents[1]
+HERO, CLAP = str(ROOT / "sample_characters" / "hero.glb"), ROOT / "sample_bvh" / "clap.bvh"
+NEAR = 1e-4  # [m], and of the entries of rotation matrices
+CRASH = -11  # the module of Blender 4.2.0 crashes as Python ends, after all is done
+ODDITIES = """names_with_spaces odd_names scale_001 scale_uneven ik constraints hidden no_inherited_rotation drivers
+two_armatures two_roots meshes_on_bones posed unreal vrm two_characters"""
+operators, answers = bpy.ops.distretarget, []
+
+
+def settings():
+    return bpy.context.scene.distretarget
+
+
+def hero(clip=CLAP, fps=60):
+    """The hero in an empty scene, with a clip."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = fps
+    settings().clip = str(clip)
+    return imported()
+
+
+def imported():
+    before = {*bpy.data.objects}
+    bpy.ops.import_scene.gltf(filepath=HERO)
+    armature = next(each for each in bpy.data.objects if each.type == "ARMATURE" and each not in before)
+    bpy.context.view_layer.objects.active = armature
+    return armature
+
+
+def odd(name):
+    """An odd character, with a few frames of a clip."""
+    armature, clip = made(name), FOLDER / "short.bvh"
+    write_bvh(clip, read_bvh(CLAP)[100:200:16], overwrite=True)
+    settings().clip = str(clip)
+    return armature
+
+
+def done(operator, **values):
+    assert operator(**values) == {"FINISHED"}
+
+
+def fault(operator, **values):
+    """What an operator says that is wrong, in one line."""
+    message = ""
+    try:
+        operator(**values)
+    except RuntimeError as error:
+        message = str(error)
+    assert message
+    assert "Traceback" not in message
+    return message
+
+
+def warnings():
+    return [line.name for line in settings().warnings]
+
+
+def run(armature):
+    """Retarget: bones have to be where they should."""
+    done(operators.retarget)
+    assert max(off(armature)) < NEAR, off(armature)
+    return [line for line in warnings() if line.startswith("muted, since")]
+
+
+def shown(thing, frame=None):
+    """An object as Blender evaluates it, in a frame of the result if one is given."""
+    if frame is not None:
+        render, time = bpy.context.scene.render, answers[-1]["frame_time"] * frame
+        time = settings().start + time * render.fps / render.fps_base
+        bpy.context.scene.frame_set(int(time // 1), subframe=time % 1)
+    return thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+
+
+def off(armature, names=None):
+    """How far bones are from the result, at most: their places [m], and their axes."""
+    answer, bones, worst = answers[-1], armature.data.bones, np.zeros(2)
+    frames, names = answer["matrices"], {*bones.keys()} & {*(names or answer["names"])} & {*answer["names"]}
+    for frame in range(0, len(frames), max(1, len(frames) // 20)):
+        there = shown(armature, frame)
+        for name in names:
+            axes = (there.matrix_world @ bones[name].matrix_local).to_3x3().to_4x4()
+            is_, shall = there.matrix_world @ there.pose.bones[name].matrix, Matrix(joint(name, frame).tolist()) @ axes
+            turn = np.array(is_.to_3x3().normalized()) - np.array(shall.to_3x3().normalized())
+            worst = np.maximum(worst, [(is_.translation - shall.translation).length, np.abs(turn).max()])
+    return worst
+
+
+def joint(name, frames=slice(None), answer=-1):
+    """The matrices of a joint in a result."""
+    return answers[answer]["matrices"][frames, answers[answer]["names"].index(name)]
+
+
+def between(one, other, frames):
+    """How far apart two joints are on average [m]."""
+    return np.linalg.norm((joint(one, frames) - joint(other, frames))[:, :3, 3], axis=1).mean()
+
+
+def test_bones_and_skin_are_where_the_result_has_them_and_nothing_is_lost():
+    armature = hero("")
+    armature.animation_data_create().action = bpy.data.actions.new("before")
+    settings().start = 11
+    done(operators.retarget, filepath=str(CLAP))
+    assert max(off(armature)) < NEAR
+    frames = answers[-1]["matrices"]
+    assert np.allclose(armature.animation_data.action.frame_range, [11, 10 + len(frames)], atol=0.01)
+    assert {"before", "clap"} <= {*bpy.data.actions.keys()}
+    shape = rig.shape_of(armature)
+    moved, movers, weights = (shape[each] for each in ("moved", "movers", "weights"))
+    total = np.bincount(moved, weights)
+    arms = np.insert(shape["vertices"][moved] - shape["heads"][movers], 3, 1.0, axis=1)
+    for frame in range(0, len(frames), 10):
+        (mesh,), shall = rig.skinned_meshes(armature), np.zeros((len(total), 3))
+        places = np.einsum("nij,nj->ni", frames[frame][movers, :3], arms)
+        np.add.at(shall, moved, (weights / total[moved])[:, None] * places)
+        there = shown(mesh, frame)
+        assert np.abs([there.matrix_world @ vertex.co for vertex in there.data.vertices] - shall).max() < NEAR
+    verdicts = settings().verdict, retarget(read_bvh(CLAP), load_target(HERO)).verdict
+    words, numbers = zip(
+        *((re.sub(r"[\d.]+", "", each), re.findall(r"\d+\.\d+", each)) for each in verdicts), strict=True
+    )
+    assert words[0] == words[1]
+    # a rest pose in single precision is rounded
+    assert np.allclose(*np.array(numbers, float), atol=0.11), numbers
+
+
+def test_an_armature_of_the_scene_that_moves_is_a_clip():
+    """A clip is on one hero, large and turned, whose hips slide below a root, and goes from there to another."""
+    one = hero(fps=30)
+    bpy.ops.object.mode_set(mode="EDIT")
+    top = one.data.edit_bones.new("Top")
+    top.tail, one.data.edit_bones["Hips"].parent = (0, 0, 20), top
+    bpy.ops.object.mode_set(mode="OBJECT")
+    one.rotation_mode = "XYZ"
+    one.location, one.rotation_euler, one.scale = (1, 2, 0), (0, 0, 0.5), (2, 2, 2)
+    settings().start = 5
+    done(operators.retarget)
+    settings().performer = one
+    assert "is the character; choose another armature" in fault(operators.retarget)
+    for frame, way in ((5, 0), (40, 100)):
+        one.pose.bones["Hips"].location = (way, 0, 0)
+        one.pose.bones["Hips"].keyframe_insert("location", frame=frame)
+    bpy.context.scene.frame_set(7)
+    other = imported()
+    done(operators.retarget)
+    assert bpy.context.scene.frame_current == 7
+    actions = [each.animation_data.action for each in (one, other)]
+    assert np.allclose(*(each.frame_range for each in actions), atol=1.0)
+    assert actions[1].name.startswith("clap")
+    assert any(row.clip == settings().clip_key for row in settings().contacts)
+    hips = []
+    for number in range(5, 41, 7):
+        bpy.context.scene.frame_set(number)
+        there = shown(one), shown(other)
+        hips.append([each.matrix_world @ each.pose.bones["Hips"].head for each in there])
+        for name in ("LeftForeArm", "RightHand", "LeftFoot"):
+            a, b = ((each.matrix_world @ each.pose.bones[name].matrix).to_quaternion() for each in there)
+            turn = math.degrees(a.rotation_difference(b).angle)
+            assert min(turn, 360 - turn) < 2.0  # as both have the same skin
+    ways = np.linalg.norm(np.subtract(hips[-1], hips[0]), axis=1)
+    assert ways[0] > 1.0
+    assert math.isclose(ways[1], ways[0] / 200, rel_tol=0.05)  # the first is 200 times as large
+
+
+def test_what_is_wrong_is_told_in_a_line():
+    broken = FOLDER / "broken.bvh"
+    broken.write_text("HIERARCHY nonsense")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    settings().clip = str(CLAP)
+    assert "select the armature of a character" in fault(operators.retarget)
+    armature = hero()
+    for clip, words in (
+        ("", "choose a clip"),
+        ("/nowhere.bvh", "there is no such file"),
+        (__file__, "expected a clip"),
+        (broken, "broken.bvh"),
+    ):
+        settings().clip = str(clip)
+        assert words in fault(operators.retarget)
+    assert "choose a folder of clips" in fault(operators.retarget_folder)
+    settings().clip, armature.scale = str(CLAP), (1, 2, 1)
+    bpy.context.view_layer.update()
+    assert "uneven scale" in fault(operators.retarget)
+    assert not {"walk", "broken", "clap"} & {*bpy.data.actions.keys()}
+
+
+def test_a_folder_becomes_an_action_and_a_track_for_each_clip():
+    clips = {f"clip {number:02}": read_bvh(CLAP.with_name("wave.bvh"))[number : 3 * number + 8] for number in range(6)}
+    for name, motion in clips.items():
+        write_bvh(FOLDER / f"{name}.bvh", motion)
+    (FOLDER / "notes.txt").write_text("no clip")
+    (FOLDER / "bad.bvh").write_text("nonsense")
+    armature = hero(fps=30)
+    settings().folder, settings().as_assets, settings().push_down = str(FOLDER), True, True
+    done(operators.retarget_folder)
+    assert settings().verdict.startswith("6 of 7 clips retargeted; ")
+    assert "bad.bvh" in settings().verdict
+    for (name, motion), track in zip(clips.items(), armature.animation_data.nla_tracks, strict=True):
+        action, (strip,) = bpy.data.actions[name], track.strips
+        assert action.use_fake_user
+        assert action.asset_data is not None
+        assert (track.name, track.mute, strip.action) == (name, name != "clip 05", action)
+        for each in (action.frame_range, (strip.frame_start, strip.frame_end)):
+            assert np.allclose(each, [1, 1 + (len(motion) - 1) * motion.frame_time * 30], atol=1e-3)
+    assert armature.animation_data.action is None
+    assert max(off(armature)) < NEAR
+
+
+def test_odd_characters_take_on_a_motion():
+    for name in ODDITIES.split():
+        armature = odd(name)
+        if name == "two_characters":
+            armature = bpy.context.view_layer.objects.active = bpy.data.objects["Armature 2"]
+        if name == "scale_uneven":
+            assert "uneven scale; apply it" in fault(operators.retarget)
+        else:
+            assert bool(run(armature)) == (name in ("ik", "constraints", "drivers")), name
+
+
+def test_meshes_with_modifiers_and_bodies_without_legs():
+    armature, body = odd("ik"), bpy.data.objects["Body"]
+    body.shape_key_add(name="Basis")
+    body.shape_key_add(name="Smile").value = 0.5
+    body.modifiers.new("Smooth", "SUBSURF").levels = 1
+    body.modifiers.new("Mirror", "MIRROR")
+    assert run(armature)
+    armature = odd("names_with_spaces")
+    bpy.ops.object.mode_set(mode="EDIT")
+    for bone in [each for each in armature.data.edit_bones if each.name.endswith(("Leg", "Foot", "Toes"))]:
+        armature.data.edit_bones.remove(bone)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert not run(armature)
+
+
+def test_tracks_and_actions_of_before_do_not_disturb():
+    armature = odd("names_with_spaces")
+    data = armature.animation_data_create()
+    data.action = bpy.data.actions.new("old")
+    for bone in armature.pose.bones:
+        bone.location, bone.scale = (1, 2, 3), (2, 2, 2)
+        bone.keyframe_insert("location", frame=1)
+        bone.keyframe_insert("scale", frame=1)
+    strip, data.action = data.nla_tracks.new().strips.new("old", 1, data.action), None
+    data.nla_tracks[0].select, strip.select, data.nla_tracks.active = True, True, data.nla_tracks[0]
+    data.use_tweak_mode, data.action_influence, armature.data.pose_position = True, 0.5, "REST"
+    assert run(armature)
+    top = armature.parent = bpy.data.objects.new("Top", None)
+    top.keyframe_insert("location", frame=1)
+    run(armature)
+    assert any("'Top' may move" in line for line in warnings())
+
+
+def test_times_and_scenes():
+    armature = odd("names_with_spaces")
+    settings().whole_frames, bpy.context.scene.render.fps = True, 30
+    assert not run(armature)
+    assert math.isclose(settings().step, 0.5, abs_tol=1e-3)
+    assert np.allclose(armature.animation_data.action.frame_range, [1, 1 + int(settings().step * 6)])
+    other = bpy.data.scenes.new("Other")
+    other.collection.objects.link(armature)
+    other.distretarget.clip, settings().verdict = settings().clip, ""
+    with bpy.context.temp_override(scene=other):
+        done(operators.retarget)
+    assert other.distretarget.verdict
+    assert not settings().verdict
+
+
+def test_what_is_stopped_changes_nothing():
+    odd("names_with_spaces")
+    before = len(bpy.data.actions)
+
+    def begun():
+        steps = blender.operators.retarget.do(SimpleNamespace(filepath="", report=print), bpy.context)
+        assert next(steps).startswith("Retargeting")
+        return steps, steps.gi_frame.f_locals["job"]
+
+    def failed(steps):
+        try:
+            return list(steps)
+        except job.FailedError as error:
+            return str(error)
+
+    steps, begun_job = begun()
+    begun_job.process.kill()
+    assert failed(steps) == "retargeting stopped: -9; nothing is changed"
+    steps, begun_job = begun()
+    steps.close()
+    assert begun_job.process.poll() is not None
+    assert not begun_job.folder.exists()
+    assert len(bpy.data.actions) == before
+    bpy.ops.ed.undo_push(message="before")
+    assert operators.retarget("EXEC_DEFAULT", True) == {"FINISHED"}
+    bpy.ops.ed.undo()
+    data = bpy.data.objects["Armature"].animation_data
+    assert data is None or data.action is None
+    assert len(bpy.data.actions) == before
+    steps, _ = begun()
+    bpy.data.objects.remove(bpy.data.objects["Armature"])
+    assert failed(steps) == "'Armature' or its scene is gone; the motion was dropped"
+
+
+def test_linked_characters_are_refused_and_overrides_work():
+    rest = rig.shape_of(odd("posed"))["vertices"]
+    clip, character = settings().clip, str(FOLDER / "character.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=character)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    settings().clip = clip
+    with bpy.data.libraries.load(character, link=True) as (_, linked):
+        linked.objects = ["Armature", "Body"]
+    armature, body = linked.objects
+    for each in linked.objects:
+        bpy.context.scene.collection.objects.link(each)
+    assert np.allclose(rig.shape_of(armature)["vertices"], rest, atol=1e-6)
+    bpy.context.view_layer.objects.active = armature
+    assert "is linked from another file; make it local or an override" in fault(operators.retarget)
+    own = armature.override_create(remap_local_usages=True)
+    body.override_create(remap_local_usages=True)
+    bpy.context.view_layer.objects.active = own
+    assert not run(own)
+
+
+def test_the_command_saves_another_file():
+    for name in ("ik", "two_characters", "two_armatures", "scale_uneven"):
+        odd(name)
+        bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{name}.blend"))
+
+    def command(character, *arguments, out="other.blend"):
+        command = [sys.executable, ROOT / "blender" / "command.py", "--", FOLDER / character, FOLDER / "short.bvh"]
+        told = subprocess.run([*command, FOLDER / out, *arguments], capture_output=True, text=True, timeout=100)
+        assert "Traceback" not in told.stderr, told.stderr
+        return told
+
+    before = (FOLDER / "ik.blend").read_bytes()
+    told = command("ik.blend", "--keys", "IK", "--start", "5", out="out.blend")
+    assert told.returncode in (0, CRASH)
+    assert "feet do not skate" in told.stdout
+    assert (FOLDER / "ik.blend").read_bytes() == before
+    for arguments, words, out in (
+        (["ik.blend"], "expected the name of a new .blend file", "out.blend"),
+        (["two_characters.blend"], "choose with --armature, found 'Armature', 'Armature 2'", "other.blend"),
+        (
+            ["two_armatures.blend", "--armature", "Nobody"],
+            "one armature 'Nobody', found 'Armature', 'Crane'",
+            "a.blend",
+        ),
+        (["scale_uneven.blend"], "uneven scale", "other.blend"),
+        (["none.blend"], "expected a .blend file", "other.blend"),
+    ):
+        told = command(*arguments, out=out)
+        assert told.returncode in (1, CRASH)
+        assert words in told.stderr, told.stderr
+    assert not (FOLDER / "other.blend").exists()
+    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "out.blend"))
+    action = bpy.data.objects["Armature"].animation_data.action
+    assert (action.name, action.frame_range[0]) == ("short", 5)
+
+
+def test_contacts_are_dropped_made_moved_kept_and_exchanged():
+    armature = hero()
+    scene, file = bpy.context.scene, str(FOLDER / "own.contacts.json")
+
+    def listed():
+        return [json.loads(row.entry) for row in settings().contacts if row.clip == settings().clip_key]
+
+    assert "retarget the clip once" in fault(operators.contact_make, parts="left hand, head")
+    done(operators.retarget)
+    motion, target = read_bvh(CLAP), load_target(HERO)
+    assert listed() == json.loads(contacts_to_json(find_contacts(motion, target)))["contacts"]
+    row = next(row for row in settings().contacts if "between" in row.entry)
+    claps = [entry["frames"] for entry in listed() if "between" in entry]
+    assert [each.frame for each in scene.timeline_markers] == [frame + 1 for span in claps for frame in span]
+    span = slice(*claps[0])
+    before = between("LeftHand", "RightHand", span)
+    row.state = "DROP"
+    assert json.loads(row.entry)["keep"] is False
+    assert "dropped" in scene.timeline_markers[0].name
+    done(operators.retarget)
+    assert between("LeftHand", "RightHand", span) > 1.05 * before
+    assert np.abs(np.subtract(*(each["matrices"][130:, :, :3, 3] for each in answers[-2:]))).max() < NEAR
+
+    scene.timeline_markers[0].frame += 5
+    bpy.ops.object.mode_set(mode="POSE")
+    for bone in armature.pose.bones:
+        (bone if bpy.app.version >= (5, 0) else bone.bone).select = bone.name in ("LeftHand", "Head")
+    scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 231, 241
+    done(operators.contact_make)
+    assert next(entry for entry in listed() if entry.get("keep") is False)["frames"] == [claps[0][0] + 5, claps[0][1]]
+    new, row = (
+        {"between": ["Head", "LeftHand"], "gap": 0.0, "frames": [230, 240]},
+        settings().contacts[settings().contact],
+    )
+    assert json.loads(row.entry) == new
+    row.gap, row.firmness = 2.5, 0.75
+    assert json.loads(row.entry) == new | {"gap": 2.5, "firmness": 0.75}
+    row.firmness = 1.0
+    far = between("LeftHand", "Head", slice(230, 240))
+    done(operators.retarget)
+    assert between("LeftHand", "Head", slice(230, 240)) < 0.5 * far
+    done(operators.contacts_export, filepath=file)
+    assert len(retarget(motion, target, contacts=load_contacts(file)).motion) == len(motion)
+
+    own = listed()
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "own.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "own.blend"))
+    assert listed() == own
+    settings().contacts.clear()
+    done(operators.contacts_import, filepath=file)
+    assert sorted(map(json.dumps, listed())) == sorted(map(json.dumps, own))
+    assert "JSON" in fault(operators.contacts_import, filepath=__file__)
+    assert "no such file" in fault(operators.contacts_import, filepath=str(FOLDER / "none.json"))
+    settings().contact = 0
+    done(operators.contact_remove)
+    assert listed() == own[1:]
+    settings().clip = "other.bvh"
+    assert not listed()
+    assert not bpy.context.scene.timeline_markers
+
+
+def test_pairs_are_chosen_and_kept_with_the_character():
+    armature, file = hero(), str(FOLDER / "own.blend")
+    name = armature.name
+    done(operators.retarget)
+    assert {"Hips", "LeftElbow"} <= {*settings().joints.keys()}
+    assert armature.distretarget_pairs["LeftForeArm"].source == "LeftElbow"
+    choice = {"LeftForeArm": "", "Head": "Neck", "Neck": "Nowhere"}
+    for bone, source in choice.items():
+        armature.distretarget_pairs[bone].source = source
+    done(operators.retarget)
+    differ = np.abs(np.subtract(*(each["matrices"][..., :3, :3] for each in answers[-2:]))).max(axis=(0, 2, 3))
+    changed = {bone for bone, each in zip(answers[-1]["names"], differ, strict=True) if each > 0.1}
+    assert "LeftForeArm" in changed
+    assert "LeftLeg" not in changed
+    assert any("no joint 'Nowhere', which was chosen for 'Neck'" in line for line in warnings())
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    bpy.ops.wm.open_mainfile(filepath=file)
+    armature = bpy.context.view_layer.objects.active = bpy.data.objects[name]
+    pairs = armature.distretarget_pairs
+    assert {each.name: each.source for each in pairs if each.is_chosen} == choice
+    done(operators.forget_pairs)
+    assert not pairs
+
+
+def test_the_panel_draws_what_there_is():
+    hero()
+    context = MagicMock(scene=bpy.context.scene, active_object=bpy.context.active_object)
+    context.region.width, context.preferences.system.ui_scale = 300, 1.0
+    for _ in range(2):  # before and after
+        drawn = SimpleNamespace(layout=MagicMock())
+        for each in panel.CLASSES:
+            if issubclass(each, bpy.types.Panel):
+                each.draw(drawn, context)
+        for call in drawn.layout.prop.call_args_list:
+            assert call.args[1] in call.args[0].bl_rna.properties
+        done(operators.retarget)
+    assert [call.args[3] for call in drawn.layout.template_list.call_args_list] == ["contacts", "distretarget_pairs"]
+
+
+def test_controls_bring_joints_to_where_the_motion_has_them():
+    """Rigify's IK bones change their lengths by up to 2 %, and elbows with them, when switches are turned."""
+    for name, mode, limit in (
+        ("copies", "FK", 1.0),
+        ("copies", "IK", 1.0),
+        ("rigify", "FK", 17.0),
+        ("rigify", "IK", 17.0),
+    ):
+        armature = odd(name)
+        bones, settings().keys = armature.pose.bones, mode
+        deforming = {bone.name for bone in armature.data.bones if bone.use_deform}
+        muted = [each.mute for bone in bones for each in bone.constraints]
+        done(operators.retarget)
+        assert [each.mute for bone in bones for each in bone.constraints] == muted
+        answer, action = answers[-1], armature.animation_data.action
+        assert len({*answer["names"]} & deforming) >= 20
+        mm = 1700 / np.ptp(answer["matrices"][0, :, :3, 3], axis=0).max()  # on a body of 1.7 m
+        assert off(armature, deforming)[0] * mm < 1.0, warnings()
+        curves = action.layers[0].strips[0].channelbags[0].fcurves if hasattr(action, "layers") else action.fcurves
+        paths = {each.data_path.rpartition("]")[0] + "]" for each in curves}
+        assert not [name for name in deforming if bones[name].path_from_id() in paths]
+        assert len(answer["switches"]) == 4
+        for bone, name, value in answer["switches"]:
+            assert bones[bone][name] == value
+            for curve in [each for each in curves if each.data_path == f'pose.bones["{bone}"]["{name}"]']:
+                curves.remove(curve)
+            bones[bone][name] = type(value)(1 - value)
+        armature.update_tag()
+        bpy.context.view_layer.update()
+        assert off(armature, deforming)[0] * mm < limit
+
+
+def test_nothing_is_left_after_it_is_disabled():
+    blender.unregister()
+    assert not [name for name in dir(bpy.types) if "DISTRETARGET" in name]
+    assert not hasattr(bpy.context.scene, "distretarget")
+
+
+if __name__ == "__main__":
+    apply = job.Job.apply
+    job.Job.apply = lambda each: answers.append(each.answer) or apply(each)
+    blender.register()
+    try:
+        globals()[sys.argv[1]]()
+    except BaseException:
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+    os._exit(0)  # Blender may hang as it ends
