@@ -710,6 +710,33 @@ def test_two_clicks_on_bodies_pair_their_joints(solved, expect):
     row.locator("select").select_option("")
     wait(" --map clap.map.json")
     assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": None}
+    tab.get_by_test_id("pairs").get_by_role("button", name="RightElbow", exact=True).click()  # it drives nothing now
+    row.get_by_role("button").press("Enter")
+    wait(" --map clap.map.json")
+    assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": "RightElbow"}
+
+
+def test_each_pair_has_a_colour_in_the_list_and_on_the_bodies_while_the_list_is_open(solved):
+    tab, _ = solved
+    stage, keys = drawn(tab), load_target(HERO).skeleton.keys
+    shown = (
+        "app.stage.sides.map((side) => side.dots.map((dot) => dot.visible && `#${dot.material.color.getHexString()}`))"
+    )
+    assert not any(map(any, stage.evaluate(shown)))
+    tab.locator("#who > summary").click()
+    settle(stage)
+    source, copy, result = stage.evaluate(shown)
+    assert copy == result
+    names = read_motion(SAMPLES / "clap.bvh").skeleton.keys
+    assert source[names.index("LeftElbow")] == result[keys.index("LeftForeArm")] != result[keys.index("RightForeArm")]
+    grey = {key for key, tone in zip(keys, result, strict=True) if tone == "#888888"}
+    nothing = tab.locator("[data-driven]").filter(has=tab.locator("select", has_text="nothing"))
+    assert grey == {
+        each.get_attribute("data-driven") for each in nothing.all() if not each.locator("select").input_value()
+    }
+    tab.locator("#who > summary").click()
+    settle(stage)
+    assert not any(map(any, stage.evaluate(shown)))
 
 
 def test_a_rest_pose_is_given_and_taken_back(solved, expect):
@@ -883,17 +910,41 @@ def test_files_that_do_not_fit_together_are_refused(monkeypatch):
     assert len(full.dropped) == 2
 
 
-def test_a_frame_in_the_verdict_leads_there(solved, expect):
+NEAR = """(joint) => {
+  const { stage } = app, { group, actors: [{ motion }] } = stage.sides.at(-1), { target } = stage.controls;
+  const place = new THREE.Vector3().fromArray(motion.positions, 3 * joint).add(group.position);
+  return [place.distanceTo(target), stage.camera.position.distanceTo(target)];
+}"""
+
+
+def test_a_remark_leads_to_its_frame_and_its_part(solved, expect):
     tab, _ = solved
-    link = tab.get_by_test_id("verdict").get_by_role("button").first
-    frame = link.inner_text().split()[-1]
+    stage, keys = drawn(tab), load_target(HERO).skeleton.keys
+    link = tab.get_by_test_id("verdict").get_by_role("link").last
+    joint, frame = re.search(r"direction error: (\w+), .* at frame (\d+)", link.inner_text()).groups()
     assert int(frame) > 0
-    link.click()  # even before the player is there
+    _, away = stage.evaluate(NEAR, keys.index(joint))
+    link.focus()
+    tab.keyboard.press("Enter")
     expect(tab.frame_locator("#player").locator("#now")).to_contain_text(f"{frame} / 276")
+    settle(stage)
+    ((driver, marked),) = stage.evaluate("app.marks.pairs")
+    assert marked == keys.index(joint)
+    assert read_motion(SAMPLES / "clap.bvh").skeleton.keys[driver].endswith(joint.replace("ForeArm", "Elbow"))
+    off, near = stage.evaluate(NEAR, keys.index(joint))
+    assert off < 1e-3
+    assert near < away / 2
+
+
+def test_a_remark_on_parts_that_do_not_meet_leads_to_both(bench):
+    entry = {"between": ["left hand", "right foot"], "gap": 0, "frames": [40, 60]}
+    (remark,) = (each for each in bench.ordered(contacts=[entry]).as_data["warnings"] if "is missed by" in each["text"])
+    assert remark["frame"] in range(40, 61)
+    assert remark["joints"] == ["LeftHand", "RightFoot"]
 
 
 SEEN = """[app.clock.frame, app.clock.loop, app.stage.camera.position.toArray(), app.stage.controls.target.toArray(),
-  app.stage.sides.map(({ shown }) => shown), app.stage.overlaid, app.marks.trails, app.marks.pair]"""
+  app.stage.sides.map(({ shown }) => shown), app.stage.overlaid, app.marks.trails, app.marks.pairs]"""
 BODY = "app.stage.actors[2].mesh.geometry.attributes.position.count"
 
 
@@ -908,7 +959,7 @@ def test_frame_view_and_selection_stay_while_contacts_and_bodies_change(solved, 
     settle(stage)
     seen, corners = stage.evaluate(SEEN), stage.evaluate(BODY)
     assert (seen[0], seen[1], seen[4:7]) == (275, [0, 276], [[True, False, True], True, True])
-    assert seen[-1][0] > 0
+    assert seen[-1][0][0] > 0
     tab.get_by_test_id("drop-contact").last.click()
     wait(" --contacts clap.contacts.json")
     expect(tab.frame_locator("#player").locator("#entry")).to_contain_text("dropped: ")

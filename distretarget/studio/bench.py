@@ -15,6 +15,7 @@ from functools import cached_property
 from itertools import count
 from pathlib import PurePath
 
+from distretarget.body.body import Body
 from distretarget.contact_entries import ContactList
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
@@ -24,6 +25,7 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import content_of, output_kind, suffix_of
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
+from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Conversion, Converted, Recipe
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
@@ -84,8 +86,8 @@ class Done:
         regions = result.matching.target.regions.names
         return {
             "timeline": run_timeline(result, self.contacts),
-            "verdict": result.verdict,
-            "warnings": list(result.warnings),
+            "verdict": [_remark(each, result.matching.target) for each in result.remarks],
+            "warnings": [_remark(each, result.matching.target) for each in result.warnings],
             "frames": len(result.motion),
             "seconds": (len(result.motion) - 1) * result.motion.frame_time,
             "contacts": [
@@ -151,6 +153,12 @@ class Done:
             for name, data in needed.items():
                 archive.writestr(f"made_from/{name}", data)
         return content.getvalue()
+
+
+def _remark(remark: Remark, body: Body) -> dict[str, object]:
+    """A remark, its frame, and the keys of the joints where its parts are on a body."""
+    joints = [joint for part in remark.parts if (joint := body.joint_of(part)) is not None]
+    return {"text": remark, "frame": remark.frame, "joints": [body.skeleton.keys[joint] for joint in joints]}
 
 
 def _turning(skeleton: Skeleton) -> list[str]:
