@@ -91,26 +91,27 @@ async function solve() {
   }
 }
 
-async function download(kind) {
-  try {
-    await save(await ask(`take/${kind}`, JSON.stringify(order)));
-  } catch (error) {
-    trouble(error.message);
-  }
-}
-
-/** Saves all clips on the character, each as it was left, with what is set for all. */
-async function downloadAll() {
+async function download(kind, orders = order) {
   const before = $("state").textContent;
-  state("zipping");
+  state("writing");
   try {
-    const orders = clips().map((clip) => ({ ...order, ...ofClip(clip) }));
-    await save(await ask("take/all", JSON.stringify(orders), { "X-Tab": `${TAB}-all` })); // a change does not overtake it
+    await save(await ask(`take/${kind}`, JSON.stringify(orders), { "X-Tab": `${TAB}-take` })); // a change does not overtake it
     trouble("");
   } catch (error) {
     trouble(error.message);
   }
-  if ($("state").textContent === "zipping") state(before);
+  if ($("state").textContent === "writing") state(before);
+}
+
+/** The orders to take away: the one that is shown, or all clips on the character, each as it was left. */
+const chosenOrders = () => ($("which").value === "this" ? order : clips().map((clip) => ({ ...order, ...ofClip(clip) })));
+
+/** Shows the command line that makes what is to be taken away. */
+async function showCommand() {
+  const turn = asked;
+  const which = $("which").value;
+  const text = which === "this" ? done.command : await (await ask(`command/${which}`, JSON.stringify(chosenOrders()))).text();
+  if (turn === asked && which === $("which").value) $("command").textContent = text;
 }
 
 async function save(response) {
@@ -194,7 +195,7 @@ function show() {
     $(`${role}-what`).textContent = `${about.name}${frames}`;
   }
   const all = clips();
-  $("clips-row").hidden = $("all").hidden = all.length < 2;
+  $("clips-row").hidden = $("which").parentElement.hidden = all.length < 2;
   $("clips").replaceChildren(...all.map((clip, number) => new Option(nameOf(clip), number, false, keyOf(clip) === keyOf(order))));
   for (const [name, usual] of Object.entries(EDITS)) {
     const field = $(name);
@@ -227,7 +228,9 @@ function showDone() {
   $("verdict").replaceChildren(...done.verdict.map(remark));
   $("warnings").replaceChildren(...done.warnings.map((each) => row("li", remark(each))));
   $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
-  $("command").textContent = done.command;
+  $("which").options[2].disabled = !done.merges;
+  if (!done.merges && $("which").value === "merged") $("which").value = "each";
+  showCommand();
   $("parts").replaceChildren(...done.parts.map((part) => new Option(part)));
   $("contacts").replaceChildren(...rowsOf(done.contacts, done.frames, order.contacts, change, choose));
   chosen = null;
@@ -416,10 +419,11 @@ $("who").ontoggle = () => {
   $("who").scrollIntoView({ block: "nearest" });
 };
 $("format").onchange = (event) => set({ format: event.target.value });
-$("download").onclick = () => download($("format").value);
+$("which").onchange = showCommand;
+$("download").onclick = () => ($("which").value === "this" ? download($("format").value) : download($("which").value, chosenOrders()));
+$("zip").onclick = () => download($("which").value === "merged" ? "merged-zip" : "zip", chosenOrders());
 for (const button of document.querySelectorAll("[data-take]")) button.onclick = () => download(button.dataset.take);
-$("all").onclick = downloadAll;
-$("copy").onclick = () => navigator.clipboard.writeText(done.command);
+$("copy").onclick = () => navigator.clipboard.writeText($("command").textContent);
 $("make").onclick = () => change([...order.contacts, written()]);
 $("change").onclick = () => change(replaced(order.contacts, chosen, written()));
 $("kind").onchange = showKind;
