@@ -200,3 +200,28 @@ def test_new_numbers_are_on_a_multiple_of_four_whatever_the_file_holds(more, tmp
     (sampler,) = written["animations"][0]["samplers"]
     np.testing.assert_allclose(gltf_player.values(written, binary, sampler["input"]).ravel(), [0.0, 0.1, 0.2])
     np.testing.assert_array_equal(gltf_player.values(written, binary, sampler["output"]), [[0.0, 0.0, 0.0, 1.0]] * 3)
+
+
+def test_animations_added_one_after_the_other_have_keys_for_what_any_of_them_moves(tmp_path):
+    made = character(BONES)
+    made.animate("sway", SWAY)
+    path = made.write(tmp_path / "hero.glb")
+    turns, posed = np.tile([0.0, 0.0, 0.6, 0.8], (3, 1)), frozenset(made.joints)
+    one, other = (
+        Animation(name, 3, "0.1", rotations={made.joints[joint]: turns}, posed=posed)
+        for name, joint in (("one", 1), ("other", 2))
+    )
+
+    def content(before, animations, **options):
+        return b"".join(animated(parse_gltf(before, path), animations, **options))
+
+    def keyed(content):
+        entries = chunks(content)[0]["animations"]
+        targets = [{(each["target"]["path"], each["target"]["node"]) for each in one["channels"]} for one in entries]
+        return [each["name"] for each in entries], targets
+
+    together = keyed(content(path.read_bytes(), [one, other]))
+    assert keyed(content(content(path.read_bytes(), [one]), [other], own=1)) == together
+    names, (own, *added) = together
+    assert names == ["sway", "one", "other"]
+    assert added == [own | {("rotation", made.joints[joint]) for joint in (1, 2)}] * 2

@@ -8,6 +8,7 @@ import pytest
 from animals import dog, on_a_root
 from bodies import (
     CORPUS,
+    HERO,
     WAYS,
     bent_chain,
     in_world,
@@ -428,3 +429,15 @@ def test_a_sword_changes_neither_capsules_nor_the_clap():
     without, result = retarget(clap, sample_target("hero")), retarget(clap, armed)
     np.testing.assert_array_equal(result.motion.rotations, without.motion.rotations)
     assert result.metrics == without.metrics
+
+
+def test_parts_have_joints_by_their_names_and_by_keys():
+    body = Body.of(distretarget.load_target(HERO).skeleton)
+    keys, regions = body.skeleton.keys, body.regions
+    assert keys[body.joint_of("left forearm")] == "LeftForeArm"
+    assert keys[body.joint_of("right thigh")] == "RightUpLeg"
+    assert keys[body.joint_of("hips")] == "Hips"
+    assert body.joint_of("RightFoot") == keys.index("RightFoot")
+    assert body.joint_of("left wing") is body.joint_of("") is None
+    for number, name in enumerate(regions.names):
+        assert regions.of_joint[body.joint_of(name)] == number

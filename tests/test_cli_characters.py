@@ -192,3 +192,19 @@ def test_each_animation_of_a_library_is_a_clip(hero, tmp_path):
     assert animations_of(tmp_path / "all.glb") == [f"library/{name}" for name in ("Run", "Run 2", "a_b", "animation 4")]
     succeeded("batch", tmp_path / "library.glb", hero, "-o", tmp_path / "one", "--clip", "#2", "--jobs", "1")
     assert (tmp_path / "one" / "library.glb").is_file()
+
+
+def test_clips_are_added_to_a_result_on_the_same_character(hero, tmp_path):
+    out = tmp_path / "all.glb"
+    for clip in ("walk", "clap", "walk"):
+        succeeded(SAMPLES / f"{clip}.bvh", hero, "-o", out, "--add")
+    assert animations_of(out) == ["walk", "clap", "walk 2"]
+    for number, clip in enumerate(("walk", "clap"), start=1):
+        motion = retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(hero)).motion
+        assert read_motion(out, clip=f"#{number}").positions == pytest.approx(motion.positions, abs=1e-5)
+    longer = Bones(BONES.names, BONES.parents, 1.1 * BONES.positions)
+    other = character(longer, axes=ROLLED).write(tmp_path / "other.glb")
+    assert "is no result on" in refused(WALK_FILE, other, "-o", out, "--add")
+    assert "is an input" in refused(WALK_FILE, hero, "-o", hero, "--add")
+    assert "exists already" in refused(WALK_FILE, hero, "-o", out)
+    assert "holds one motion" in refused(WALK_FILE, hero, "-o", tmp_path / "out.bvh", "--add", status=2)

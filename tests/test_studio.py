@@ -17,7 +17,6 @@ import zipfile
 from base64 import b64encode
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from pathlib import PurePath
 from urllib.parse import quote, urlsplit
 
 import numpy as np
@@ -31,8 +30,8 @@ from distretarget.cli import cli
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.input_file import load_file
 from distretarget.io.map_json import rest_pose_in
-from distretarget.io.motion_file import read_motion
-from distretarget.io.target_file import load_target
+from distretarget.io.motion_file import parse_motion, read_motion
+from distretarget.io.target_file import animations_in, load_target
 from distretarget.report.actors import without_known
 from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
@@ -111,9 +110,9 @@ def in_shell(folder, command):
     return ran
 
 
-def by_command(folder, done):
+def by_command(folder, bench, done):
     """The bytes that the command of an order makes, by a shell in a folder with what is taken away in a zip."""
-    with zipfile.ZipFile(io.BytesIO(done.file("zip")[1])) as archive:
+    with zipfile.ZipFile(io.BytesIO(bench.together([done.order], with_files=True)[1])) as archive:
         archive.extractall(folder)
     ran = in_shell(folder / "made_from", done.names.command(done.order))
     assert ran.returncode == 0, ran.stderr
@@ -143,18 +142,44 @@ def test_what_is_taken_away_is_what_its_command_makes(tmp_path, bench, more):
     done = bench.ordered(**more)
     name, content = done.file(more.get("format", "glb"))
     assert name == f"wave_hero.{more.get('format', 'glb')}"
-    assert content == by_command(tmp_path, done)
+    assert content == by_command(tmp_path, bench, done)
 
 
-def test_several_clips_are_zipped_each_as_its_command_makes_it(bench):
-    other = bench.add("wave.bvh", (SAMPLES / "clap.bvh").read_bytes())["id"]
-    orders = [Order.of(bench.files | more) for more in ({}, {"clip": other}, {"format": "bvh"})]
-    name, content = bench.zipped(orders)
+@pytest.mark.parametrize("merged", [False, True])
+def test_several_clips_are_taken_as_their_commands_make_them(tmp_path, merged):
+    bench = Dropped()
+    other = bench.add("wave.bvh", (SAMPLES / "clap.bvh").read_bytes())
+    assert other["name"] == "wave1.bvh"
+    contacts = [{"plant": "left foot", "keep": False}]
+    changes = ({"contacts": contacts}, {"clip": other["id"], "edits": {"end": "60f"}}, {"map": {"Head": None}})
+    orders = [Order.of(bench.files | more) for more in changes]
+    name, content = bench.together(orders, merged, with_files=True)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        assert archive.namelist() == ["wave_hero.glb", "wave_hero1.glb", "wave_hero.bvh"]
-        for each, order in zip(archive.namelist(), orders, strict=True):
-            assert archive.read(each) == bench.carry_out(order).file(PurePath(each).suffix[1:])[1]
-    assert name == "clips.zip"
+        archive.extractall(tmp_path)
+    results = ["hero_clips.glb"] if merged else ["wave_hero.glb", "wave1_hero.glb", "wave_hero1.glb"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*results, "made_from"])
+    assert name == ("hero_clips.zip" if merged else "clips.zip")
+    made = tmp_path / "made_from"
+    command = (made / "command.txt").read_text().strip()
+    assert command == bench.command(orders, merged)
+    ran = in_shell(made, command)
+    assert ran.returncode == 0, ran.stderr
+    for result in results:
+        assert (made / result).read_bytes() == (tmp_path / result).read_bytes()
+    if merged:
+        assert bench.together(orders, merged) == (results[0], (made / results[0]).read_bytes())
+        file = load_file(made / results[0])
+        assert animations_in(file) == ("wave", "wave1", "wave 2")
+        for number, order in enumerate(orders, start=1):
+            motion, _ = parse_motion(file, f"#{number}", None)
+            expected = bench.carry_out(order).converted.result.motion
+            assert motion.positions == pytest.approx(expected.positions, abs=1e-5)
+
+
+def test_what_holds_one_motion_takes_no_other(bench):
+    orders = [Order.of(bench.files | {"format": "bvh"})] * 2
+    with pytest.raises(SettingsError, match="holds one motion"):
+        bench.together(orders, merged=True)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="names that Windows cannot have")
@@ -175,7 +200,7 @@ def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character
     bench = Dropped(names=(clip, character))
     done = bench.ordered(edits={"end": "30f"}, contacts=contacts, map={"Head": None})
     name, content = done.file(done.format)
-    assert content == by_command(tmp_path, done)
+    assert content == by_command(tmp_path, bench, done)
     project = done.file("project")[0]
     (tmp_path / "made_from" / name).unlink()
     ran = in_shell(tmp_path / "made_from", f"distretarget retarget --project {shlex.quote(f'./{project}')}")
@@ -210,7 +235,7 @@ def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, bench):
     rest = dict(rest_pose_in(load_file(SAMPLES / "walk.bvh")).rotations)
     done = bench.ordered(rest=rest)
     assert done.file("glb")[1] != bench.ordered(rest=None).file("glb")[1]
-    assert done.file("glb")[1] == by_command(tmp_path / "made", done)
+    assert done.file("glb")[1] == by_command(tmp_path / "made", bench, done)
     assert json.loads(done.file("map")[1]) == {"format": "distretarget-map", "version": 1, "map": {}, "rest": rest}
     project = tmp_path / "made" / "made_from" / "wave_hero.project.json"
     (project.parent / done.names.result).unlink()
@@ -503,7 +528,7 @@ def test_a_sample_is_one_press_away_from_an_empty_page(browser, expect):
 def test_each_clip_keeps_its_own_changes_and_all_are_taken_together(solved, tmp_path, expect):
     tab, wait = solved
     expect(tab.get_by_test_id("clips")).to_be_hidden()
-    expect(tab.get_by_test_id("all")).to_be_hidden()
+    expect(tab.get_by_test_id("which")).to_be_hidden()
     tab.get_by_test_id("end").fill("60f")
     tab.get_by_test_id("end").blur()
     wait(" --end 60f")
@@ -513,10 +538,22 @@ def test_each_clip_keeps_its_own_changes_and_all_are_taken_together(solved, tmp_
     tab.get_by_test_id("in-place").check()
     tab.get_by_test_id("clips").select_option("clap.bvh")
     wait(" --in-place --end 60f")
-    with tab.expect_download(timeout=60_000) as taken:
-        tab.get_by_test_id("all").click()
+    commands = [f"distretarget {clip}.bvh hero.glb -o {{}} --in-place" for clip in ("clap", "walk")]
+    commands[0] += " --end 60f"
+
+    def take(which, command):
+        tab.get_by_test_id("which").select_option(which)
+        expect(tab.get_by_test_id("command")).to_have_text(command)
+        with tab.expect_download(timeout=60_000) as download:
+            tab.get_by_test_id("download").click()
+        return download.value
+
+    merged = take("merged", " && ".join(commands).format("hero_clips.glb", "hero_clips.glb --add"))
+    assert merged.suggested_filename == "hero_clips.glb"
+    assert animations_in(load_file(merged.path())) == ("clap", "walk")
+    zipped = take("each", " && ".join(commands).format("clap_hero.glb", "walk_hero.glb"))
     folder = tmp_path / "clips"
-    with zipfile.ZipFile(taken.value.path()) as archive:
+    with zipfile.ZipFile(zipped.path()) as archive:
         archive.extractall(folder)
     expected = {"clap": ["--end", "60f"], "walk": []}
     assert sorted(path.name for path in folder.iterdir()) == sorted(f"{clip}_hero.glb" for clip in expected)
@@ -710,6 +747,33 @@ def test_two_clicks_on_bodies_pair_their_joints(solved, expect):
     row.locator("select").select_option("")
     wait(" --map clap.map.json")
     assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": None}
+    tab.get_by_test_id("pairs").get_by_role("button", name="RightElbow", exact=True).click()  # it drives nothing now
+    row.get_by_role("button").press("Enter")
+    wait(" --map clap.map.json")
+    assert json.loads(taken(tab, tab.locator("[data-take=map]"))) == {"RightForeArm": "RightElbow"}
+
+
+def test_each_pair_has_a_colour_in_the_list_and_on_the_bodies_while_the_list_is_open(solved):
+    tab, _ = solved
+    stage, keys = drawn(tab), load_target(HERO).skeleton.keys
+    shown = (
+        "app.stage.sides.map((side) => side.dots.map((dot) => dot.visible && `#${dot.material.color.getHexString()}`))"
+    )
+    assert not any(map(any, stage.evaluate(shown)))
+    tab.locator("#who > summary").click()
+    settle(stage)
+    source, copy, result = stage.evaluate(shown)
+    assert copy == result
+    names = read_motion(SAMPLES / "clap.bvh").skeleton.keys
+    assert source[names.index("LeftElbow")] == result[keys.index("LeftForeArm")] != result[keys.index("RightForeArm")]
+    grey = {key for key, tone in zip(keys, result, strict=True) if tone == "#888888"}
+    nothing = tab.locator("[data-driven]").filter(has=tab.locator("select", has_text="nothing"))
+    assert grey == {
+        each.get_attribute("data-driven") for each in nothing.all() if not each.locator("select").input_value()
+    }
+    tab.locator("#who > summary").click()
+    settle(stage)
+    assert not any(map(any, stage.evaluate(shown)))
 
 
 def test_a_rest_pose_is_given_and_taken_back(solved, expect):
@@ -883,17 +947,41 @@ def test_files_that_do_not_fit_together_are_refused(monkeypatch):
     assert len(full.dropped) == 2
 
 
-def test_a_frame_in_the_verdict_leads_there(solved, expect):
+NEAR = """(joint) => {
+  const { stage } = app, { group, actors: [{ motion }] } = stage.sides.at(-1), { target } = stage.controls;
+  const place = new THREE.Vector3().fromArray(motion.positions, 3 * joint).add(group.position);
+  return [place.distanceTo(target), stage.camera.position.distanceTo(target)];
+}"""
+
+
+def test_a_remark_leads_to_its_frame_and_its_part(solved, expect):
     tab, _ = solved
-    link = tab.get_by_test_id("verdict").get_by_role("button").first
-    frame = link.inner_text().split()[-1]
+    stage, keys = drawn(tab), load_target(HERO).skeleton.keys
+    link = tab.get_by_test_id("verdict").get_by_role("link").last
+    joint, frame = re.search(r"direction error: (\w+), .* at frame (\d+)", link.inner_text()).groups()
     assert int(frame) > 0
-    link.click()  # even before the player is there
+    _, away = stage.evaluate(NEAR, keys.index(joint))
+    link.focus()
+    tab.keyboard.press("Enter")
     expect(tab.frame_locator("#player").locator("#now")).to_contain_text(f"{frame} / 276")
+    settle(stage)
+    ((driver, marked),) = stage.evaluate("app.marks.pairs")
+    assert marked == keys.index(joint)
+    assert read_motion(SAMPLES / "clap.bvh").skeleton.keys[driver].endswith(joint.replace("ForeArm", "Elbow"))
+    off, near = stage.evaluate(NEAR, keys.index(joint))
+    assert off < 1e-3
+    assert near < away / 2
+
+
+def test_a_remark_on_parts_that_do_not_meet_leads_to_both(bench):
+    entry = {"between": ["left hand", "right foot"], "gap": 0, "frames": [40, 60]}
+    (remark,) = (each for each in bench.ordered(contacts=[entry]).as_data["warnings"] if "is missed by" in each["text"])
+    assert remark["frame"] in range(40, 61)
+    assert remark["joints"] == ["LeftHand", "RightFoot"]
 
 
 SEEN = """[app.clock.frame, app.clock.loop, app.stage.camera.position.toArray(), app.stage.controls.target.toArray(),
-  app.stage.sides.map(({ shown }) => shown), app.stage.overlaid, app.marks.trails, app.marks.pair]"""
+  app.stage.sides.map(({ shown }) => shown), app.stage.overlaid, app.marks.trails, app.marks.pairs]"""
 BODY = "app.stage.actors[2].mesh.geometry.attributes.position.count"
 
 
@@ -908,7 +996,7 @@ def test_frame_view_and_selection_stay_while_contacts_and_bodies_change(solved, 
     settle(stage)
     seen, corners = stage.evaluate(SEEN), stage.evaluate(BODY)
     assert (seen[0], seen[1], seen[4:7]) == (275, [0, 276], [[True, False, True], True, True])
-    assert seen[-1][0] > 0
+    assert seen[-1][0][0] > 0
     tab.get_by_test_id("drop-contact").last.click()
     wait(" --contacts clap.contacts.json")
     expect(tab.frame_locator("#player").locator("#entry")).to_contain_text("dropped: ")

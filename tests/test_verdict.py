@@ -26,7 +26,7 @@ GOOD = {"contact_error": 0.01, "foot_skate": 0.001, "hips_height_largest": 0.57}
 
 def said(result, copy=None, source=None, tracks=TRACKS):
     metrics = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
-    return verdict(metrics, {"source": {}, "rotation_copy": {}, "result": tracks})
+    return "".join(verdict(metrics, {"source": {}, "rotation_copy": {}, "result": tracks}))
 
 
 def test_a_good_run():

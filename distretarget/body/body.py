@@ -10,7 +10,7 @@ from types import NoneType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.anatomy import ARM, SIDES, Anatomy, Regions, find_regions
+from distretarget.body.anatomy import ARM, REGION_PARTS, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.beside import limbs_on_body
 from distretarget.body.contradictions import as_body_shows, knees_ahead
@@ -182,6 +182,19 @@ class Body:
     def regions(self) -> Regions:
         """The regions of the body."""
         return find_regions(self.skeleton, self.anatomy, self.above_hips)
+
+    def joint_of(self, part: str) -> int | None:
+        """Return the joint of a part of the body: that with this key, that of a limb such as "left forearm", or the
+        first of a region; None if there is none.
+        """
+        if part in self.skeleton.keys:
+            return self.skeleton.keys.index(part)
+        side, _, limb = part.partition(" ")
+        role = "UpperLeg" if limb == "thigh" else REGION_PARTS.get(limb, ("",))[0]
+        if (joint := self.roles.get(f"{side}{role}")) is not None:
+            return joint
+        names, of_joint = self.regions.names, self.regions.of_joint
+        return int((of_joint == names.index(part)).argmax()) if part in names else None
 
     @of_rig
     def handles(self) -> dict[int, int]:

@@ -44,9 +44,11 @@ def read_input(path: Path) -> InputFile:
         raise FileError(STANDARD_INPUT, reason_of(error)) from error
 
 
-def write_outputs(contents: Mapping[Path | None, Callable[[], Content]], overwrite: bool) -> None:
+def write_outputs(
+    contents: Mapping[Path | None, Callable[[], Content]], overwrite: bool, replaced: Path | None = None
+) -> None:
     """Make the content of each output that is asked for, text whole or in parts, and then write them to files as
-    `write_whole` does, or to standard output; skips None.
+    `write_whole` does, or to standard output; skips None. The one that is `replaced` is written anew in any case.
     """
     made = {path: content() for path, content in contents.items() if path}
     for path, content in made.items():
@@ -54,11 +56,14 @@ def write_outputs(contents: Mapping[Path | None, Callable[[], Content]], overwri
             for part in encoded_parts(content):
                 click.echo(part, nl=False)
         else:
-            write_whole(path, content, overwrite)
+            write_whole(path, content, overwrite or path == replaced)
 
 
-def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:
-    """Check, before any work, that outputs can be written and that no two files are the same; skips None.
+def check_outputs(
+    outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool, replaced: Path | None = None
+) -> None:
+    """Check, before any work, that outputs can be written and that no two files are the same; skips None. The one that
+    is `replaced` may be there in any case.
 
     If an output is standard output, lines go to standard error from now on.
     """
@@ -71,7 +76,7 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None],
         for other, what in [*((i, "an input") for i in read), *((o, "another output") for o in written[:number])]:
             if _same_file(path, other):
                 raise FileError(path, f"is {what} as well; give the output another name")
-        check_writable(path, overwrite=overwrite)
+        check_writable(path, overwrite=overwrite or path == replaced)
 
 
 def _same_file(path: Path, other: Path) -> bool:

@@ -41,7 +41,7 @@ from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content, is_folder
 from distretarget.io.formats import OUTPUTS
-from distretarget.io.input_file import InputFile
+from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.motion_writer import content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
@@ -80,6 +80,9 @@ def _take_project(context: click.Context, _option: click.Parameter, path: Path |
     help="The file to write: .bvh, .vrma, or TARGET with its motion, .glb, .gltf or .vrm.",
 )
 @OVERWRITE_OPTION
+@click.option(
+    "--add", is_flag=True, help="Where OUTPUT is there, a result on the same TARGET, add the motion to those in it."
+)
 @converting(
     contacts_option(
         help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget "
@@ -103,6 +106,7 @@ def retarget_command(
     target: Path,
     output: Path,
     overwrite: bool,
+    add: bool,
     recipe_files: RecipeFiles,
     contacts_path: Path | None,
     metrics: Path | None,
@@ -127,12 +131,16 @@ def retarget_command(
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     distretarget amass.npz hero.glb -o hero.glb --skeleton smplx_neutral.npz
     distretarget clap.bvh hero.glb -o hero_clap.glb --contacts clap.contacts.json
+    distretarget jump.bvh hero.glb -o hero_all.glb --add
     distretarget retarget --project clap_hero.project.json
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
     if is_folder(source):
         raise click.UsageError(f"{source} is a folder; 'distretarget batch' retargets all clips of a folder.")
-    check_outputs([output, metrics, report], [source, target, contacts_path, *recipe_files.paths], overwrite)
+    if add and OUTPUTS.get(output.suffix.lower()) != "character":
+        raise click.UsageError(f"--add: {output} holds one motion; expected the name of a .glb, .gltf or .vrm file.")
+    onto = output if add and output.exists() else None
+    check_outputs([output, metrics, report], [source, target, contacts_path, *recipe_files.paths], overwrite, onto)
     started = time.perf_counter()
     source_file, target_file = read_source(source, recipe_files.skeleton_path), read_input(target)
     recipe, contacts = recipe_files.read(), project.order.contacts if project else NO_CONTACTS
@@ -153,14 +161,15 @@ def retarget_command(
     if strip_namespace and kind == "BVH":
         plain = replace(named.motion, skeleton=named.motion.skeleton.without_namespaces)
         named = replace(named, motion=plain)
-    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, recipe.writing)
+    before = load_file(onto) if onto else None
+    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, recipe.writing, before)
     seconds = time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
         metrics: lambda: metrics_json(result),
         report: lambda: run_page(result, about(Path(source_file.path), output), body.target, source_file),
     }
-    write_outputs(contents, overwrite)
+    write_outputs(contents, overwrite, onto)
     content = ()  # frees its numbers before metrics are measured
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
     _say_what_is_odd(result, (*done.left_out(lost), *left_out), verbose)

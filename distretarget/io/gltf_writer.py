@@ -10,7 +10,7 @@ from __future__ import annotations
 import base64
 import json
 import mimetypes
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Literal
 
@@ -110,10 +110,12 @@ def animated(
     mode: Mode = "add",
     as_binary: bool = True,
     embedded: Callable[[Node], bytes] | None = None,
+    own: int | None = None,
 ) -> Parts:
     """Return the content of a file with animations, in parts: as a GLB, or as JSON if not `as_binary`. The mode says
     whether they are added to those in the file, or replace them. `embedded` reads the file that a URI names, to put it
-    into this one; without it URIs stay. A FileError if it would be too large for a GLB.
+    into this one; without it URIs stay. After the file's `own` animations are such that were added before; they get a
+    key for what the new ones move, too. A FileError if it would be too large for a GLB.
     """
     nodes, buffers, binary = gltf_nodes(gltf), gltf.entries("buffers"), gltf.binary
     extends = binary is not None and bool(buffers) and "uri" not in (first := buffers[0].entries())
@@ -122,12 +124,14 @@ def animated(
     in_chunk = as_binary and (extends or not buffers)
     counts = len(gltf.entries("bufferViews")), len(gltf.entries("accessors"))
     numbers = _Numbers(0 if extends else len(buffers), binary if binary and extends else NOTHING, *counts)
-    entries = [*_animation_entries(gltf, animations, numbers, nodes, mode)]
-    content = numbers.content
-    buffer = {"byteLength": sum(map(len, content))} | ({} if in_chunk else {"uri": _data_uri(content)})
     with without_collection():
         top = {str(each.key): each for each in members(gltf.text, 0)}
+    entries = [*_animation_entries(gltf, animations, numbers, nodes, mode)]
+    completed = [] if own is None else [*_completed(gltf, top, animations, numbers, nodes, own)]
+    content = numbers.content
+    buffer = {"byteLength": sum(map(len, content))} | ({} if in_chunk else {"uri": _data_uri(content)})
     edits = [
+        *completed,
         _listed(gltf.text, top, "bufferViews", numbers.views),
         _listed(gltf.text, top, "accessors", numbers.accessors),
         _listed(gltf.text, top, "animations", entries, replaces=mode == "replace"),
@@ -150,24 +154,45 @@ def _animation_entries(
     """
     kept = gltf.entries("animations") if mode == "add" else []
     taken = {entry.entries().read("name", Node.text, "") for entry in kept} - {""}
-    moved = {target for entry in kept for target in _targets(gltf, entry)}
+    moved = {target for entry in kept for target in _targets(gltf, entry.entries())}
     moved.update(*map(_tracks, animations))
-    shown = {"translation": nodes.translations, "rotation": nodes.rotations, "scale": nodes.scales}
     for animation in animations:
         tracks = _tracks(animation)
         times = dict.fromkeys(tracks, numbers.times(animation.frames, animation.frame_time_text))
-        for path, node in sorted(moved - tracks.keys()):
-            if path in shown and node in animation.posed:
-                tracks[path, node] = shown[path][[node]]
-                times[path, node] = numbers.times(*START)
-        channels = [
-            {"sampler": number, "target": {"node": node, "path": path}} for number, (path, node) in enumerate(tracks)
-        ]
+        if still := _still(moved - tracks.keys(), animation.posed, nodes):
+            times |= dict.fromkeys(still, numbers.times(*START))
+        tracks |= still
+        channels = [*_channels(tracks)]
         samplers = [{"input": times[target], "output": numbers.add(keys)} for target, keys in tracks.items()]
         name = free_name(animation.name, taken)
         taken.add(name)
         entry: dict[str, object] = {"name": name, "channels": channels, "samplers": samplers}
         yield entry | ({"extras": dict(animation.extras)} if animation.extras else {})
+
+
+def _completed(
+    gltf: Gltf, top: Top, animations: Sequence[Animation], numbers: _Numbers, nodes: Nodes, own: int
+) -> Iterator[Edit]:
+    """The edits that give the file's animations after its `own` a key for what others move."""
+    moved, posed = set[tuple[str, int]]().union(*map(_tracks, animations)), {*animations[0].posed}
+    for entry, fields in [*_entries(gltf, top, "animations")][own:]:
+        if still := _still(moved.difference(_targets(gltf, fields)), posed, nodes):
+            old = json.loads(gltf.text[entry.start : entry.end])
+            samplers = [{"input": numbers.times(*START), "output": numbers.add(keys)} for keys in still.values()]
+            channels = [*old["channels"], *_channels(still, len(old["samplers"]))]
+            yield changed(gltf.text, entry, {"channels": channels, "samplers": old["samplers"] + samplers})
+
+
+def _still(targets: Set[tuple[str, int]], posed: Set[int], nodes: Nodes) -> Tracks:
+    """A key for each of the targets of an animation that is of a posed node: the transform that the node shows."""
+    shown = {"translation": nodes.translations, "rotation": nodes.rotations, "scale": nodes.scales}
+    return {(path, node): shown[path][[node]] for path, node in sorted(targets) if path in shown and node in posed}
+
+
+def _channels(tracks: Tracks, first: int = 0) -> Iterator[dict[str, object]]:
+    """Yield the channels of tracks, whose samplers have numbers from the first on."""
+    for number, (path, node) in enumerate(tracks, start=first):
+        yield {"sampler": number, "target": {"node": node, "path": path}}
 
 
 def _tracks(animation: Animation) -> Tracks:
@@ -176,9 +201,9 @@ def _tracks(animation: Animation) -> Tracks:
     return tracks | {("weights", node): keys.ravel() for node, keys in animation.weights.items()}
 
 
-def _targets(gltf: Gltf, animation: Node) -> Iterator[tuple[str, int]]:
+def _targets(gltf: Gltf, animation: Fields) -> Iterator[tuple[str, int]]:
     """What an animation of the file has keys for: a path, such as "rotation", and a node."""
-    for channel in animation.entries().listed("channels"):
+    for channel in animation.listed("channels"):
         target = channel.entries().inner("target")
         if "node" in target:
             yield target.read("path", Node.text, ""), gltf.index("nodes", target["node"])

@@ -23,7 +23,8 @@ from distretarget.io.arrays import Arrays, Precision, npz
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, read_bytes, write_whole
 from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS, OutputKind, format_of_name
-from distretarget.io.gltf import inside
+from distretarget.io.gltf import Gltf, inside
+from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.json_node import Node
@@ -208,9 +209,13 @@ DEFAULT_OUTPUT = OutputSettings()
 
 
 def content_of(
-    path: str | Path, clip: NamedClip, target: TargetFile | None, settings: OutputSettings
+    path: str | Path,
+    clip: NamedClip,
+    target: TargetFile | None,
+    settings: OutputSettings,
+    onto: InputFile | None = None,
 ) -> Iterable[str] | Parts:
-    """Return the content of a file with a clip, in parts; errors as in `write_motion`."""
+    """Return the content of a file with a clip, in parts; errors as in `write_motion` and `with_animations`."""
     match output_kind(path, target.file if target else None):
         case "BVH":
             return bvh_parts(clip.motion)
@@ -219,7 +224,7 @@ def content_of(
         case "arrays":
             return [settings.arrays(clip)]
     assert target is not None
-    return with_animations(path, target, [character_animation(target, clip)], settings.animations)
+    return with_animations(path, target, [character_animation(target, clip)], settings.animations, onto)
 
 
 def as_written(
@@ -253,16 +258,15 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     return replace(character.animation(motion, clip.name), extras=clip.extras, weights=clip.weights)
 
 
-def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode) -> Parts:
+def with_animations(
+    path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode, onto: InputFile | None = None
+) -> Parts:
     """Return the content of a character's file with animations, in parts, for a file of this name: a GLB, or JSON for
-    .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder.
+    .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder. `onto` is
+    what was written to this name before; it keeps its animations. A FileError if it is another character.
     """
     assert target.file is not None
-    file, folder = target.file, Path(target.file.path).parent
-    as_binary = Path(path).suffix.lower() != ".gltf"
-    if file.kind == "FBX":
-        assert isinstance(target.target, CharacterTarget)
-        return animated(target.target.mesh.as_gltf[0], animations, mode, as_binary)
+    file, folder, as_binary = target.file, Path(target.file.path).parent, Path(path).suffix.lower() != ".gltf"
     stays = not file.has_folder or (not as_binary and Path(path).parent.resolve() == folder.resolve())
 
     def embedded(uri: Node) -> bytes:
@@ -270,6 +274,25 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
         return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
     try:
-        return animated(file.gltf, animations, mode, as_binary, None if stays else embedded)
+        plain = _as_gltf(target)
+        if onto is None:
+            return animated(plain, animations, mode, as_binary, None if stays or file.kind == "FBX" else embedded)
+        if not _shows_same(onto.gltf, plain):
+            raise FileError(onto.path, f"is no result on {str(target.path)!r}, and is not added to; give another name")
+        own = len(plain.entries("animations")) if mode == "add" else 0
+        return animated(onto.gltf, animations, "add", as_binary, own=own)
     except RecursionError:
         raise FileError(target.path, "is nested too deeply") from None
+
+
+def _as_gltf(target: TargetFile) -> Gltf:
+    """The file of a character, as glTF."""
+    assert target.file is not None
+    assert isinstance(target.target, CharacterTarget)
+    return target.target.mesh.as_gltf[0] if target.file.kind == "FBX" else target.file.gltf
+
+
+def _shows_same(one: Gltf, other: Gltf) -> bool:
+    """Whether two files have the same nodes at the same places."""
+    a, b = gltf_nodes(one), gltf_nodes(other)
+    return a.names == b.names and np.allclose(a.transforms, b.transforms)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from typing import Self
 
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, Metrics, Tracks, Variant
 
@@ -18,9 +19,28 @@ UNCHANGED = 0.05  # a smaller error of direction is not mentioned [degrees]
 LEAST_BOUND = 0.1  # the least error that is given [% of height, or of leg length]
 
 
+class Remark(str):
+    """A text on a result, and where in it to look.
+
+    Attributes:
+        frame: the frame; None for no frame.
+        parts: the parts of the body, keys of joints or names such as "left hand"; none for the body as a whole.
+    """
+
+    __slots__ = ("frame", "parts")
+    frame: int | None
+    parts: tuple[str, ...]
+
+    def __new__(cls, text: str, frame: int | None = None, *parts: str) -> Self:
+        """Make it of a text, a frame, and parts, of which empty names are left out."""
+        remark = super().__new__(cls, text)
+        remark.frame, remark.parts = frame, (*filter(None, parts),)
+        return remark
+
+
 def limit_warnings(
     metrics: Metrics, tracks: Mapping[Variant, Tracks], cause_of: FindCause | None = None
-) -> Iterator[str]:
+) -> Iterator[Remark]:
     """Yield a warning for each metric of the result above its limit, with value, worst frame, and what `cause_of` finds
     for the metric in that frame and part. `metrics` are those of `tracks`.
     """
@@ -30,7 +50,7 @@ def limit_warnings(
         worst = f"worst in frame {frame}" + (f", {part}" if part else "")
         cause = cause_of(metric, frame, part) if cause_of else ""
         told = f"{value}{better if metric.worse_than_copy(metrics) else ''}, limit {limit:.3g}; {worst}"
-        yield told + (f"; cause: {cause}" if cause else "")
+        yield Remark(told + (f"; cause: {cause}" if cause else ""), frame, part)
 
 
 def faults(metrics: Metrics) -> list[tuple[float, str]]:
@@ -56,20 +76,23 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
     return f"{round(metrics.get(side, {}).get(metric.key) or 0.0, 4):.3g}"
 
 
-def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> str:
-    """Return a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction error; and the
-    names of the metrics over their limits, and of those within them but worse than those of copied rotations. `metrics`
-    are those of `tracks`.
+def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[Remark]:
+    """Yield a sentence in parts on contacts, skin, feet, other supports, floor, hips and the largest direction error;
+    and the names of the metrics over their limits, and of those within them but worse than those of copied rotations.
+    `metrics` are those of `tracks`.
     """
     of_result = tracks["result"]
-    parts = [_contacts(metrics), *_skin(metrics, of_result), _feet(metrics), *_supports(metrics), *_floor(metrics)]
-    text = f"{'; '.join([*parts, *_hips(metrics, of_result), *_turned(of_result)])}."
-    text = text[0].upper() + text[1:]
+    parts = [Remark(_contacts(metrics)), *_skin(metrics, of_result), Remark(_feet(metrics))]
+    parts += [*map(Remark, _supports(metrics)), *map(Remark, _floor(metrics))]
+    parts += [*_hips(metrics, of_result), *_turned(of_result)]
+    for number, part in enumerate(parts, start=1):
+        yield part if number > 1 else Remark(part[0].upper() + part[1:], part.frame, *part.parts)
+        yield Remark("; " if number < len(parts) else ".")
     over = [metric for metric in METRICS if metric.over_limit(metrics)]
     worse = [metric for metric in METRICS if metric.worse_than_copy(metrics) and metric not in over]
     for words, found in (("Check", over), ("Within limits, but worse than copied rotations", worse)):
-        text += f" {words}: {', '.join(metric.label for metric in found)}." if found else ""
-    return text
+        if found:
+            yield Remark(f" {words}: {', '.join(metric.label for metric in found)}.")
 
 
 def _contacts(metrics: Metrics) -> str:
@@ -93,14 +116,16 @@ def _contacts(metrics: Metrics) -> str:
     return f"contacts kept {copy / result:.2g} times better than by copied rotations"
 
 
-def _skin(metrics: Metrics, tracks: Tracks) -> Iterator[str]:
+def _skin(metrics: Metrics, tracks: Tracks) -> Iterator[Remark]:
     metric = BY_KEY["skin_depth"]
     value = metrics["result"][metric.key]
     if value is not None and value > TOUCHES:
         frame, limb = metric.worst(tracks)
-        yield f"{limb} sinks up to {value:.1f} % of the height into the body at frame {frame}"
+        text = f"{limb} sinks up to {value:.1f} % of the height into the body at frame {frame}"
+        yield Remark(text, frame, limb)
     elif value is not None:
-        yield "skin stays outside" + (f", within {value:.1f} % of the height" if value > metric.least else "")
+        within = f", within {value:.1f} % of the height" if value > metric.least else ""
+        yield Remark(f"skin stays outside{within}")
 
 
 def _feet(metrics: Metrics) -> str:
@@ -135,19 +160,20 @@ def _floor(metrics: Metrics) -> Iterator[str]:
         yield f"the body is {metrics['result'][metric.key]:.1f} % of a leg {metric.label}"
 
 
-def _hips(metrics: Metrics, tracks: Tracks) -> Iterator[str]:
+def _hips(metrics: Metrics, tracks: Tracks) -> Iterator[Remark]:
     metric, mean = BY_KEY["hips_height_largest"], BY_KEY["hips_height"]
     value, name = metrics["result"][metric.key], mean.label
     if value is not None and (metric.over_limit(metrics) or mean.over_limit(metrics)):
-        yield f"{name} off by up to {value:.0f} % of a leg at frame {metric.worst(tracks)[0]}"
+        frame, _ = metric.worst(tracks)
+        yield Remark(f"{name} off by up to {value:.0f} % of a leg at frame {frame}", frame, "hips")
     elif value is not None:
-        yield f"{name} kept within {max(math.ceil(10 * value) / 10, LEAST_BOUND):.1f} % of a leg"
+        yield Remark(f"{name} kept within {max(math.ceil(10 * value) / 10, LEAST_BOUND):.1f} % of a leg")
 
 
-def _turned(tracks: Tracks) -> Iterator[str]:
+def _turned(tracks: Tracks) -> Iterator[Remark]:
     metric = BY_KEY["direction_error"]
     values = tracks[metric.key].values
     if values.size and values.max() >= UNCHANGED:
         frame, joint = metric.worst(tracks)
         degrees = f"{values.max():.2g}" if values.max() < 99.5 else f"{values.max():.0f}"
-        yield f"largest {metric.label}: {joint}, {degrees} degrees at frame {frame}"
+        yield Remark(f"largest {metric.label}: {joint}, {degrees} degrees at frame {frame}", frame, joint)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.ik.poses import Mapper, Poses
+from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
@@ -211,13 +212,13 @@ def _farthest(performer: Performer, constraints: Constraints, posed: Motion) -> 
     return float(max((off.max() for _, off in _off(performer, constraints, posed)), default=0.0))
 
 
-def unmet(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[str]:
+def unmet(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[Remark]:
     """Yield for each constraint of a performer that a motion does not meet how far it is off."""
     for constraint, off in _off(performer, constraints, posed):
         if off.max() > NOTICED * performer.match.matching.target.height:
             name, worst = " - ".join(constraint.entry.named), int(off.argmax())
             cm = centimetres(performer.clip.unit) * off[worst]
-            yield f"{name} is missed by up to {cm:.1f} cm, at frame {worst}"
+            yield Remark(f"{name} is missed by up to {cm:.1f} cm, at frame {worst}", worst, *constraint.entry.named)
 
 
 def _off(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[tuple[Constraint, Array]]:

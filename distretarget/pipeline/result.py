@@ -27,7 +27,7 @@ from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Varian
 from distretarget.measure.needless import find_needless, find_pops, find_shaking, find_turned
 from distretarget.measure.skin import Skin, find_skin
 from distretarget.measure.surface import find_surface
-from distretarget.measure.verdict import limit_warnings, verdict
+from distretarget.measure.verdict import Remark, limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.vectors import Array, lengths
@@ -119,7 +119,7 @@ class RetargetResult:
             objective.
         postures: the paper's solved points; None for the contact objective.
         contact_list: the entries of the contact file that it was made with.
-        unmet: which of these are met in part only, a line each.
+        unmet: which of these are met in part only.
     """
 
     baseline: Baseline
@@ -129,7 +129,7 @@ class RetargetResult:
     supports: Supports
     postures: Postures | None
     contact_list: ContactList = NO_CONTACTS
-    unmet: tuple[str, ...] = ()
+    unmet: tuple[Remark, ...] = ()
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -247,13 +247,21 @@ class RetargetResult:
         """
         return {side: clip_metrics(tracks) for side, tracks in self.tracks.items()}
 
-    @cached_property
+    @property
     def verdict(self) -> str:
         """What was kept and what changed, in a plain sentence, with the names of metrics over their limits; of a body
         that cannot turn only that.
         """
-        text = "".join(f"T{line[1:]}." for line in self._lost_turn()) or verdict(self.metrics, self.tracks)
-        return f"{text} Constraints met in part: {'; '.join(self.unmet)}." if self.unmet else text
+        return "".join(self.remarks)
+
+    @cached_property
+    def remarks(self) -> tuple[Remark, ...]:
+        """The verdict in parts, each with the frame and the part of the body where it is to be seen."""
+        lost = [Remark(f"T{line[1:]}.") for line in self._lost_turn()]
+        told = lost or [*verdict(self.metrics, self.tracks)]
+        for number, line in enumerate(self.unmet):
+            told += [Remark("; " if number else " Constraints met in part: "), line]
+        return (*told, *[Remark(".")] * bool(self.unmet))
 
     @property
     def labels(self) -> dict[str, NDArray[Any]]:
@@ -285,7 +293,7 @@ class RetargetResult:
         }
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Remark, ...]:
         """Warnings, one line each: what is odd in the bodies first, since it explains the others: metrics over their
         limits, and resting joints that do not reach their places. These are left out where the body cannot turn: they
         only follow from it.
@@ -294,18 +302,19 @@ class RetargetResult:
         odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides())
         return (*odd, *(() if lost_turn else self._consequences()), *self.unmet)
 
-    def _consequences(self) -> Iterator[str]:
+    def _consequences(self) -> Iterator[Remark]:
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
         yield from limit_warnings(self.metrics, self.tracks, causes.of)
         yield from self._missed_places(causes)
 
-    def _lost_path(self) -> Iterator[str]:
+    def _lost_path(self) -> Iterator[Remark]:
         travels = len(self.source) > 0 and np.ptp(self.source.root_positions, axis=0).any()
         if travels and path_carriers(self.motion.skeleton, self.matching.body_joints) is None:
             root = self.motion.skeleton.names[0]
-            yield f"the body stays in place: the target's root {root!r} and the joints below lack position channels"
+            lack = f"the target's root {root!r} and the joints below lack position channels"
+            yield Remark(f"the body stays in place: {lack}")
 
-    def _lost_turn(self) -> Iterator[str]:
+    def _lost_turn(self) -> Iterator[Remark]:
         skeleton, pelvis = self.motion.skeleton, self.matching.pelvis
         if any(skeleton.rotation_axes(joint) for joint in skeleton.line(pelvis)):
             return
@@ -314,15 +323,15 @@ class RetargetResult:
         )
         if turn > TURNS:
             lack = f"the target's root {skeleton.names[0]!r} lacks rotation channels"
-            yield f"the body keeps its heading and does not turn, by up to {turn:.0f} degrees: {lack}"
+            yield Remark(f"the body keeps its heading and does not turn, by up to {turn:.0f} degrees: {lack}")
 
-    def _exchanged_sides(self) -> Iterator[str]:
+    def _exchanged_sides(self) -> Iterator[Remark]:
         for name, body in (("source", self.matching.source), ("target", self.matching.target)):
             if body.anatomy and (what := body.anatomy.exchanged):
                 named = "left and right" if what == "sides" else f"left and right of the {what}"
-                yield f"the {name}'s names exchange {named}; they are taken as the body shows them"
+                yield Remark(f"the {name}'s names exchange {named}; they are taken as the body shows them")
 
-    def _missed_places(self, causes: Causes) -> Iterator[str]:
+    def _missed_places(self, causes: Causes) -> Iterator[Remark]:
         held, keys = self.supports, self.motion.skeleton.keys
         away = lengths(self.motion.positions_of(held.joints) - held.places) / self.matching.target.unit
         short = np.where((held.weights > RESTS) & (away > REACH), away, 0.0)
@@ -332,12 +341,13 @@ class RetargetResult:
             short_of = dict.fromkeys(keys[joint] for joint in held.joints[short.any(axis=0)])  # an ankle may be its toe
             leg = causes.leg_of(int(support))
             stretched = leg is not None and causes.is_straight(leg, int(worst))
-            missing = 200 * short[worst, support]  # a body unit is twice the leg's length
-            yield (
+            missing, most = 200 * short[worst, support], keys[held.joints[support]]  # a body unit is two legs long
+            yield Remark(
                 f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
-                f"{frames[0]}): {quoted(short_of)}; most: "
-                f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
-                f"{', by reach: the leg is straight' if stretched else ''}"
+                f"{frames[0]}): {quoted(short_of)}; most: {most} in frame {worst}, {missing:.1f} % of a leg away"
+                f"{', by reach: the leg is straight' if stretched else ''}",
+                int(worst),
+                most,
             )
 
 

@@ -9,14 +9,17 @@ const tell = message => window.parent.postMessage(message, '*');
 let queue = Promise.resolve(), asked = 0, from = [], held = new Map(); // actors and bodies, by their hashes
 
 /** Takes a message from the page; motions that others follow already are left out. */
-async function take({motions, timeline, frame, pair}, turn) {
+async function take({motions, timeline, frame, pairs, close, dots}, turn) {
   if (motions && turn === asked) await showMotions(motions);
   if (timeline && turn === asked) await showTimeline(timeline);
   if (Number.isInteger(frame)) goTo(frame);
-  if (pair && globalThis.app && String(app.marks.pair) !== String(pair)) {
-    app.marks.pair = pair;
+  if (!globalThis.app) return;
+  for (const [name, value] of Object.entries({pairs, dots})) {
+    if (!value || String(app.marks[name]) === String(value)) continue;
+    app.marks[name] = value;
     repaint();
   }
+  if (close) app.stage.approach(frame, pairs.map(([, joint]) => joint));
 }
 
 /** Puts what is here already in the place of hashes. */

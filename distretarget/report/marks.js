@@ -7,9 +7,13 @@ import {levelAt, offAt} from './timeline.js';
 
 const PATH = 32, PAST = 0.8; // points of a path, and the time that it goes back [s]
 const ON_FLOOR = 0.12; // supports that are lower rest on the floor [body units]
+const NAMES = 2; // joints of a side that are named at a time
 const NAMED = 0.1; // size of the mark of a joint that is named [body units]
 const MOST = 12; // marks of a side at a time
-const RING = [[0.72, 0], [0.78, 1], [0.9, 1], [0.96, 0]], GLOW = [[0, 1], [0.35, 0.75], [1, 0]]; // alpha by radius
+const DOT = 0.032; // size of the mark of a joint that has a colour [body units]
+// alpha by radius
+const RING = [[0.72, 0], [0.78, 1], [0.9, 1], [0.96, 0]], GLOW = [[0, 1], [0.35, 0.75], [1, 0]];
+const DISC = [[0.8, 1], [0.95, 0]];
 
 /** A texture that is white where it is not transparent, with an alpha by radius. */
 function spotTexture(stops) {
@@ -28,24 +32,36 @@ function trailOf(actor, joint) {
   return Object.assign(new THREE.Line2(geometry, material), {visible: false, frustumCulled: false, actor, joint});
 }
 
+/** Puts a mark of a size and colour at a joint of a motion; hides it if that is -1. */
+function putAt(mark, {positions}, joint, size, colour) {
+  mark.visible = joint >= 0;
+  if (!mark.visible) return;
+  mark.position.fromArray(positions, 3 * joint);
+  mark.scale.setScalar(size);
+  mark.material.color.set(colour);
+}
+
 /** Shows marks for the rows of a timeline, and paths, on a stage. */
 export class Marks {
   constructor(stage) {
-    Object.assign(this, {stage, rows: [], shown: true, trails: false, pair: []});
-    Object.assign(this, {ring: spotTexture(RING), glow: spotTexture(GLOW)});
+    Object.assign(this, {stage, rows: [], shown: true, trails: false, pairs: [], dots: [[], []]});
+    Object.assign(this, {ring: spotTexture(RING), glow: spotTexture(GLOW), disc: spotTexture(DISC)});
   }
 
   /** Puts marks beside the actors of the stage, which are others than before. */
   build() {
     const {stage} = this, flat = new THREE.PlaneGeometry(1, 1).rotateX(-Math.PI / 2);
-    const many = made => Array.from({length: MOST}, () => Object.assign(made(), {visible: false, renderOrder: 2}));
+    const many = (made, length = MOST) => (
+      Array.from({length}, () => Object.assign(made(), {visible: false, renderOrder: 2})));
+    const sprite = map => () => new THREE.Sprite(new THREE.SpriteMaterial({depthTest: false, fog: false, map}));
     for (const side of stage.sides) {
-      side.spots = many(() => new THREE.Sprite(new THREE.SpriteMaterial({depthTest: false, fog: false})));
+      side.spots = many(sprite(null));
       side.rings = many(() => new THREE.Mesh(flat, new THREE.MeshBasicMaterial(
         {transparent: true, depthWrite: false, fog: false})));
       side.paths = side.actors.flatMap(actor => actor.ends.map(joint => trailOf(actor, joint)));
-      side.named = new THREE.Sprite(new THREE.SpriteMaterial({depthTest: false, fog: false, map: this.ring}));
-      side.group.add(side.named, ...side.spots, ...side.rings, ...side.paths);
+      side.dots = many(sprite(this.disc), side.actors[0].motion.parents.length);
+      side.named = many(sprite(this.ring), NAMES);
+      side.group.add(...side.dots, ...side.named, ...side.spots, ...side.rings, ...side.paths);
     }
   }
 
@@ -64,19 +80,15 @@ export class Marks {
           if (mark.visible) this.put(mark, own[k], own[k].points[number], judged, frame);
         });
       }
-      this.name(side, this.pair[side.actors[0].role === 'source' ? 0 : 1] ?? -1);
+      const end = side.actors[0].role === 'source' ? 0 : 1, [{motion}] = side.actors;
+      side.named.forEach((mark, k) => putAt(mark, motion, this.pairs[k]?.[end] ?? -1, NAMED, colourOf('focus')));
+      side.dots.forEach((mark, joint) => {
+        const colour = this.dots[end][joint];
+        putAt(mark, motion, colour ? joint : -1, DOT, colour);
+      });
       side.paths.forEach(line => { line.visible = trails; });
       if (trails && side.shown) this.drawPaths(side.paths, frame, Math.max(PAST / frameTime / (PATH - 1), 1));
     });
-  }
-
-  /** Marks a joint of the first actor of a side; none if it is -1. */
-  name({named, actors: [{motion}]}, joint) {
-    named.visible = joint >= 0;
-    if (!named.visible) return;
-    named.position.fromArray(motion.positions, 3 * joint);
-    named.scale.setScalar(NAMED);
-    named.material.color.set(colourOf('focus'));
   }
 
   /** Puts a mark for a row in the middle of joints, given with the numbers of their actors. */

@@ -14,6 +14,7 @@ const LABELS = 56; // that titles of views take above bodies, and as much below 
 const NARROW = 560; // a stage with less pixels shows two of three sides at first
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
 const NEAR = 50; // a joint that is farther from a click is not meant [pixels]
+const CLOSE = 1.3; // how far away a view from near is [body units]
 const VEILED = 0.4; // opacity of what another body is laid over
 const CELL = 0.25, BLOCK = 1; // of the grid, and of its stronger lines [body units]
 const REACH = 7; // of the grid from its middle; the air hides it before [body units]
@@ -232,6 +233,17 @@ export class Stage {
     this.camera.position.setFromSphericalCoords(1, Math.PI / 2 - elevation, this.facing + azimuth).add(target);
     this.framed = '';
     this.repaint();
+  }
+
+  /** Looks from near at the middle of joints of the last side, at a frame; at the whole room if there are none. */
+  approach(frame, joints) {
+    if (!joints.length) return this.look(0.5, 0.2);
+    const side = this.sides.at(-1), {camera, controls} = this, [{motion}] = side.actors;
+    this.place(side, frame, [side]);
+    const middle = new THREE.Vector3(...middleOf(joints.map(joint => [motion, joint]))).add(side.group.position);
+    camera.position.sub(controls.target).setLength(CLOSE).add(middle);
+    controls.target.copy(middle);
+    controls.update();
   }
 
   /** Goes so far away that the whole room is in view, where the views have changed since the last time. */

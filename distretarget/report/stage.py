@@ -48,7 +48,6 @@ SHOWN_DEPTH = 0.3  # skin that is less deep inside than this is not shown [limit
 TOUCHING, RESTING = " touching", " on floor"
 CODES = 254  # steps of how far something is off
 SPANS = 6  # times in which a row holds that are told
-LIMB_ROLES = {"hand": "Hand", "forearm": "LowerArm"}
 # The kinds of the tracks that have a row for each part, and what is said of a part.
 TRACKS: dict[str, tuple[RowKind, str]] = {
     "skin_depth": ("skin", "{} inside"),
@@ -203,7 +202,7 @@ def margin_of(key: str) -> float:
 
 def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterator[Row]:
     """A row for each part of what is measured of feet, other supports and skin."""
-    anatomy, keys = diff.matching.target.anatomy, diff.b.skeleton.keys
+    target, keys = diff.matching.target, diff.b.skeleton.keys
     for key, (kind, text) in TRACKS.items():
         track, limit = diff.comparison.tracks[key], margin_of(key)
         for column, part in enumerate(track.parts):
@@ -213,14 +212,11 @@ def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterat
                 if kind == "skin":
                     on &= track.values[:, column] > SHOWN_DEPTH * limit
                 values[: len(on)][on] = track.values[on, column]
-            side, _, limb = part.partition(" ")
-            joint = keys.index(part) if part in keys else None
-            if joint is None and anatomy and limb in LIMB_ROLES:
-                joint = anatomy.roles.get(side + LIMB_ROLES[limb])
+            joint = target.joint_of(part)
             if joint is not None and np.isfinite(values).any():
                 points = _points(diff, (joint,), actors)
                 regions = diff.matching.regions
-                name = part if limb in LIMB_ROLES else regions.names[regions.of_joint[joint]]
+                name = regions.names[regions.of_joint[joint]] if part in keys else part
                 row = Row(text.format(name), kind, values, limit, BY_KEY[key].symbol, points)
                 yield replace(row, spots=_spots(diff, solid, part, values)) if kind == "skin" and solid else row
 

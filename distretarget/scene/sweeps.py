@@ -24,6 +24,7 @@ from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.contact_entries import ContactList
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.ik.springs import Springs, joined
+from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot, over_runs, smoothstep, widened
@@ -198,7 +199,7 @@ class SolvedScene:
     motions: Sequence[Motion]  # of each performer, with its limbs bent as skins ask
     sweeps: int  # how many times all performers were solved
     gap_error: float  # the mean difference between gaps and what they should be [leg lengths]
-    unmet: Sequence[tuple[str, ...]]  # the constraints of each performer that are met in part only
+    unmet: Sequence[tuple[Remark, ...]]  # the constraints of each performer that are met in part only
 
 
 def solve_scene(
@@ -239,7 +240,7 @@ def solve_scene(
         np.max([constraints.share for constraints in found], axis=0),
     )
     each = zip(held.contacts.performers, free.contacts.performers, free.motions, held.motions, made, strict=True)
-    shown, motions, told = list[Performer](), list[Motion](), list[tuple[str, ...]]()
+    shown, motions, told = list[Performer](), list[Motion](), list[tuple[Remark, ...]]()
     for one, alone, without, motion, constraints in each:
         motion = met(one, motion, constraints) if constraints else motion
         motions.append(layered(made, without, motion))

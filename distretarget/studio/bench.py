@@ -8,13 +8,14 @@ import threading
 import uuid
 import zipfile
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
 from pathlib import PurePath
 
+from distretarget.body.body import Body
 from distretarget.contact_entries import ContactList
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
@@ -24,6 +25,7 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import content_of, output_kind, suffix_of
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
+from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Conversion, Converted, Recipe
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
@@ -84,8 +86,8 @@ class Done:
         regions = result.matching.target.regions.names
         return {
             "timeline": run_timeline(result, self.contacts),
-            "verdict": result.verdict,
-            "warnings": list(result.warnings),
+            "verdict": [_remark(each, result.matching.target) for each in result.remarks],
+            "warnings": [_remark(each, result.matching.target) for each in result.warnings],
             "frames": len(result.motion),
             "seconds": (len(result.motion) - 1) * result.motion.frame_time,
             "contacts": [
@@ -105,23 +107,24 @@ class Done:
             "formats": formats_of(self.target),
             "format": self.format,
             "command": self.names.command(self.order),
+            "merges": OUTPUTS[f".{self.format}"] == "character",
         }
 
     @property
     def names(self) -> Names:
         """What its files are called."""
-        return Names.of(self.source, self._character, self.format)
+        return Names(str(self.source.path), str(self._character.path), self.format, self.order.animation or "")
 
     @property
     def _character(self) -> InputFile:
         assert self.target.file
         return self.target.file
 
-    def file(self, kind: str) -> tuple[str, bytes]:
+    def file(self, kind: str, called: Names | None = None) -> tuple[str, bytes]:
         """Return the name and the content of a file to take away: the motion in its format, the "contacts", the "map",
-        the "project", the "report" or, as a "zip", the motion with all that its command needs in a folder.
+        the "project" or the "report"; by other names if they are given.
         """
-        names = self.names
+        names = called or self.names
         match kind:
             case "contacts":
                 return names.of_kind("contacts.json"), contacts_to_json(self.order.contacts).encode()
@@ -132,31 +135,39 @@ class Done:
                 return names.of_kind("project.json"), project_to_json(self.order, names, hashes).encode()
             case "report":
                 return f"{PurePath(names.result).stem}.html", self.report.encode()
-            case "zip":
-                return f"{PurePath(names.result).stem}.zip", self._zip()
         if kind != self.format:
             raise SettingsError(f"kind is {kind!r:.40}; expected {self.format}, the format of the order")
-        content = content_of(names.result, self.converted.clip, self.target, self.order.recipe.writing)
-        return names.result, b"".join(encoded_parts(content))
+        return names.result, self.motion(names.result)
 
-    def _zip(self) -> bytes:
-        names = self.names
+    def motion(self, name: str, before: bytes | None = None) -> bytes:
+        """Return the content of a file of this name with the motion; added to what was made `before`."""
+        onto = None if before is None else InputFile(before, name, has_folder=False)
+        content = content_of(name, self.converted.clip, self.target, self.order.recipe.writing, onto)
+        return b"".join(encoded_parts(content))
+
+    def made_from(self, names: Names) -> dict[str, bytes]:
+        """Return the files that its command needs, and its project, by their names."""
         kinds = ["project", *["contacts"] * bool(self.order.contacts.entries), *["map"] * self.order.has_map]
-        needed = dict(map(self.file, kinds))
-        needed |= {names.clip: self.source.content, names.character: self._character.content}
-        needed["command.txt"] = f"{names.command(self.order)}\n".encode()
-        content = io.BytesIO()
-        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr(*self.file(self.format))
-            for name, data in needed.items():
-                archive.writestr(f"made_from/{name}", data)
-        return content.getvalue()
+        inputs = {names.clip: self.source.content, names.character: self._character.content}
+        return inputs | dict(self.file(kind, names) for kind in kinds)
+
+
+def _remark(remark: Remark, body: Body) -> dict[str, object]:
+    """A remark, its frame, and the keys of the joints where its parts are on a body."""
+    joints = [joint for part in remark.parts if (joint := body.joint_of(part)) is not None]
+    return {"text": remark, "frame": remark.frame, "joints": [body.skeleton.keys[joint] for joint in joints]}
 
 
 def _turning(skeleton: Skeleton) -> list[str]:
     """The key of each joint; of an end, that of the joint which turns it."""
     ends = zip(skeleton.parents.tolist(), skeleton.end_sites, strict=True)
     return [skeleton.keys[max(parent, 0) if end else joint] for joint, (parent, end) in enumerate(ends)]
+
+
+def _numbered(name: str) -> Iterator[str]:
+    """The name of a file, and then others with a number."""
+    path = PurePath(name)
+    return (str(path.with_stem(f"{path.stem}{number or ''}")) for number in count())
 
 
 def formats_of(target: TargetFile) -> list[str]:
@@ -177,6 +188,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.dropped: list[dict[str, object]] = []  # what each file is, in their order
+        self._known: dict[tuple[str, str], dict[str, object]] = {}  # the same, by their first names and hashes
         self._files: dict[str, InputFile] = {}
         self._targets: dict[str, TargetFile] = {}
         self._motions: OrderedDict[str, tuple[Motion, tuple[str, ...]]] = OrderedDict()
@@ -187,13 +199,13 @@ class Bench:
 
     def add(self, name: str, content: bytes) -> dict[str, object]:
         """Take a file, and return its number and what it is; a DistretargetError where it is nothing to use. The same
-        file again is the one that is there.
+        file again is the one that is there; another file with the name of one gets a number in its own.
         """
         plain = PurePath(name.replace("\\", "/").replace("\0", "")).name
         file = InputFile(content, plain if plain.strip(".") else "file", has_folder=False)
-        for known in self.dropped:
-            if (known["name"], known["hash"]) == (str(file.path), file.hash):
-                return known
+        called = str(file.path), file.hash
+        if called in self._known:
+            return self._known[called]
         held = sum(len(each.content) for each in self._files.values())
         if held + len(content) > MOST:
             raise FileError(file.path, f"does not fit: the files on the page may have {MOST:,} bytes; start it anew")
@@ -218,7 +230,13 @@ class Bench:
             faults.append(error)
         if len(faults) == 2:
             raise faults[0]
+        taken = {str(known["name"]).casefold() for known in self.dropped}
+        free = next(each for each in _numbered(str(file.path)) if each.casefold() not in taken)
+        if free != str(file.path):
+            self._known[called] = self.add(free, content)
+            return self._known[called]
         self._files[number] = file
+        self._known[called] = about
         self.dropped.append(about)
         return about
 
@@ -245,30 +263,53 @@ class Bench:
                 self._done.popitem(last=False)
         return done
 
-    def zipped(self, orders: Sequence[Order], tab: str = "") -> tuple[str, bytes]:
-        """Return the name and the content of a zip of the results of several orders; one that has the name of another
-        gets a number.
+    def names_of(self, orders: Sequence[Order], merged: bool) -> list[Names]:
+        """Return what the files of several orders are called, each otherwise than those of the others; but all results
+        the same if they are `merged`.
         """
-        content, names = io.BytesIO(), set[str]()
+        taken, found = frozenset(str(each["name"]).casefold() for each in self.dropped), list[Names]()
+        for order in orders:
+            clip, character = self._file(order.clip), self._target(order.character)
+            files, form = (str(clip.path), str(character.path)), order.format or formats_of(character)[0]
+            if merged and OUTPUTS.get(f".{form}") != "character":
+                raise SettingsError(f"a .{form} file holds one motion; take all clips as glb, or in files of their own")
+            found.append(Names(*files, form, order.animation or "", taken if len(orders) > 1 else frozenset(), merged))
+            taken |= found[-1].all
+        return found
+
+    def command(self, orders: Sequence[Order], merged: bool) -> str:
+        """Return the command line that makes the results of several orders, in files of their own or all in one."""
+        each = enumerate(zip(self.names_of(orders, merged), orders, strict=True))
+        return " && ".join(names.command(order, add=merged and number > 0) for number, (names, order) in each)
+
+    def together(
+        self, orders: Sequence[Order], merged: bool = False, with_files: bool = False, tab: str = ""
+    ) -> tuple[str, bytes]:
+        """Return the name and the content of a file with the results of several orders: a zip of them or, `merged`, one
+        result with all animations. With the files that they are made from, in a folder, it is a zip in any case.
+        """
+        results, needed = dict[str, bytes](), dict[str, bytes]()
+        for order, names in zip(orders, self.names_of(orders, merged), strict=True):
+            done = self.carry_out(order, tab)
+            results[names.result] = done.motion(names.result, results.get(names.result))
+            needed |= done.made_from(names) if with_files else {}
+        if merged and len(results) == 1 and not with_files:
+            return results.popitem()
+        if with_files:
+            needed["command.txt"] = f"{self.command(orders, merged)}\n".encode()
+        name = "clips" if len(results) > 1 else PurePath(next(iter(results))).stem
+        content = io.BytesIO()
         with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-            for order in orders:
-                done = self.carry_out(order, tab)
-                name, result = done.file(done.format)
-                path = PurePath(name)
-                unique = (path.with_stem(f"{path.stem}{number or ''}") for number in count())
-                name = next(str(each) for each in unique if str(each).casefold() not in names)
-                names.add(name.casefold())
-                archive.writestr(name, result)
-        return "clips.zip", content.getvalue()
+            for path, data in (results | {f"made_from/{each}": data for each, data in needed.items()}).items():
+                archive.writestr(path, data)
+        return f"{name}.zip", content.getvalue()
 
     def end(self) -> None:
         """End what is carried out now as soon as may be."""
         self._turns.clear()
 
     def _carried_out(self, order: Order, go_on: Callable[[int], None]) -> Done:
-        source, target = self._file(order.clip), self._targets.get(order.character)
-        if target is None:
-            raise FileError(self._file(order.character).path, "has no character; drop one as TARGET")
+        source, target = self._file(order.clip), self._target(order.character)
         formats, recipe = formats_of(target), order.recipe
         form = order.format or formats[0]
         if form not in formats:
@@ -289,6 +330,11 @@ class Bench:
         go_on(0)
         ready = Conversion.of(motion, source, target, recipe)
         return replace(ready, prepared=ready.prepared.once_solved(go_on))
+
+    def _target(self, number: str) -> TargetFile:
+        if number not in self._targets:
+            raise FileError(self._file(number).path, "has no character; drop one as TARGET")
+        return self._targets[number]
 
     def _file(self, number: str) -> InputFile:
         if number not in self._files:

@@ -6,14 +6,14 @@ import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from itertools import count
 from pathlib import Path, PurePath
 from typing import Any
 
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, parse_contacts
-from distretarget.io.files import hash_of_file, read_text
-from distretarget.io.input_file import InputFile
+from distretarget.io.files import hash_of_file, read_text, safe_file_name
 from distretarget.io.json_node import on_lines, parse_json
 from distretarget.io.map_json import HEADER as MAP_HEADER
 from distretarget.io.map_json import MapFile, parse_map
@@ -116,34 +116,38 @@ class Names:
     clip: str
     character: str
     output: str  # the ending of the result
-
-    @classmethod
-    def of(cls, clip: InputFile, character: InputFile, output: str) -> Names:
-        """Return the names of dropped files; a character with the name of another file, the clip, gets its own."""
-        one, other = str(clip.path), str(character.path)
-        if one.casefold() == other.casefold() and clip.content != character.content:
-            other = f"character_{other}"
-        return cls(one, other, output)
+    animation: str = ""  # which of several in the clip
+    taken: frozenset[str] = frozenset()  # of other files, in small letters
+    merged: bool = False  # whether the results of all clips are in one file
 
     @property
     def result(self) -> str:
         """The result."""
         return self.of_kind(self.output)
 
+    @property
+    def all(self) -> set[str]:
+        """What its own files take, in small letters."""
+        kinds = ("contacts.json", "map.json", "project.json", *[self.output] * (not self.merged))
+        return {self.of_kind(kind).casefold() for kind in kinds}
+
     def of_kind(self, kind: str) -> str:
-        """Return the name of a file with this ending, such as "contacts.json", which neither of the files has; those of
+        """Return the name of a file with this ending, such as "contacts.json", which no other file has; those of
         contacts and of a map, which other characters may share, are named after the clip alone.
         """
-        clip, is_shared = _stem(self.clip), kind in ("contacts.json", "map.json")
-        name = f"{clip}.{kind}" if is_shared else f"{clip}_{_stem(self.character)}.{kind}"
-        while name.casefold() in (self.clip.casefold(), self.character.casefold()):
-            name = f"new_{name}"
-        return name
+        animation, character = safe_file_name(self.animation), _cut(PurePath(self.character).stem)
+        clip = _cut("_".join(filter(None, (PurePath(self.clip).stem, animation))))
+        stem = clip if kind in ("contacts.json", "map.json") else f"{clip}_{character}"
+        if self.merged and kind == self.output:
+            stem = f"{character}_clips"
+        taken = {self.clip.casefold(), self.character.casefold(), *self.taken}
+        names = (f"{stem}{number or ''}.{kind}" for number in count())
+        return next(name for name in names if name.casefold() not in taken)
 
-    def command(self, order: Order) -> str:
-        """Return the command line that makes the result, in a folder with the files."""
+    def command(self, order: Order, add: bool = False) -> str:
+        """Return the command line that makes the result, in a folder with the files; with `add`, that adds to it."""
         words = ["distretarget", _as_argument(self.clip), _as_argument(self.character)]
-        words += ["-o", _as_argument(self.result)]
+        words += ["-o", _as_argument(self.result), *["--add"] * add]
         for name, value in order.settings.items():
             flag = f"--{name.replace('_', '-')}"
             words += [flag] if value is True else [flag, str(value)]
@@ -158,9 +162,9 @@ def _map_text(given: Mapping[str, Any]) -> str:
     return json.dumps(MAP_HEADER | {"map": pairs, "rest": given["rest"]} if given.get("rest") else pairs)
 
 
-def _stem(name: str) -> str:
-    """The name without its ending, and so short that two of them fit into the name of a file."""
-    return PurePath(name).stem.encode()[:LONGEST].decode(errors="ignore")
+def _cut(name: str) -> str:
+    """The name so short that two of them fit into the name of a file."""
+    return name.encode()[:LONGEST].decode(errors="ignore")
 
 
 def _as_argument(name: str) -> str:
@@ -225,4 +229,5 @@ def load_project(path: Path) -> Project:
             raise FileError(path.parent / name, f"is not the {role} that {path} was made with: its content differs")
     how = {name: value for name, value in json.loads(text).items() if name in HOW}
     order = Order.of({**names, **how}, path)
-    return Project(order, Names(names["clip"], names["character"], found["output"].text()), path.parent)
+    called = Names(names["clip"], names["character"], found["output"].text(), order.animation or "")
+    return Project(order, called, path.parent)

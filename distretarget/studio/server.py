@@ -6,6 +6,7 @@ import json
 import secrets
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from typing import Any
 from urllib.parse import unquote
@@ -34,6 +35,8 @@ LARGEST = 1_000_000_000  # of a file that is dropped [bytes]
 LONGEST_TAB = 40  # of what a tab calls itself
 LARGEST_ORDER = 10_000_000  # [bytes]
 ASSETS = {"studio.css": "text/css", "studio.js": "text/javascript", "contacts.js": "text/javascript"}
+# how results are taken together, by the kind of file: whether in one result, and whether with their files
+TOGETHER = {"each": (False, False), "merged": (True, False), "zip": (False, True), "merged-zip": (True, True)}
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "frame-src 'self'; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
@@ -74,6 +77,7 @@ def studio_app(token: str, port: int, bench: Bench | None = None) -> Starlette:
         ("judge", studio.judge, "POST"),
         ("player", studio.player, "GET"),
         ("take/{kind}", studio.take, "POST"),
+        ("command/{kind}", studio.command, "POST"),
     ]
     return Starlette(
         routes=[Route(f"/{{token}}/{path}", studio.guarded(answer), methods=[how]) for path, answer, how in routes]
@@ -144,14 +148,18 @@ class _Studio:
         return HTMLResponse(html_page("framed", "The player", {}))
 
     async def take(self, request: Request) -> Response:
-        if request.path_params["kind"] == "all":
-            given = await _given(request)
-            orders = [Order.of(each) for each in (given if isinstance(given, list) else [given])]
-            name, content = await anyio.to_thread.run_sync(self.bench.zipped, orders, _tab(request))
+        kind = request.path_params["kind"]
+        if kind in TOGETHER:
+            taken = partial(self.bench.together, await _orders(request), *TOGETHER[kind], tab=_tab(request))
+            name, content = await anyio.to_thread.run_sync(taken)
         else:
             done = await self._done(request)
-            name, content = await anyio.to_thread.run_sync(done.file, request.path_params["kind"])
+            name, content = await anyio.to_thread.run_sync(done.file, kind)
         return Response(content, media_type="application/octet-stream", headers={"X-Name": json.dumps(name)[1:-1]})
+
+    async def command(self, request: Request) -> Response:
+        merged, _ = TOGETHER.get(request.path_params["kind"], (False, False))
+        return PlainTextResponse(self.bench.command(await _orders(request), merged))
 
     async def _done(self, request: Request) -> Done:
         order = Order.of(await _given(request))
@@ -181,6 +189,12 @@ def _name(request: Request) -> str:
 def _tab(request: Request) -> str:
     """What the tab of the browser calls itself."""
     return request.headers.get("x-tab", "")[:LONGEST_TAB]
+
+
+async def _orders(request: Request) -> list[Order]:
+    """The order of a request, or its orders."""
+    given = await _given(request)
+    return [Order.of(each) for each in (given if isinstance(given, list) else [given])]
 
 
 async def _given(request: Request) -> Any:

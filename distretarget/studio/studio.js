@@ -24,7 +24,7 @@ let ready = false; // the player is there
 let frame = 0; // of the player
 let chosen = null; // the contact whose values are in the fields
 let clicked = ""; // the first of two parts
-let named = []; // the pair of joints that is shown
+let named = []; // the pairs of joints that are shown
 let driver = null; // the joint of the source that was clicked, to drive another
 
 // ---- the server
@@ -91,26 +91,27 @@ async function solve() {
   }
 }
 
-async function download(kind) {
-  try {
-    await save(await ask(`take/${kind}`, JSON.stringify(order)));
-  } catch (error) {
-    trouble(error.message);
-  }
-}
-
-/** Saves all clips on the character, each as it was left, with what is set for all. */
-async function downloadAll() {
+async function download(kind, orders = order) {
   const before = $("state").textContent;
-  state("zipping");
+  state("writing");
   try {
-    const orders = clips().map((clip) => ({ ...order, ...ofClip(clip) }));
-    await save(await ask("take/all", JSON.stringify(orders), { "X-Tab": `${TAB}-all` })); // a change does not overtake it
+    await save(await ask(`take/${kind}`, JSON.stringify(orders), { "X-Tab": `${TAB}-take` })); // a change does not overtake it
     trouble("");
   } catch (error) {
     trouble(error.message);
   }
-  if ($("state").textContent === "zipping") state(before);
+  if ($("state").textContent === "writing") state(before);
+}
+
+/** The orders to take away: the one that is shown, or all clips on the character, each as it was left. */
+const chosenOrders = () => ($("which").value === "this" ? order : clips().map((clip) => ({ ...order, ...ofClip(clip) })));
+
+/** Shows the command line that makes what is to be taken away. */
+async function showCommand() {
+  const turn = asked;
+  const which = $("which").value;
+  const text = which === "this" ? done.command : await (await ask(`command/${which}`, JSON.stringify(chosenOrders()))).text();
+  if (turn === asked && which === $("which").value) $("command").textContent = text;
 }
 
 async function save(response) {
@@ -194,7 +195,7 @@ function show() {
     $(`${role}-what`).textContent = `${about.name}${frames}`;
   }
   const all = clips();
-  $("clips-row").hidden = $("all").hidden = all.length < 2;
+  $("clips-row").hidden = $("which").parentElement.hidden = all.length < 2;
   $("clips").replaceChildren(...all.map((clip, number) => new Option(nameOf(clip), number, false, keyOf(clip) === keyOf(order))));
   for (const [name, usual] of Object.entries(EDITS)) {
     const field = $(name);
@@ -224,20 +225,28 @@ function showMotions(motions) {
 
 function showDone() {
   if (ready) tell({ timeline: done.timeline });
-  $("verdict").replaceChildren(...linked(done.verdict));
-  $("warnings").replaceChildren(...done.warnings.map(warning));
+  $("verdict").replaceChildren(...done.verdict.map(remark));
+  $("warnings").replaceChildren(...done.warnings.map((each) => row("li", remark(each))));
   $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
-  $("command").textContent = done.command;
+  $("which").options[2].disabled = !done.merges;
+  if (!done.merges && $("which").value === "merged") $("which").value = "each";
+  showCommand();
   $("parts").replaceChildren(...done.parts.map((part) => new Option(part)));
   $("contacts").replaceChildren(...rowsOf(done.contacts, done.frames, order.contacts, change, choose));
   chosen = null;
   $("change").disabled = true;
-  $("pairs").replaceChildren(...done.pairs.map(pair));
-  showPair(...named);
+  showDrivers();
+  showPairs(named);
 }
 
 function element(tag, text, more = {}) {
   return Object.assign(document.createElement(tag), { textContent: text }, more);
+}
+
+function row(tag, ...children) {
+  const made = document.createElement(tag);
+  made.append(...children);
+  return made;
 }
 
 /** Puts what a contact says into the fields, to be changed. */
@@ -283,16 +292,13 @@ const tell = (message) => $("player").contentWindow.postMessage(message, "*");
 
 const goTo = (to) => tell({ frame: to });
 
-/** A text whose frames lead there. */
-const linked = (text) => text.split(/(\bframes? \d+)/).map((part) => {
-  const [, at] = /^frames? (\d+)$/.exec(part) ?? [];
-  return at ? element("button", part, { type: "button", className: "frame", onclick: () => goTo(Number(at)) }) : part;
-});
-
-function warning(text) {
-  const item = element("li", "");
-  item.append(...linked(text));
-  return item;
+/** What is said of the result; where it is of a frame, a press leads there, and to the joints that it is of. */
+function remark({ text, frame: at, joints }) {
+  if (at === null) return text;
+  return element("a", text, { href: `#frame=${at}`, onclick: (event) => {
+    event.preventDefault();
+    showPairs(joints.map((joint) => [driverOf(joint), joint]), { frame: at, close: true });
+  } });
 }
 
 const placed = (part, anchor) => (anchor ? `${part} at ${anchor.join(", ")}` : part);
@@ -328,37 +334,64 @@ function pick(on) {
   $("pick").textContent = !on ? "Click parts on the body" : clicked ? `${clicked} and ...` : "Click a part ...";
 }
 
-/** Takes a joint that was clicked in the picture: one of the source is to drive that of the character which is next. */
-function paired(joint, ofSource) {
-  if (!ofSource && !driver) return;
-  const [drives, driven] = ofSource ? [done.drivers[joint], null] : [driver, done.anchors[joint]];
-  driver = ofSource ? drives : null;
-  showPair(drives, driven);
-  if (driven) set({ map: { ...order.map, [driven]: drives } });
+/** Takes a joint of the source, which is to drive that of the character which is taken next. */
+function takeDriver(key) {
+  driver = key;
+  showPair(key, null);
 }
 
-/** Shows two joints, either of which may be null, in the picture, in the list and in words. */
+/** Takes a joint of the character: it is driven by the joint that was taken before, or shown if there is none. */
+function takeDriven(key) {
+  const drives = driver ?? driverOf(key);
+  const isNew = driver !== null;
+  driver = null;
+  showPair(drives, key);
+  if (isNew) set({ map: { ...order.map, [key]: drives } });
+}
+
+const driverOf = (key) => done.pairs.find(([joint]) => joint === key)?.[1] ?? null;
+
+/** Shows pairs of joints, either of which may be null, in the picture and in the list. */
+function showPairs(pairs, more = {}) {
+  named = pairs.filter(([drives, driven]) => done.anchors.includes(driven) || done.drivers.includes(drives));
+  tell({ ...more, pairs: named.map(([drives, driven]) => [done.drivers.indexOf(drives), done.anchors.indexOf(driven)]) });
+  for (const { classList, dataset } of $("pairs").children) classList.toggle("chosen", named.some(([, driven]) => driven === dataset.driven));
+}
+
+/** Shows a pair in words as well. */
 function showPair(drives, driven) {
-  named = done.anchors.includes(driven) || done.drivers.includes(drives) ? [drives, driven] : [];
-  tell({ pair: [done.drivers.indexOf(drives), done.anchors.indexOf(driven)] });
-  for (const row of $("pairs").children) row.classList.toggle("chosen", row.dataset.driven === driven);
+  showPairs([[drives, driven]]);
   $("pairing").textContent = driven ? `${drives ?? "nothing"} drives ${driven}.` : drives ? `${drives} drives ... Click a joint of the copy or the result.`
     : "Click a joint of the source, then one of the copy or the result; or choose here.";
 }
 
-function pair([joint, drives]) {
-  const row = document.createElement("tr");
-  row.dataset.driven = joint;
+/** Lists who drives whom, and who is left; while the list is open, each pair has a colour there and on the bodies. */
+function showDrivers() {
+  const tones = new Map(done.pairs.flatMap(([, drives]) => drives ?? []).map((key, k) => [key, `hsl(${Math.round(137.5 * k) % 360}, 80%, 52%)`]));
+  const drives = new Map(done.pairs);
+  const rows = done.pairs.map(([joint, by]) => pair(joint, by, tones.get(by)));
+  const idle = Array.from(new Set(done.drivers)).filter((key) => !tones.has(key));
+  const under = (title, some) => (some.length ? [row("tr", element("th", `${title} (${some.length})`, { colSpan: 3 })), ...some] : []);
+  $("pairs").replaceChildren(...under("Driven", rows.filter((_, k) => done.pairs[k][1])), ...under("Driven by nothing", rows.filter((_, k) => !done.pairs[k][1])),
+    ...under("Drive nothing", idle.map((key) => row("tr", element("td", ""), row("td", joined(key, takeDriver))))));
+  const dots = (keys, tone) => keys.map((key, k) => (keys.indexOf(key) < k ? "" : tones.get(tone(key)) ?? "#888"));
+  tell({ dots: $("who").open ? [dots(done.drivers, (key) => key), dots(done.anchors, (key) => drives.get(key))] : [[], []] });
+}
+
+const joined = (key, take) => element("button", key, { type: "button", className: "name", onclick: () => take(key) });
+
+function pair(joint, drives, tone) {
   const choice = document.createElement("select");
-  row.onclick = choice.onfocus = () => driver || showPair(drives, joint);
   choice.append(new Option("nothing", ""), ...Array.from(new Set([...done.drivers, drives].filter(Boolean)), (name) => new Option(name, name)));
   choice.value = drives ?? "";
   choice.setAttribute("aria-label", `what drives ${joint}`);
+  choice.onfocus = () => driver || showPair(drives, joint);
   choice.onchange = () => set({ map: { ...order.map, [joint]: choice.value || null } });
-  const cell = document.createElement("td");
-  cell.append(choice);
-  row.append(element("td", joint), cell);
-  return row;
+  const dot = element("i", "", { className: "dot" });
+  dot.style.background = tone ?? "";
+  const made = row("tr", row("td", dot), row("td", joined(joint, takeDriven)), row("td", choice));
+  made.dataset.driven = joint;
+  return made;
 }
 
 // ---- what people do
@@ -378,15 +411,19 @@ $("try").onclick = () => ["clap.bvh", "hero.glb"].forEach(sample);
 $("undo").onclick = () => step(past, future);
 $("redo").onclick = () => step(future, past);
 $("who").ontoggle = () => {
-  if (done) showPair();
+  driver = null;
   if ($("who").open) pick(false);
+  if (!done) return;
+  showPair(null, null);
+  showDrivers();
   $("who").scrollIntoView({ block: "nearest" });
 };
 $("format").onchange = (event) => set({ format: event.target.value });
-$("download").onclick = () => download($("format").value);
+$("which").onchange = showCommand;
+$("download").onclick = () => ($("which").value === "this" ? download($("format").value) : download($("which").value, chosenOrders()));
+$("zip").onclick = () => download($("which").value === "merged" ? "merged-zip" : "zip", chosenOrders());
 for (const button of document.querySelectorAll("[data-take]")) button.onclick = () => download(button.dataset.take);
-$("all").onclick = downloadAll;
-$("copy").onclick = () => navigator.clipboard.writeText(done.command);
+$("copy").onclick = () => navigator.clipboard.writeText($("command").textContent);
 $("make").onclick = () => change([...order.contacts, written()]);
 $("change").onclick = () => change(replaced(order.contacts, chosen, written()));
 $("kind").onchange = showKind;
@@ -458,7 +495,10 @@ addEventListener("message", (event) => {
   const { joint = -1, skin, at, role } = event.data ?? {};
   if ($("pick").getAttribute("aria-pressed") === "true") {
     if (role !== "source" && Math.max(joint, skin) >= 0) picked(skin < 0 ? joint : skin, at);
-  } else if ($("who").open && joint >= 0) paired(joint, role === "source");
+  } else if ($("who").open && joint >= 0) {
+    if (role === "source") takeDriver(done.drivers[joint]);
+    else takeDriven(done.anchors[joint]);
+  }
 });
 $("order").onsubmit = (event) => event.preventDefault();
 for (const about of await (await ask("files")).json()) take(about);
