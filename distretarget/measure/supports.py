@@ -168,7 +168,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | 
     paths, rests = _paths_of(source, source_feet, length, up), stance[:, ::2] | stance[:, 1::2]
     skin = surface if feet else None
     below = 0.0 if skin is None else np.mean([skin.below_sole(sole) for _, sole in feet]) / target_length
-    carried = [matching.target.skeleton.subtree(leg.ankle) for leg in legs[1]]
+    carried = [matching.target.skeleton.subtree_at(leg.ankle) for leg in legs[1]]
     shown = skin is not None and skin.of_mesh and all(len(skin.on(foot)) for foot in carried)
     columns = zip(paths.sole.T, rests.T, strict=True)
     means = [over_runs(sole[:, None], rest.astype(float)) for sole, rest in columns] if shown else []
@@ -185,7 +185,6 @@ def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | 
     )
 
 
-            feet = [result.skeleton.subtree_at(leg.ankle) for leg, _ in self.feet]
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SupportsMeasured:
     """The joints that rest on the world in a source, apart from feet, and how they do so in a result."""
