@@ -10,8 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Literal
 
+import numpy as np
+
 from distretarget.checks import brief, check_kind, check_number
 from distretarget.errors import ContactsError, SettingsError
+from distretarget.numerics.vectors import Flags, Numbers
 
 LONGEST = 1e9  # of frames, seconds, centimetres and coordinates
 MOST_FIRM = 100.0
@@ -244,6 +247,19 @@ class ContactList:
 
 
 NO_CONTACTS = ContactList()
+
+
+@dataclass(frozen=True, eq=False)
+class Drop:
+    """A contact that does not count, in some frames."""
+
+    parts: tuple[Numbers, ...]  # the target's joints of its two parts
+    frames: Flags  # (frames,)
+
+    def of(self, a: Numbers, b: Numbers) -> Flags:
+        """(pairs,), whether joints a and b are one of each part."""
+        one, other = self.parts
+        return (np.isin(a, one) & np.isin(b, other)) | (np.isin(a, other) & np.isin(b, one))
 
 
 def _check_names(name: str, parts: object, count: int) -> None:

@@ -25,6 +25,7 @@ from distretarget import (
 )
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.objectives.constraint_reach import front_of
+from distretarget.measure.metrics import METRICS
 from distretarget.objectives.part_axes import PARTS
 from distretarget.pipeline.found_contacts import contacts_of, marked_contacts
 from distretarget.skin.balls import segment_gaps
@@ -532,3 +533,13 @@ def test_a_hand_planted_on_the_floor_comes_down_to_it(child):
     assert before[..., 1].min() > floor + 0.15 * height
     assert after[..., 1].min(axis=1).max() < floor + 0.02 * height
     assert np.ptp(after[:, 0], axis=0).max() / height < 0.003
+
+
+@pytest.mark.parametrize("change", [{"gap": 20.0}, {"keep": False}], ids=["held apart", "dropped"])
+def test_what_a_user_asks_for_is_no_fault_of_the_result(hero, change):
+    result = asked(sample("clap"), hero, Contact(between=("left hand", "right hand"), **change))
+    assert asked(sample("clap"), hero).metrics["result"]["touch_missed"] is not None
+    assert result.metrics["result"]["touch_missed"] is None
+    assert not {"touch_missed", "skin_gap", "needless"} & {
+        metric.key for metric in METRICS if metric.over_limit(result.metrics)
+    }

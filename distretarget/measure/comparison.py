@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.body.body import Body
+from distretarget.contact_entries import Drop
 from distretarget.matching.matching import Matching, by_soles
 from distretarget.measure.contacts import Contacts, find_region_contacts
 from distretarget.measure.metrics import Track, Tracks
@@ -84,6 +86,12 @@ class Reference:
             "jerk": _jerk(source, matching.source),
             "hips_acceleration": self._acceleration_of_hips(source, 0),
         }
+
+    def without(self, drops: Sequence[Drop], of_joint: Numbers) -> Reference:
+        """Return the reference without the contacts that a user drops; arguments as `SourceSkin.without`."""
+        other = copy(self)
+        other._skin, other._contacts = self._skin.without(drops, of_joint), self._contacts.without(drops)
+        return other
 
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""

@@ -8,12 +8,14 @@ walks: they pass each other in every stride.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs
+from distretarget.contact_entries import Drop
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import Track
@@ -80,6 +82,12 @@ class Contacts:
     def v(self) -> Numbers:
         """(rows,), the second target joint of the nearest pair."""
         return self.candidates.v[self.nearest]
+
+    def without(self, drops: Sequence[Drop]) -> Contacts:
+        """Return the contacts without those that a user drops."""
+        kept = ~np.any([drop.of(self.u, self.v) & drop.frames[self.frame] for drop in drops], axis=0)
+        rows = (self.frame, self.regions, self.nearest, self.distance_source, self.distance_result)
+        return Contacts(self.candidates, self.strides, *(each[kept] for each in rows))
 
     def in_result(self, result: Motion) -> Contacts:
         """The same contacts with the distances of a result."""

@@ -57,19 +57,22 @@ def _sudden(steps: Array, times: float) -> Flags:
     return np.asarray((steps > FAR) & (steps > times * usual_steps(steps)))
 
 
-def find_needless(copy: Motion, result: Motion, body: Body, of_copy: Comparison, of_result: Comparison) -> Track:
+def find_needless(
+    copy: Motion, result: Motion, body: Body, of_copy: Comparison, of_result: Comparison, asked: Flags | bool = False
+) -> Track:
     """How far upper arms are turned away from the rotation copy, or point elsewhere than the source's, without need,
     (frames, arms) [degrees]: while the arm touches nothing in the source, nothing but the feet rests there, and the
     copied forearm and hand do not sink in.
 
-    `of_copy` and `of_result` are what was measured of the two.
+    `of_copy` and `of_result` are what was measured of the two; where a user asks for other contacts, `asked`,
+    (frames,), arms may turn.
     """
     sides = [side for side in SIDES if f"{side}UpperArm" in body.roles]
     joints = body.anatomy.joints(*(f"{side}UpperArm" for side in sides)) if body.anatomy else []
     keys = result.skeleton.keys_of(joints)
     off = [_off_direction(of_result, key) for key in keys]
     angles = [np.maximum(_angles(copy, result, joint), each) for joint, each in zip(joints, off, strict=True)]
-    needed = [_needed(of_copy, side, result.frame_time) for side in sides]
+    needed = [_needed(of_copy, side, result.frame_time, asked) for side in sides]
     counts = _columns([~each for each in needed], len(result)) > 0
     return Track(_columns(angles, len(result)), counts, keys)
 
@@ -116,10 +119,10 @@ def _off_direction(of_result: Comparison, key: str) -> Array:
     return np.asarray(off.values[:, np.array(off.parts) == key].max(axis=1, initial=0.0))
 
 
-def _needed(of_copy: Comparison, side: str, frame_time: float) -> Flags:
+def _needed(of_copy: Comparison, side: str, frame_time: float, asked: Flags | bool) -> Flags:
     """(frames,), whether an arm has something to turn for."""
     needed, own = _touching(of_copy.contacts, side), [limb.startswith(side) for limb in LIMBS]
-    needed |= of_copy.others_rest.any(axis=1)
+    needed |= of_copy.others_rest.any(axis=1) | asked
     depths, touches = (of_copy.tracks[key] for key in ("skin_depth", "skin_gap"))
     if len(depths.values):
         needed |= (depths.values[:, own].max(axis=1) >= SINKS) | touches.weights[:, own].any(axis=1)

@@ -4,7 +4,8 @@ and hands that pass by touch nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.limbs import Arm
+from distretarget.contact_entries import Drop
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
 from distretarget.measure.skin import OWN_ARM, Skin, are_parts
@@ -82,6 +84,19 @@ class SourceSkin:
     touches: Numbers  # (3, contacts), which of these, limb and segment, by frames
     gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
     spots: Array  # (contacts, 3), where on the segment, as `PartFrames.coordinates`
+
+    def without(self, drops: Sequence[Drop], of_joint: Numbers) -> SourceSkin:
+        """Return it without touches that a user drops, of hands with those of their forearms; the target's joints
+        belong to segments `of_joint`, (joints,).
+        """
+        frame, limb, segment = self.touches
+        kept = np.ones(len(self.gaps), bool)
+        for drop in drops:
+            one, other = (np.unique(of_joint[part[of_joint[part] >= 0]]) for part in drop.parts)
+            for a, b in ((one, other), (other, one)):
+                on = (np.isin(limb, a) | np.isin(HAND[limb], a)) & np.isin(PLACE_OF[segment], PLACE_OF[b])
+                kept &= ~(on & drop.frames[self.seen[frame]])
+        return replace(self, touches=self.touches[:, kept], gaps=self.gaps[kept], spots=self.spots[kept])
 
     def in_result(self, result: Motion) -> SkinMeasured:
         """The skin of a result with the same number of frames."""

@@ -12,6 +12,7 @@ from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body
 from distretarget.body.limbs import Leg, Legs, before, raised
 from distretarget.body.soles import Sole
+from distretarget.contact_entries import Drop
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.ik.poses import part_of_joint
 from distretarget.matching.matching import Matching
@@ -34,19 +35,6 @@ class LegPair:
     target: Leg
     source_sole: Sole
     target_sole: Sole
-
-
-@dataclass(frozen=True, eq=False)
-class Drop:
-    """A contact that does not count, in some frames."""
-
-    parts: tuple[Numbers, ...]  # the target's joints of its two parts
-    frames: Flags  # (frames,)
-
-    def of(self, a: Numbers, b: Numbers) -> Flags:
-        """(pairs,), whether joints a and b are one of each part."""
-        one, other = self.parts
-        return (np.isin(a, one) & np.isin(b, other)) | (np.isin(a, other) & np.isin(b, one))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

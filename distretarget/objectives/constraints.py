@@ -13,12 +13,12 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.body.skin_anchors import AnchoredSkin, SkinPoint
-from distretarget.contact_entries import Contact, ContactList, Distance, Entry, Ground, Look, Plant
+from distretarget.contact_entries import Contact, ContactList, Distance, Drop, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, normalised
-from distretarget.objectives.clip import Clip, Drop
+from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND as FOOT_BLEND
 
 NO_OTHERS: Mapping[str, Carrier] = {}

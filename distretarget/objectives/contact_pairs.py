@@ -8,12 +8,13 @@ import numpy as np
 
 from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs, hanging_distances, passing_regions
+from distretarget.contact_entries import Drop
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings, SelfContact
-from distretarget.objectives.clip import Clip, Drop
+from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_terms import TOUCH, NearPairs, write_stiffness
 from distretarget.objectives.supports import Supports
 

@@ -268,6 +268,7 @@ class Performer:
             effort=poses.effort,
             supports=self.supports if self.settings.foot_lock else no_supports(len(motion)),
             postures=postures,
+            drops=self.clip.drops,
         )
 
     def _as_channels_allow(self, posed: Motion) -> Motion:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
 from typing import Any
 
@@ -17,7 +17,7 @@ from distretarget.baseline.world import World
 from distretarget.body.beside import Tree
 from distretarget.body.body import Body
 from distretarget.body.pelvis import way_to_thighs
-from distretarget.contact_entries import NO_CONTACTS, ContactList
+from distretarget.contact_entries import NO_CONTACTS, ContactList, Drop
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
@@ -73,7 +73,11 @@ class Baseline:
     @cached_property
     def comparison(self) -> Comparison:
         """The rotation copy measured against the source, frame by frame."""
-        comparison = self.reference.compare(self.on_body(self.rotation_copy))
+        return self.compared(self.reference)
+
+    def compared(self, reference: Reference) -> Comparison:
+        """Return the rotation copy measured against a source, frame by frame."""
+        comparison = reference.compare(self.on_body(self.rotation_copy))
         self.stress  # noqa: B018 - by these positions
         self.rotation_copy.forget()
         return comparison
@@ -120,6 +124,7 @@ class RetargetResult:
         postures: the paper's solved points; None for the contact objective.
         contact_list: the entries of the contact file that it was made with.
         unmet: which of these are met in part only.
+        drops: contacts that these drop or replace, which nothing is measured by.
     """
 
     baseline: Baseline
@@ -130,6 +135,7 @@ class RetargetResult:
     postures: Postures | None
     contact_list: ContactList = NO_CONTACTS
     unmet: tuple[Remark, ...] = ()
+    drops: tuple[Drop, ...] = ()
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -202,14 +208,17 @@ class RetargetResult:
     @cached_property
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
-        baseline = self.baseline
-        baseline.reference  # noqa: B018 - for both
+        baseline, reference, of_copy = self.baseline, self.baseline.reference, lambda: self.baseline.comparison
+        if self.drops:
+            of_joint = self.skins.target.of_joint if self.skins else np.full(len(self.motion.skeleton), -1)
+            reference = reference.without(self.drops, of_joint)
+            of_copy = partial(baseline.compared, reference)
         side_by_side = mapper_for(len(self.motion), COMPARED * len(self.motion.skeleton))
-        copy, result = side_by_side(lambda compare: compare(), (lambda: baseline.comparison, self._compared))
+        copy, result = side_by_side(lambda compare: compare(), (of_copy, partial(self._compared, reference)))
         return result, copy
 
-    def _compared(self) -> Comparison:
-        comparison = self.baseline.reference.compare(self.baseline.on_body(self.motion))
+    def _compared(self, reference: Reference) -> Comparison:
+        comparison = reference.compare(self.baseline.on_body(self.motion))
         self.written_stress  # noqa: B018 - by these positions
         self.motion.forget()
         return comparison
@@ -230,11 +239,12 @@ class RetargetResult:
         not_converged = np.zeros(len(self.motion))
         not_converged[self.effort.not_converged] = 1.0
         body, (of_result, of_copy) = self.matching.target, self._comparisons
+        asked = np.any([np.zeros(len(self.motion), bool), *(drop.frames for drop in self.drops)], axis=0)
         motions = self.baseline.on_body(self.rotation_copy), self.baseline.on_body(self.motion)
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
-            "needless": find_needless(*motions, body, of_copy, of_result),
+            "needless": find_needless(*motions, body, of_copy, of_result, asked),
             "shaking": Track(find_shaking(*motions, body, shots), parts=keys),
             "pop": Track(find_pops(*motions, body, shots), parts=keys),
             "not_converged": Track(not_converged),
