@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.numerics.vectors import Array, Numbers, lengths, level, normalised
@@ -14,9 +15,14 @@ from distretarget.skin.capsules import SEGMENTS
 
 TRUNK = ("chest", "belly", "pelvis")  # one part: where one ends and the next begins differs between rigs
 THINNEST = 0.1  # what is nearer to the axis counts as so far from it [lengths of the axis]
-BONES = {"trunk": ("hips", "neck"), "head": ("neck", "head")}
-BONES |= {f"{side} thigh": (f"{side}UpperLeg", f"{side}LowerLeg") for side in ("left", "right")}
-BONES |= {f"{side} shin": (f"{side}LowerLeg", f"{side}Foot") for side in ("left", "right")}
+SHOULDERS = ("leftUpperArm", "rightUpperArm")
+# The roles of the joints in whose middles the axis of each part begins and ends.
+BONES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "trunk": (("leftUpperLeg", "rightUpperLeg"), SHOULDERS),
+    "head": (SHOULDERS, ("head",)),
+}
+BONES |= {f"{side} thigh": ((f"{side}UpperLeg",), (f"{side}LowerLeg",)) for side in SIDES}
+BONES |= {f"{side} shin": ((f"{side}LowerLeg",), (f"{side}Foot",)) for side in SIDES}
 PARTS = tuple(BONES)
 # (segments,), the number in `PARTS` of what each belongs to; -1 for arms, feet and the neck, which have none
 PART_OF = np.array(
@@ -52,22 +58,12 @@ class PartFrames:
 
 def find_part_frames(body: Body) -> PartFrames:
     """Return the axes of the parts of a body."""
-    reference, of_joint = body.reference, find_segments(body).of_joint
-    roles = body.roles
+    reference, roles, of_joint = body.reference, body.roles, find_segments(body).of_joint
     known = np.isin(np.arange(len(SEGMENTS)), of_joint)
     joints = np.where(known, (of_joint == np.arange(len(SEGMENTS))[:, None]).argmax(axis=1), 0)
     ends = np.full((len(PARTS), 2, 3), np.nan)
-    legs, arms = (
-        [roles[f"{side}Upper{limb}"] for side in ("left", "right") if f"{side}Upper{limb}" in roles]
-        for limb in ("Leg", "Arm")
-    )
     for part, bone in enumerate(BONES.values()):
-        if bone[0] == "hips":
-            on = [legs, arms]
-        elif bone[1] == "head":
-            on = [arms, [roles["head"]] if "head" in roles else []]
-        else:
-            on = [[roles[role]] if role in roles else [] for role in bone]
+        on = [[roles[role] for role in end if role in roles] for end in bone]
         if all(on):
             ends[part] = [reference.positions[each].mean(axis=0) for each in on]
     head = PARTS.index("head")
