@@ -82,7 +82,7 @@ def face_of(gltf: Gltf) -> Face:
                 targets[name.casefold()].append(MorphTarget(node, place, 1.0))
     own = {*targets}
     with suppress(DistretargetError):
-        for name, target in (*_vrm_1(gltf), *_vrm_0(gltf, at_mesh)):
+        for name, target in [*_vrm(gltf, at_mesh)]:
             if name.casefold() not in own and target.number < len(shown.get(target.node, ())):
                 targets[name.casefold()].append(target)
     return Face({name: tuple(found) for name, found in targets.items()}, shown)
@@ -95,14 +95,12 @@ def _target_names(mesh: Fields) -> list[str]:
     return []
 
 
-def _vrm_1(gltf: Gltf) -> Iterator[tuple[str, MorphTarget]]:
+def _vrm(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, MorphTarget]]:
+    """Yield the expressions of a VRM model, 1.0 or 0; `at_mesh` has the nodes at which each mesh hangs."""
     for name, expression in named_expressions(gltf, "VRMC_vrm"):
         for bind in map(Node.entries, expression.listed("morphTargetBinds")):
             node = gltf.index("nodes", bind.need("node"))
             yield name, MorphTarget(node, bind.need("index").whole(), bind.read("weight", Node.number, 1.0))
-
-
-def _vrm_0(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, MorphTarget]]:
     groups = gltf.document.inner("extensions").inner("VRM").inner("blendShapeMaster").listed("blendShapeGroups")
     for group in map(Node.entries, groups):
         preset, name = (group.read(key, Node.text, "") for key in ("presetName", "name"))
