@@ -52,9 +52,7 @@ class Face:
     shown: Mapping[int, Array]  # the weights that each node shows by itself, (targets,)
 
     def weights(self, expressions: Mapping[str, Array]) -> Mapping[int, Array]:
-        """Return the weights of the meshes that expressions move, by node, (frames, targets); the expressions are
-        (frames,), by name. What none of them moves keeps the weight that the file shows.
-        """
+        """Return the weights of meshes, (frames, targets), by node, for expressions, (frames,), by name."""
         result: dict[int, Array] = {}
         begun = set()
         for name, values in expressions.items():

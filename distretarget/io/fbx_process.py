@@ -175,9 +175,8 @@ def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
 
 
 def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str, NDArray[Any]] | None:
-    """The mesh at a node, which is its only bone if it has no skin, as triangles that fan out over its faces. With
-    looks, it has as many vertices as there are different corners, with their normals and places on images, and the
-    materials of triangles; else these are zeros and -1. None without a mesh.
+    """The mesh at a node, its only bone if it has no skin, as fans of triangles; with looks, a vertex for each
+    different corner, with normal and place on images, and materials; else zeros and -1. None without a mesh.
     """
     mesh = _held(node.mesh)
     if mesh is None or not len(mesh.vertices):

@@ -187,9 +187,7 @@ def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
 
 
 def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
-    """Return the surface of each performer that the others stay outside of: its own; an average body's if it has none
-    but another performer has one; None for the mode "none".
-    """
+    """Return the surface of each performer that others stay outside of: its own, else an average one, or None."""
     if not any(match.skins for match in matches):
         return [None] * len(matches)
 
