@@ -62,15 +62,12 @@ def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
     that of SMPL: `J`, (joints, 3) [m], or a model, whose joints depend on the shape `betas`, by default the mean one. A
     FileError if it has none of these, or other joints than the models; a SkeletonError if they are no skeleton.
     """
-    if not all(name in arrays for name in ("names", "parents", "offsets")):
-        return _smpl_skeleton(arrays, np.zeros(0) if betas is None else betas)
-    names = tuple(map(str, arrays.array("names").ravel()))
-    ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
-    with in_file(arrays.path):
-        return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
-
-
-def _smpl_skeleton(arrays: ArraysFile, betas: Array) -> Skeleton:
+    if all(name in arrays for name in ("names", "parents", "offsets")):
+        names = tuple(map(str, arrays.array("names").ravel()))
+        ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
+        with in_file(arrays.path):
+            return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
+    betas = np.zeros(0) if betas is None else betas
     if "J" in arrays:
         places = arrays.numbers("J", "joints", 3)
     elif all(name in arrays for name in SHAPE):
