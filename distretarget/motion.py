@@ -345,9 +345,7 @@ class Motion:
 
     @cached_property
     def rigid_skeleton(self) -> Skeleton:
-        """The skeleton with rigid bones: moving bones get the direction of their median translation and their median
-        length over all frames; the others keep their offset.
-        """
+        """The skeleton with rigid bones: moving ones get the median direction and length of all frames."""
         if self.moving is None:
             return self.skeleton
         joints, offsets = self.moving.joints, np.array(self.skeleton.offsets)

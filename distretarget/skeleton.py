@@ -278,9 +278,7 @@ class Skeleton:
         return np.array(places)
 
     def on_longest_branches(self, joints: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-        """Return up to `most` of some joints, in ascending order: those on the longest branches. A branch is a chain of
-        bones to a leaf; where chains fork, the longest goes on, and the others begin.
-        """
+        """Return up to `most` of some joints, ascending: those on the longest branches, chains of bones to a leaf."""
         branches = np.zeros(len(self))
         np.maximum.at(branches, self.farthest, self.lengths + self.reach)
         return np.sort(joints[np.argsort(-branches[self.farthest[joints]], kind="stable")[:most]])

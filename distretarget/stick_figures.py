@@ -46,8 +46,6 @@ def stick_figures(parents: NDArray[np.intp], postures: Array, up: Array, label: 
 
 
 def likely_up(posture: Array, stated: str | None) -> Array:
-    """Return the unit vector up, (3,): along the axis that a file states, else along the one of Y and Z along which the
-    posture, (joints, 3), is taller.
-    """
+    """Return the unit vector up, (3,): the stated axis, or the one of Y and Z along which a posture is taller."""
     axis = stated or "YZ"[int(np.argmax(np.ptp(posture, axis=0)[1:]))]
     return np.asarray(np.eye(3)["XYZ".index(axis[-1])] * (-1.0 if axis[0] == "-" else 1.0))

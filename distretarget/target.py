@@ -140,15 +140,15 @@ class SkeletonEdit:
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
         """The joint with this key; an error if it has no bone to change."""
+        place = entry_place(field, key)
         if key not in source.keys:
-            fault = f"no such joint; {closest(key, source.keys)}"
-        elif not (joint := source.index(key)):
-            fault = "the root has no bone; expected a joint with a parent"
-        elif source.lengths[joint] == 0:
-            fault = "the bone has length 0 in the source, so it has no direction"
-        else:
-            return joint
-        raise SkeletonFileError(self.path, entry_place(field, key), fault)
+            raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
+        joint = source.index(key)
+        if not joint:
+            raise SkeletonFileError(self.path, place, "the root has no bone; expected a joint with a parent")
+        if source.lengths[joint] == 0:
+            raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so it has no direction")
+        return joint
 
 
 LoadedTarget = Target | SkeletonEdit

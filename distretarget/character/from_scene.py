@@ -82,9 +82,7 @@ def _branches(above: int, nodes: Nodes) -> list[int]:
 
 
 def _wanted(scene: CharacterScene) -> tuple[list[int], tuple[str, ...]]:
-    """The nodes that are joints for certain, and a warning of those that are left out: other skeletons in the file,
-    whose skins share no branch with the humanoid's or, without one, with the largest.
-    """
+    """The nodes that are joints for certain, and a warning of other skeletons: those without a branch of the first."""
     groups = [list(scene.humanoid.values()), *(skin.joints.tolist() for skin in scene.skins)]
     if not any(groups):
         groups = [_named(scene.nodes) or [*(scene.animation.rotations if scene.animation else ())]]
@@ -333,9 +331,7 @@ def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Ske
 
 
 def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -> tuple[str, ...]:
-    """The names of joints as BVH can hold them, with _ for what it cannot; the number of the node stands for an empty
-    name, and follows a name that a sibling has as well.
-    """
+    """The names of joints as BVH can hold them, with _ for what it cannot, and the node's number if empty or taken."""
     taken: set[tuple[int, str]] = set()
     result = []
     for name, node, parent in zip(names, nodes, parents, strict=True):

@@ -137,8 +137,10 @@ class Curve:
             result = np.where((share >= 1.0)[:, None], values[after], values[before])
         elif self.interpolation == "CUBICSPLINE":
             result = self._cubic(before, after, share, span)
-        elif rotates:
-            result = _slerp(values[before], values[after], share)
+        elif rotates:  # on the shorter way
+            first, last = (Rotation.from_quat(values[each]) for each in (before, after))
+            turn = (first.inv() * last).as_rotvec()
+            result = np.asarray((first * Rotation.from_rotvec(share[:, None] * turn)).as_quat())
         else:
             result = values[before] + share[:, None] * (values[after] - values[before])
         if not rotates:
@@ -158,13 +160,6 @@ class Curve:
             + (-2 * t3 + 3 * t2) * end
             + d * (t3 - t2) * into
         )
-
-
-def _slerp(start: Array, end: Array, share: Array) -> Array:
-    """(n, 4), between two rotations on the shorter way."""
-    first = Rotation.from_quat(start)
-    turn = (first.inv() * Rotation.from_quat(end)).as_rotvec()
-    return np.asarray((first * Rotation.from_rotvec(share[:, None] * turn)).as_quat())
 
 
 def sampled(

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,19 +182,42 @@ def _skeleton_in(hierarchy: str) -> tuple[Skeleton, int]:
 
 
 def _new_skeleton(words: Words) -> Skeleton:
-    joints = _take_hierarchy(words)
-    parents, end_sites = [joint.parent for joint in joints], [joint.end_site for joint in joints]
-    names = joint_names([joint.name for joint in joints], parents, end_sites)
+    """The skeleton in a HIERARCHY, up to the root's last brace."""
+    words.keyword("HIERARCHY")
+    names, parents, offsets, places = list[str](), list[int](), list[list[float]](), list[int]()
+    channels, end_sites = list[tuple[str, ...]](), list[bool]()
+    unclosed, keyword = list[int](), words.keyword("ROOT")
+    while True:
+        if keyword == "}":
+            unclosed.pop()
+        else:
+            if len(unclosed) > MAX_DEPTH:
+                raise words.error(f"found a joint inside {len(unclosed)} others, expected {MAX_DEPTH} at most")
+            places.append(words.at)
+            names.append(words.name())
+            if not names[-1]:
+                words.refuse(words.take(), "a name")
+            words.keyword("{")
+            words.keyword("OFFSET")
+            offsets.append([words.number(f"the {axis} offset") for axis in "xyz"])
+            end_sites.append(keyword == "END")
+            channels.append(() if end_sites[-1] else _take_channels(words))
+            parents.append(unclosed[-1] if unclosed else -1)
+            unclosed.append(len(names) - 1)
+        if not unclosed:
+            break
+        keyword = words.keyword(*(("}",) if end_sites[unclosed[-1]] else ("JOINT", "End Site", "}")))
+    names = [*joint_names(names, parents, end_sites)]
     try:
         return Skeleton(
-            names=names,
+            names=tuple(names),
             parents=np.array(parents),
-            offsets=np.array([joint.offset for joint in joints]),
-            channels=tuple(joint.channels for joint in joints),
+            offsets=np.array(offsets),
+            channels=tuple(channels),
             end_sites=np.array(end_sites),
         )
     except SkeletonError as error:
-        raise words.error(str(error), joints[_twin(names, parents)].at) from error
+        raise words.error(str(error), places[_twin(names, parents)]) from error
 
 
 def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequence[bool]) -> tuple[str, ...]:
@@ -267,49 +290,6 @@ def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values:
         chosen = np.array([[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]], np.intp)
         write_channel_rotations(values, chosen, axes, np.array(orders[axes], np.intp), rotations)
     return rotations
-
-
-class _JointText(NamedTuple):
-    """A joint or End Site in a HIERARCHY; `parent` counts in the order of the text, and is -1 for the root."""
-
-    name: str
-    parent: int
-    offset: tuple[float, float, float]  # [file units]
-    channels: tuple[str, ...]  # in the usual spelling, `Xposition`
-    end_site: bool
-    at: int  # its position in the text
-
-
-def _take_hierarchy(words: Words) -> list[_JointText]:
-    """The joints and End Sites in the order of the text, up to the root's last brace."""
-    words.keyword("HIERARCHY")
-    words.keyword("ROOT")
-    joints = [_take_joint(words, -1)]
-    unclosed = [0]
-    while unclosed:
-        parent = unclosed[-1]
-        expected = ("}",) if joints[parent].end_site else ("JOINT", "End Site", "}")
-        keyword = words.keyword(*expected)
-        if keyword == "}":
-            unclosed.pop()
-            continue
-        if len(unclosed) > MAX_DEPTH:
-            raise words.error(f"found a joint inside {len(unclosed)} others, expected {MAX_DEPTH} at most")
-        unclosed.append(len(joints))
-        joints.append(_take_joint(words, parent, end_site=keyword == "END"))
-    return joints
-
-
-def _take_joint(words: Words, parent: int, end_site: bool = False) -> _JointText:
-    """A joint after its keyword, up to its channels."""
-    at = words.at
-    name = words.name()
-    if not name:
-        words.refuse(words.take(), "a name")
-    words.keyword("{")
-    words.keyword("OFFSET")
-    x, y, z = (words.number(f"the {axis} offset") for axis in "xyz")
-    return _JointText(name, parent, (x, y, z), () if end_site else _take_channels(words), end_site, at)
 
 
 def _take_channels(words: Words) -> tuple[str, ...]:

@@ -46,7 +46,10 @@ def bvh_parts(motion: Motion) -> Iterator[str]:
     """Return the BVH text of a motion in parts, each of which is made when it is taken; errors as in `write_bvh`."""
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
-    decimals = _decimals(motion.skeleton)
+    longest = motion.skeleton.longest_path
+    fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6  # for 1e-8 of the longest path
+    channels = (channel for joint in motion.skeleton.depth_first for channel in motion.skeleton.channels[joint])
+    decimals = [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
     paths = [motion.root_positions, *([motion.moving.translations] if motion.moving else [])]
     if not np.isfinite([extent(path) for path in paths]).all():
         raise MotionError("a position is not finite and cannot be written")
@@ -94,14 +97,6 @@ def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
     yield "  OFFSET " + " ".join(np.format_float_positional(value, unique=True, min_digits=6) for value in offset)
     if not skeleton.end_sites[joint]:
         yield "  " + " ".join(["CHANNELS", str(len(channels)), *channels])
-
-
-def _decimals(skeleton: Skeleton) -> list[int]:
-    """The number of decimals of each channel, depth first; positions get those that 1e-8 of the longest path needs."""
-    longest = skeleton.longest_path
-    fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6
-    channels = [channel for joint in skeleton.depth_first for channel in skeleton.channels[joint]]
-    return [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
 
 
 def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:

@@ -46,14 +46,10 @@ def entry_to_json(entry: Entry) -> str:
 
 def _plain(entry: Entry) -> dict[str, Any]:
     """An entry as JSON values, without defaults."""
-    usual = {each.name: each.default for each in fields(entry)}
-    always = {"like"} if entry.acts else {"like", "keep"}
-    values = {key: getattr(entry, key) for key in _keys(type(entry))}
-    return {
-        key: _whole(value)
-        for key, value in values.items()
-        if value is not None and (key in always or value != usual[key])
-    }
+    usual = {each.name: each.default for each in fields(entry)} | {"like": None}
+    usual |= {} if entry.acts else {"keep": None}
+    values = ((key, getattr(entry, key)) for key in _keys(type(entry)))
+    return {key: _whole(value) for key, value in values if value is not None and value != usual[key]}
 
 
 def _whole(value: Any) -> Any:

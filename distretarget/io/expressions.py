@@ -52,9 +52,7 @@ class Face:
     shown: Mapping[int, Array]  # the weights that each node shows by itself, (targets,)
 
     def weights(self, expressions: Mapping[str, Array]) -> Mapping[int, Array]:
-        """Return the weights of the meshes that expressions move, by node, (frames, targets); the expressions are
-        (frames,), by name. What none of them moves keeps the weight that the file shows.
-        """
+        """Return the weights of meshes, (frames, targets), by node, for expressions, (frames,), by name."""
         result: dict[int, Array] = {}
         begun = set()
         for name, values in expressions.items():
@@ -82,7 +80,7 @@ def face_of(gltf: Gltf) -> Face:
                 targets[name.casefold()].append(MorphTarget(node, place, 1.0))
     own = {*targets}
     with suppress(DistretargetError):
-        for name, target in (*_vrm_1(gltf), *_vrm_0(gltf, at_mesh)):
+        for name, target in [*_vrm(gltf, at_mesh)]:
             if name.casefold() not in own and target.number < len(shown.get(target.node, ())):
                 targets[name.casefold()].append(target)
     return Face({name: tuple(found) for name, found in targets.items()}, shown)
@@ -95,14 +93,12 @@ def _target_names(mesh: Fields) -> list[str]:
     return []
 
 
-def _vrm_1(gltf: Gltf) -> Iterator[tuple[str, MorphTarget]]:
+def _vrm(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, MorphTarget]]:
+    """Yield the expressions of a VRM model, 1.0 or 0; `at_mesh` has the nodes at which each mesh hangs."""
     for name, expression in named_expressions(gltf, "VRMC_vrm"):
         for bind in map(Node.entries, expression.listed("morphTargetBinds")):
             node = gltf.index("nodes", bind.need("node"))
             yield name, MorphTarget(node, bind.need("index").whole(), bind.read("weight", Node.number, 1.0))
-
-
-def _vrm_0(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, MorphTarget]]:
     groups = gltf.document.inner("extensions").inner("VRM").inner("blendShapeMaster").listed("blendShapeGroups")
     for group in map(Node.entries, groups):
         preset, name = (group.read(key, Node.text, "") for key in ("presetName", "name"))

@@ -175,9 +175,8 @@ def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
 
 
 def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str, NDArray[Any]] | None:
-    """The mesh at a node, which is its only bone if it has no skin, as triangles that fan out over its faces. With
-    looks, it has as many vertices as there are different corners, with their normals and places on images, and the
-    materials of triangles; else these are zeros and -1. None without a mesh.
+    """The mesh at a node, its only bone if it has no skin, as fans of triangles; with looks, a vertex for each
+    different corner, with normal and place on images, and materials; else zeros and -1. None without a mesh.
     """
     mesh = _held(node.mesh)
     if mesh is None or not len(mesh.vertices):
@@ -198,7 +197,11 @@ def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str
         exist = with_looks and values.exists and len(values.values) > 0
         keys.append(_whole(values.indices) if exist else np.zeros(len(keys[0]), np.int64))
         looks.append(np.array([list(each) for each in _each_part(values.values)]) if exist else np.zeros((1, size)))
-    (of_vertex, of_normal, of_uv), of_corner = np.unique(np.stack(keys), axis=1, return_inverse=True)
+    different = keys[0]
+    for each in keys[1:]:
+        different = np.unique(different * (each.max(initial=0) + 1) + each, return_inverse=True)[1]
+    _, first, of_corner = np.unique(different, return_index=True, return_inverse=True)
+    of_vertex, of_normal, of_uv = (each[first] for each in keys)
     corners, faces = _corners(mesh)
     own = [_held(material).typed_id for material in _each(node.materials)] if with_looks else []
     of_face = _whole(mesh.face_material) if own else np.zeros(0, np.int64)
@@ -207,7 +210,7 @@ def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str
         "vertices": np.array(memoryview(mesh.vertices)).reshape(-1, 3)[of_vertex],
         "normals": looks[0][of_normal],
         "uv": looks[1][of_uv],
-        "triangles": of_corner.ravel()[corners],
+        "triangles": of_corner[corners],
         "materials": np.array(own)[np.minimum(of_face[faces], len(own) - 1)] if len(of_face) else 0 * faces - 1,
         "bones": np.array(bones, np.int64),
         "to_bones": _matrices(matrices),

@@ -254,9 +254,7 @@ def _chunks(content: bytes, path: str | Path) -> tuple[tuple[int, memoryview], .
 
 
 def read_beside(content: bytes, path: str | Path) -> dict[str, bytes]:
-    """Return the content of the files that the buffers of a .gltf file name, by URI; a FileError if one cannot be read,
-    a SkeletonFileError if its URI leads out of the file's folder or to a network.
-    """
+    """Return the content of the files that the buffers of a .gltf file name, by URI, or raise a FileError."""
     found: dict[str, bytes] = {}
     contents: dict[Path, bytes] = {}  # by path, as several names may lead to one file
     folder = Path(path).parent

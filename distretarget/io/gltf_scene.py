@@ -202,9 +202,7 @@ def named_expressions(gltf: Gltf, extension: str) -> Iterator[tuple[str, Fields]
 
 
 def read_curve(gltf: Gltf, fields: Fields, kind: str, width: int = 1) -> Curve:
-    """Return the curve of a sampler, whose keys are of a kind such as "VEC4"; of "SCALAR", so many are a key. A
-    SkeletonFileError if it is not valid.
-    """
+    """Return the curve of a sampler with keys of a kind; of "SCALAR", `width` are a key. Or a SkeletonFileError."""
     times = gltf.numbers(fields.need("input"), "SCALAR", FLOATS)
     keys = gltf.numbers(fields.need("output"), kind, SIGNED)
     interpolation = fields.read("interpolation", lambda node: node.one_of(("LINEAR", "STEP", "CUBICSPLINE")), "LINEAR")
@@ -220,9 +218,7 @@ def read_curve(gltf: Gltf, fields: Fields, kind: str, width: int = 1) -> Curve:
 
 
 def gltf_parts(gltf: Gltf, skins: tuple[SkinBinding, ...]) -> Iterator[MeshPart]:
-    """Yield the meshes at the nodes of a file, without morph targets; primitives that share vertices are one part. A
-    FileError or SkeletonFileError if a mesh is compressed or not valid.
-    """
+    """Yield the meshes at nodes, without morph targets; primitives that share vertices are one part. Or an error."""
     for node, entry in enumerate(gltf.entries("nodes")):
         fields = entry.entries()
         if "mesh" not in fields:

@@ -80,11 +80,9 @@ class Node:
 
     def entries(self, place_of: Callable[[str, str], str] = field_place) -> Fields:
         """Return the values of an object by key, each with the place `place_of(self.place, key)`."""
-        if not isinstance(self.value, tuple):
-            self.expected("an object")
-        self._check_length(self.value)
+        self._check_length(entries := self._of(tuple, "an object"))
         fields = Fields(self)
-        for key, value in self.value:
+        for key, value in entries:
             node = Node(self.path, place_of(self.place, key), value)
             if key in fields:
                 node.fail("expected each key once, found it twice")
@@ -113,10 +111,8 @@ class Node:
 
     def items(self) -> list[Node]:
         """Return the values of a list."""
-        if not isinstance(self.value, list):
-            self.expected("a list")
-        self._check_length(self.value)
-        return [Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(self.value)]
+        self._check_length(entries := self._of(list, "a list"))
+        return [Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(entries)]
 
     def numbers(self, count: int) -> list[float]:
         """Return the numbers of a list of so many."""
@@ -128,15 +124,16 @@ class Node:
         if len(entries) > MOST_ENTRIES:
             self.fail(f"expected at most {MOST_ENTRIES} entries, found {len(entries)}")
 
-    def text(self) -> str:
-        if not isinstance(self.value, str):
-            self.expected("a string")
+    def _of(self, kind: type[Value], what: str) -> Value:
+        if not isinstance(self.value, kind):
+            self.expected(what)
         return self.value
 
+    def text(self) -> str:
+        return self._of(str, "a string")
+
     def text_or_null(self) -> str | None:
-        if self.value is not None and not isinstance(self.value, str):
-            self.expected("a string or null")
-        return self.value
+        return None if self.value is None else self._of(str, "a string or null")
 
     def name(self) -> str:
         """Return a string that can be a joint's name in a BVH file."""
@@ -151,11 +148,9 @@ class Node:
         return self.text()
 
     def number(self) -> float:
-        if not isinstance(self.value, float):
-            self.expected("a number")
-        if not abs(self.value) <= LARGEST:
+        if not abs(value := self._of(float, "a number")) <= LARGEST:
             self.expected(f"a finite number, at most {LARGEST:g}")
-        return self.value
+        return value
 
     def positive(self) -> float:
         if not self.number() >= SMALLEST:
@@ -174,9 +169,7 @@ class Node:
         return int(self.value)
 
     def flag(self) -> bool:
-        if not isinstance(self.value, bool):
-            self.expected("true or false")
-        return self.value
+        return self._of(bool, "true or false")
 
 
 class Fields(dict[str, Node]):

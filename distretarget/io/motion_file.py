@@ -97,7 +97,9 @@ def _array_motion(file: InputFile, fps: float | None) -> Motion:
         if is_smpl:
             motion = smpl_motion(arrays, skeleton, frame_time)
         elif file.skeleton is None and all(name in arrays for name in OWN):
-            turns = from_represented(_rotations(arrays))
+            shape, _ = arrays.kind(OWN[0])
+            width = (3, 3) if len(shape) == 4 else (6,) if shape[-1:] == (6,) else (4,)
+            turns = from_represented(arrays.numbers(OWN[0], "frames", "joints", *width))
             motion = Motion(skeleton, arrays.numbers("root_path", "frames", 3), turns, frame_time)
         else:
             from distretarget.objectives.positions import motion_of_positions  # takes long to import
@@ -130,13 +132,6 @@ def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
     if file.skeleton.kind == "arrays":
         return array_skeleton(file.skeleton.arrays, betas)
     return parse_full_target(file.skeleton).skeleton
-
-
-def _rotations(arrays: ArraysFile) -> Array:
-    """The local rotations in a file, in any representation."""
-    shape, _ = arrays.kind(OWN[0])
-    numbers = (3, 3) if len(shape) == 4 else (6,) if shape[-1:] == (6,) else (4,)
-    return arrays.numbers(OWN[0], "frames", "joints", *numbers)
 
 
 def _positions(arrays: ArraysFile) -> Array:

@@ -72,9 +72,7 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
 
 
 def suffix_of(target: TargetFile, kind: str | None = None) -> str:
-    """Return the suffix of results of a kind, such as "glb", or without one of the target's own kind: that of its file
-    if it is glTF, else .bvh; a FileError if the target cannot be written so.
-    """
+    """Return the suffix of results of a kind, such as "glb", or of the target's own, else .bvh; or a FileError."""
     suffix, own = f".{kind}" if kind else ".bvh", Path(target.path).suffix.lower()
     if kind is None and target.file is not None and target.file.kind == "glTF":
         suffix = own if own in OUTPUTS else ".glb"
@@ -162,9 +160,7 @@ def write_npz(
 
 @dataclass(frozen=True)
 class NamedClip:
-    """A motion to write, its name, what to keep beside it, arrays that label its frames, and the weights of a
-    character's morph targets, by node, (frames, targets) each.
-    """
+    """A motion to write, and its name; `labels` are those of its frames, `weights` those of morph targets, by node."""
 
     motion: Motion
     name: str

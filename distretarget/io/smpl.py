@@ -59,22 +59,15 @@ TO_Y_UP = Rotation.from_rotvec([-0.5 * np.pi, 0.0, 0.0])  # from the world of AM
 
 def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
     """Return the skeleton in a file of arrays: `names`, `parents` and `offsets`, as `Motion.to_dict` gives them, or
-    that of SMPL: `J`, (joints, 3), the joints of the rest pose [m], or a model, whose joints depend on the shape
-    `betas`, by default the mean one.
-
-    Raises:
-        FileError: it has none of these, or not as many joints as one of the models.
-        SkeletonError: they are no skeleton.
+    that of SMPL: `J`, (joints, 3) [m], or a model, whose joints depend on the shape `betas`, by default the mean one. A
+    FileError if it has none of these, or other joints than the models; a SkeletonError if they are no skeleton.
     """
-    if not all(name in arrays for name in ("names", "parents", "offsets")):
-        return _smpl_skeleton(arrays, np.zeros(0) if betas is None else betas)
-    names = tuple(map(str, arrays.array("names").ravel()))
-    ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
-    with in_file(arrays.path):
-        return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
-
-
-def _smpl_skeleton(arrays: ArraysFile, betas: Array) -> Skeleton:
+    if all(name in arrays for name in ("names", "parents", "offsets")):
+        names = tuple(map(str, arrays.array("names").ravel()))
+        ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
+        with in_file(arrays.path):
+            return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
+    betas = np.zeros(0) if betas is None else betas
     if "J" in arrays:
         places = arrays.numbers("J", "joints", 3)
     elif all(name in arrays for name in SHAPE):
@@ -186,9 +179,7 @@ def _joints_of(skeleton: Skeleton, anatomy: Anatomy) -> dict[str, int]:
 
 
 def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) -> Motion:
-    """Return the motion of the parameters in a file, some of which have `poses`, (frames, 3 joints) [rad], in parts. A
-    FileError if they are not such parameters, a SkeletonError if the skeleton lacks a joint of SMPL.
-    """
+    """Return the motion of the parameters in a file; a FileError if they are none, or a SkeletonError."""
     whole = ["poses"] if "poses" in arrays else [name for name in PARTS if name in arrays]
     poses = np.concatenate([arrays.numbers(name, "frames", "3 joints") for name in whole], axis=1)
     if poses.shape[1] not in [3 * number for number in MODELS]:

@@ -36,10 +36,7 @@ REQUIRED = (
 
 def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     """Return the content of a VRM animation of a motion: rotations of the humanoid's bones, and the path of the hips
-    [m], with Y up and the body towards Z at rest in T-pose.
-
-    Raises:
-        MotionError: the body lacks bones that a VRM humanoid must have.
+    [m], with Y up and the body towards Z at rest in T-pose; a MotionError if it lacks bones that a humanoid must have.
     """
     body, bones = _humanoid(motion)
     upright = Rotation.from_matrix(body.reference.axes.T)

@@ -73,10 +73,7 @@ class PerformerContacts:
     vectors: Array  # (entries, 3), from the second to the first joint in the source, scaled [target file units]
 
     def gaps(self, one: Array, other: Array) -> Both:
-        """(entries,) each, the distance between the joints of each pair, and what it should be.
-
-        `one` and `other`, (frames, joints, 3), are the positions of both performers [target file units].
-        """
+        """(entries,) each, the distance of the joints of each pair at positions (frames, joints, 3), and its due."""
         u, v = self.joints
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
@@ -187,10 +184,7 @@ class PropContacts:
         return Springs(self.joints, np.full(len(self.joints), -1), places / clip.unit, self.A)
 
     def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
-        """(frames, joints) each, the joints' distances from the nearest point of the prop, and what they should be.
-
-        `now` and `prop`, (frames, joints, 3), are the positions of the performer's joints and of the prop's points.
-        """
+        """(frames, joints) each, the distances of joints from the prop, both (frames, n, 3), and their dues."""
         return _nearest_distances(now[:, self.joints], prop), scale * self.distances + lengths(self.rises)
 
 
@@ -316,11 +310,9 @@ def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedP
     points = [_contact_points(one) for one in performers]
     between, on_props, supported = {}, {}, []
     for i, j in combinations(range(len(performers)), 2):
-        one, height = performers[i], (performers[i].clip.scale.height + performers[j].clip.scale.height) / 2.0
-        scale = RootScale(one.clip.scale.level, height)
-        between[i, j] = find_performer_contacts(
-            points[i], points[j], scale, one.clip.up, one.clip.frame_time, one.settings
-        )
+        one, clip = performers[i], performers[i].clip
+        scale = RootScale(clip.scale.level, (clip.scale.height + performers[j].clip.scale.height) / 2.0)
+        between[i, j] = find_performer_contacts(points[i], points[j], scale, clip.up, clip.frame_time, one.settings)
     for i, one in enumerate(performers):
         moving = [(near.frames, near.joints[both.index(i)], near.f) for both, near in between.items() if i in both]
         for k, prop in enumerate(props):

@@ -43,8 +43,7 @@ class PropSurface:
     def __post_init__(self) -> None:
         for name in ("corners", "normals", "closed"):
             check_kind(name, getattr(self, name), np.ndarray)
-        count = len(self.corners)
-        shapes = self.corners.shape, self.normals.shape, self.closed.shape
+        count, shapes = len(self.corners), (self.corners.shape, self.normals.shape, self.closed.shape)
         if not count or shapes != ((count, 3, 3), (count, 3), (count,)):
             raise SettingsError(
                 "a surface has corners (triangles, 3, 3), normals (triangles, 3), closed (triangles,); one at least"

@@ -19,7 +19,6 @@ from distretarget.body.build import average_for
 from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
-from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot, slices_of, smoothstep, spans_of
@@ -71,15 +70,12 @@ class PropShape:
 class Bodies:
     """Several bodies and props as one: with the balls, capsules and limbs of all, in the mean body unit.
 
-    The balls of prop k for body i are those of a body of its own, with the number n + k n + i, n being that of bodies.
-
     Attributes:
-        skins: of each body.
-        sticks: whether each has a skin for the others alone, not for itself; False for all if not given.
-        shapes: of each prop.
-        moved: the motions of all props while the bodies move so.
+        skins: of each body; `sticks` says which have one for the others alone, not for themselves.
+        shapes: of each prop; `moved` returns the motions of all while the bodies move so.
         unit: the mean of their body units [file units].
-        balls: of all bodies, with the pairs of each and those of any two, and of each body and prop.
+        balls: of all bodies, with the pairs of each and those of any two, and of each body and prop; those of prop k
+            for body i of n are those of a body of its own, number n + k n + i.
         parts: (pairs, 2), the part of the body that the segments of a pair are; `HARD` for a prop.
         encloses: (pairs,), whether the first may enclose the second as in the source.
         displaced: how they move with the limbs of all bodies.
@@ -191,20 +187,17 @@ def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
 
 
 def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
-    """Return the surface of each performer that the others stay outside of: its own; an average body's if it has none
-    but another performer has one; None for the mode "none".
-    """
+    """Return the surface of each performer that others stay outside of: its own, else an average one, or None."""
     if not any(match.skins for match in matches):
         return [None] * len(matches)
 
-    def on(matching: Matching) -> Skins | None:
-        source, target = (average_for(body).on(body) for body in (matching.source, matching.target))
-        return Skins.of(matching, source, target)
-
-    return [
-        match.skins or (on(match.matching) if mode != "none" else None)
-        for match, mode in zip(matches, modes, strict=True)
-    ]
+    found = []
+    for match, mode in zip(matches, modes, strict=True):
+        bodies, skins = (match.matching.source, match.matching.target), match.skins
+        if skins is None and mode != "none":
+            skins = Skins.of(match.matching, *(average_for(body).on(body) for body in bodies))
+        found.append(skins)
+    return found
 
 
 def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[Skins | None]) -> list[Motion]:
@@ -243,10 +236,8 @@ def _with_own_skins(
     """
     performers, posed = contacts.performers, [*unbent]
     clips = [performers[i].clip for i in known]
-    gaps, pairs = (
-        segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART),
-        sources.balls.pairs,
-    )
+    pairs = sources.balls.pairs
+    gaps = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     near, between = nearness(gaps), np.not_equal(*(pairs // COUNT).T)
     drawn = contacts.springs_to_props(unbent) if len(known) == len(unbent) else contacts.springs(unbent, unbent)
     for row, (i, skin) in enumerate(known.items()):
@@ -307,13 +298,16 @@ def _apart(
     spots = Spots.of(balls.pairs[:, 0], PLACE[parts[:, 1]] + COUNT * other)  # on each performer and prop
     of_hands = np.where((one != other) & IS_HAND[parts].any(axis=1), in_source, APART)
     touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / DRAWN_WITHIN))
-    each = zip(performers, bodies.skins, strict=True)
+    free = []  # not while limbs touch a prop without a shape
+    for one_of_all, skin in zip(performers, bodies.skins, strict=True):
+        alone = 1.0 - _drawn_to(one_of_all, skin)
+        free.append(how_free(one_of_all.clip, skin, one_of_all.supports, one_of_all.settings) * alone[..., None])
     limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
     touching = by_shot(partial(averaged, reach=round(BLEND / clips[0].frame_time)), shots, touching)
     frames = Frames(
         posed=bodies.posed(posed),
         limbs=bodies.limbs(posed),
-        free=np.concatenate([_how_free(*both) for both in each], axis=1),
+        free=np.concatenate(free, axis=1),
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         aims=spots.least(np.maximum(in_source, least)),
         firmness=touching,
@@ -369,12 +363,6 @@ def _drawn_to(one: Performer, body: BodySkin) -> Array:
             if joint in one.clip.skeleton.subtree(limb.top):
                 drawn[:, number] = np.maximum(drawn[:, number], weight)
     return drawn
-
-
-def _how_free(one: Performer, body: BodySkin) -> Array:
-    """(frames, limbs, 2), how far middle and end of limbs can move, 0 to 1: not on a prop without a shape."""
-    alone = 1.0 - _drawn_to(one, body)
-    return how_free(one.clip, body, one.supports, one.settings) * alone[..., None]
 
 
 def _where_it_helps(

@@ -82,8 +82,7 @@ class Core:
         """(frames,), how far this body has to move along unit vectors, (frames, 3), until it overlaps the other by no
         more than `give`; only balls count that are apart in a direction whose cosine to these is above `ahead`.
         """
-        ways = np.zeros(len(along))
-        bodies = self.centres, self.radii, other.centres, other.radii
+        ways, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
         write_ways(centres, radii, others, other_radii, along, give, ahead, ways)
         return ways
@@ -235,10 +234,8 @@ def solve_scene(
     found = constraints_of(free.motions, free.contacts.placements(free.motions))
     changed = zip(free.contacts.performers, found, strict=True)
     held = solved(replace(free.contacts, performers=tuple(constrain(*each) for each in changed)))
-    made, share = (
-        [constraints.made for constraints in found],
-        np.max([constraints.share for constraints in found], axis=0),
-    )
+    made = [constraints.made for constraints in found]
+    share = np.max([constraints.share for constraints in found], axis=0)
     each = zip(held.contacts.performers, free.contacts.performers, free.motions, held.motions, made, strict=True)
     shown, motions, told = list[Performer](), list[Motion](), list[tuple[Remark, ...]]()
     for one, alone, without, motion, constraints in each:
@@ -299,11 +296,10 @@ def solve_in_sweeps(
     sweep, error = 1, contacts.gap_error(now)
     while error >= SETTLED and sweep < MOST_SWEEPS:
         sweep += 1
+        each = zip(performers, contacts.springs(now, alone), springs, now, hips, strict=True)
         springs = [
             joined(with_shortfall(drawn, before, at.positions / one.clip.unit, one.clip.regions.of_joint), held)
-            for one, drawn, before, at, held in zip(
-                performers, contacts.springs(now, alone), springs, now, hips, strict=True
-            )
+            for one, drawn, before, at, held in each
         ]
         poses = [changed_steadily(*both, contacts) for both in zip(solve(sweep, springs), first, strict=True)]
         now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
