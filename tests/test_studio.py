@@ -14,7 +14,6 @@ import threading
 import time
 import tomllib
 import zipfile
-from base64 import b64encode
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from urllib.parse import quote, urlsplit
@@ -455,12 +454,13 @@ def expect():
     return pytest.importorskip("playwright.sync_api").expect
 
 
-DROPS = """async ([base, name]) => {
-  const bytes = Uint8Array.from(atob(base), (character) => character.charCodeAt(0));
-  const data = new DataTransfer();
-  data.items.add(new File([bytes], name));
-  document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
-}"""
+def drop_on(tab, path):
+    """Drag a file from outside of the browser onto a page, and let it go there."""
+    given = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        tab.context.new_cdp_session(tab).send(
+            "Input.dispatchDragEvent", {"type": kind, "x": 700, "y": 400, "data": given}
+        )
 
 
 def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tmp_path, expect):
@@ -475,7 +475,7 @@ def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tm
         expect(state).to_have_text("done", timeout=30_000)
 
     for path in (SAMPLES / "wave.bvh", HERO):
-        tab.evaluate(DROPS, [b64encode(path.read_bytes()).decode(), path.name])
+        drop_on(tab, path)
         expect(tab.locator("body")).to_contain_text(path.name, timeout=30_000)
     plain = "distretarget wave.bvh hero.glb -o wave_hero.glb"
     solved(plain)

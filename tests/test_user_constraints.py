@@ -24,8 +24,8 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
-from distretarget.objectives.constraint_reach import front_of
 from distretarget.measure.metrics import METRICS
+from distretarget.objectives.constraint_reach import front_of
 from distretarget.objectives.part_axes import PARTS
 from distretarget.pipeline.found_contacts import contacts_of, marked_contacts
 from distretarget.skin.balls import segment_gaps

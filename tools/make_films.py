@@ -103,18 +103,24 @@ def report_on(clip: str, target: Path, folder: Path) -> Path:
     return report
 
 
-STUDIO = {"studio": WINDOW, "studio_narrow": {"width": 390, "height": 844}}
+STUDIO = {
+    "studio": (WINDOW, "light"),
+    "studio_pairs": ({"width": 1024, "height": 800}, "dark"),
+    "studio_narrow": ({"width": 390, "height": 844}, "light"),
+}
 
 
 def write_studio(folder: Path, running: Browser) -> None:
-    """Write pictures of the studio with a clip on a character, in the first while a contact is made."""
+    """Write pictures of the studio with a clip on a character, in the first while a contact is made, in the second with
+    the list of who drives whom.
+    """
     files = map(str, (SAMPLES / "clap.bvh", CHARACTERS / "hero.glb"))
     command = [sys.executable, "-m", "distretarget", "studio", *files, "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:
         assert studio.stdout
         address = studio.stdout.readline().strip()
-        for name, window in STUDIO.items():
-            page = running.new_page(viewport=window)
+        for name, (window, scheme) in STUDIO.items():
+            page = running.new_page(viewport=window, color_scheme=scheme)
             page.goto(address)
             page.get_by_test_id("command").wait_for()
             page.wait_for_timeout(10 * SHARP)
@@ -122,9 +128,11 @@ def write_studio(folder: Path, running: Browser) -> None:
             if name == "studio":
                 page.get_by_test_id("pick").scroll_into_view_if_needed()
                 page.get_by_test_id("pick").click()
+            elif name == "studio_pairs":
+                page.locator("#who > summary").click()
             page.wait_for_timeout(5 * SHARP)
             shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-            shot.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)
+            shot.quantize(256).save(folder / f"{name}.png", optimize=True)
             page.close()
         studio.terminate()
 

@@ -35,7 +35,7 @@ from distretarget.skeleton import Skeleton
 from distretarget.studio.order import Names, Order, project_to_json
 
 MOST = 2_000_000_000  # of all files that were dropped [bytes]
-KEPT = 3  # so many results are kept, so that undo shows them at once
+KEPT = 2  # so many results are kept, so that undo shows the one before at once
 
 
 class OvertakenError(Exception):

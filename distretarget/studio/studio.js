@@ -195,7 +195,7 @@ function show() {
     $(`${role}-what`).textContent = `${about.name}${frames}`;
   }
   const all = clips();
-  $("clips-row").hidden = $("which").parentElement.hidden = all.length < 2;
+  $("clips-row").hidden = $("which").hidden = all.length < 2;
   $("clips").replaceChildren(...all.map((clip, number) => new Option(nameOf(clip), number, false, keyOf(clip) === keyOf(order))));
   for (const [name, usual] of Object.entries(EDITS)) {
     const field = $(name);
