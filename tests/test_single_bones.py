@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from bodies import SAMPLES, person
 from characters import ARMATURE, Bones, Mesh, character
+from click.testing import CliRunner
 from fbx_text import FPS_30, Z_UP, MeshOfNodes, Node, fbx
 from scipy.spatial.transform import Rotation
 
 from distretarget import Contact, ContactList, load_target, read_motion, retarget, write_motion
 from distretarget.body.body import Body
+from distretarget.cli import cli
 from distretarget.matching.unmatched import parts_without_source
 
 PARENTS = np.array([-1, 0, 1, 1, 1, 0, 0])
@@ -174,6 +176,15 @@ def test_what_is_written_is_read_back_and_moves_a_person(disguise, tmp_path):
     thigh, shin = (directions(moved.motion, *straight[k : k + 2]) for k in range(2))
     assert moved.verdict
     assert (thigh * shin).sum(axis=1).min() > np.cos(np.radians(40))
+
+
+def test_clips_are_merged_into_the_file_of_a_figure_of_blocks(tmp_path):
+    path, out = kenney(tmp_path), tmp_path / "all.glb"
+    clips = [str(SAMPLES / f"{name}.bvh") for name in ("clap", "wave")]
+    ran = CliRunner().invoke(cli, ["batch", *clips, str(path), "-o", str(out), "--merge"])
+    assert ran.exit_code == 0, ran.output
+    result = retarget(read_motion(clips[1]), load_target(path))
+    np.testing.assert_allclose(read_motion(out, "wave").positions, result.motion.positions, atol=1e-4)
 
 
 def test_arms_that_cannot_bend_may_have_contacts(tmp_path):

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.body.beside import in_tree
 from distretarget.body.body import Body
 from distretarget.body.conventions import NamedTree
 from distretarget.body.limbs import Leg
@@ -67,11 +68,20 @@ def with_ends(skeleton: Skeleton, mesh: MeshReader) -> Skeleton:
     )
 
 
-def on_ends(motion: Motion, skeleton: Skeleton) -> Motion:
-    """Return a motion on a skeleton that has more End Sites after its joints, or fewer."""
-    more, kept = len(skeleton) - len(motion.skeleton), motion.rotations[:, : len(skeleton)]
-    still = np.tile(skeleton.unturned[:1], (len(motion), max(more, 0), 1))
-    return replace(motion, skeleton=skeleton, rotations=np.hstack([kept, still])) if more else motion
+def on_ends(motion: Motion, mesh: MeshReader) -> Motion:
+    """Return a motion of the skeleton `with_ends`."""
+    skeleton, count = with_ends(motion.skeleton, mesh), len(motion.skeleton)
+    still = np.tile(skeleton.unturned[count:], (len(motion), 1, 1))
+    return replace(motion, skeleton=skeleton, rotations=np.hstack([motion.rotations, still])) if still.size else motion
+
+
+def without_ends(motion: Motion) -> Motion:
+    """Return a motion of the same skeleton without End Sites."""
+    skeleton = motion.skeleton
+    if not skeleton.end_sites.any():
+        return motion
+    parents = {joint: skeleton.parents.item(joint) for joint in skeleton.joints}
+    return in_tree(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
 
 
 def straightened(source: Body, target: Body) -> Body:

@@ -9,7 +9,7 @@ from types import NoneType
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.single_bones import on_ends, with_ends
+from distretarget.body.single_bones import on_ends
 from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, in_file, quoted
@@ -82,7 +82,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
     character = character_of(scene)
     with in_file(file.path):
         motion = character.motion(scene.animation, len(file.content) + sum(map(len, file.beside.values())))
-        motion = on_ends(motion, with_ends(motion.skeleton, CharacterMesh(file, character)))
+        motion = on_ends(motion, CharacterMesh(file, character))
     return motion, character.warnings
 
 

@@ -15,7 +15,7 @@ from typing import IO, Protocol, cast, get_args
 
 import numpy as np
 
-from distretarget.body.single_bones import on_ends
+from distretarget.body.single_bones import without_ends
 from distretarget.character.nodes import Animation
 from distretarget.checks import brief, check_choice, check_kind
 from distretarget.errors import FileError, MotionError, SettingsError
@@ -246,11 +246,11 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     """Return a clip as an animation of the nodes of its character; a MotionError if it has other joints."""
     assert isinstance(target.target, CharacterTarget)
     character = target.target.character
-    found, expected = clip.motion.skeleton, target.target.skeleton
+    motion, expected = without_ends(clip.motion), character.skeleton
+    found = motion.skeleton
     if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
         raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
-    motion = clip.motion if found.looks_back == expected.looks_back else clip.motion.turned_round()
-    motion = on_ends(motion, character.skeleton)
+    motion = motion if found.looks_back == expected.looks_back else motion.turned_round()
     return replace(character.animation(motion, clip.name), extras=clip.extras, weights=clip.weights)
 
 

@@ -57,7 +57,7 @@ def nearer_than_capsules(
     near = np.where(touching > 0.0, FARTHEST, NEAR)
     frames, gaps, of_mesh = _looked_at(body, spots, pairs, motion, first, near)
     known = of_mesh < FARTHEST
-    off = np.where(known, gaps - of_mesh, 0.0)
+    off = np.subtract(gaps, of_mesh, out=np.zeros(gaps.shape), where=known)
     off = off.clip(-np.maximum(np.where(touching > 0.0, MOST, THICKER), spare)[frames], MOST)
     averaged_in = partial(_averaged, reach=round(STEADY / (_step(motion) * motion.frame_time)))
     return _between(by_shot(averaged_in, shots[frames], off, known), frames, len(motion))
