@@ -94,6 +94,7 @@ PLAIN = {
     "Sole",
     "Regions",
     "Matching",
+    "Drop",
     "Motion",
     "Skeleton",
     "Capsules",
