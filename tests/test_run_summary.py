@@ -219,7 +219,7 @@ def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
     )
     assert set(document(made)["frames"]["contact_error"]) == {None}
     assert list(made.warnings) == []
-    assert made.verdict == "The source has no self-contacts; no foot is planted in the source."
+    assert made.verdict == "There are no self-contacts to keep; no foot is planted in the source."
 
 
 def test_a_still_clip_is_as_smooth_as_its_copy():

@@ -39,7 +39,7 @@ def test_a_good_run():
 @pytest.mark.parametrize(
     ("result", "copy", "words"),
     [
-        (None, None, "The source has no self-contacts;"),
+        (None, None, "There are no self-contacts to keep;"),
         (0.01, 0.0105, "Contacts kept as well as by copied rotations;"),
         (0.0005, 0.001, "Contacts kept as well as by copied rotations;"),
         (0.03, 0.01, "Contacts kept worse than by copied rotations;"),
@@ -90,7 +90,7 @@ def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
 @pytest.mark.parametrize(
     ("gap", "words"),
     [
-        (None, "The source has no self-contacts;"),
+        (None, "There are no self-contacts to keep;"),
         (0.02, "Skin touches as in the source, within 0.1 % of the height;"),
         (0.5, "Skin touches as in the source, within 0.5 % of the height;"),
         (0.6, "A hand or forearm misses what it touches by 0.6 % of the height on average;"),
@@ -114,7 +114,7 @@ def test_hips_that_are_off_are_named_with_their_frame_and_are_over_the_limit():
 
 def test_nothing_measured_claims_nothing():
     empty = {"direction_error": Track(np.zeros((3, 0))), "hips_height": Track(np.zeros((3, 0)))}
-    assert said({}, tracks=empty) == "The source has no self-contacts; no foot is planted in the source."
+    assert said({}, tracks=empty) == "There are no self-contacts to keep; no foot is planted in the source."
 
 
 def test_metrics_over_their_limits_are_named_once():

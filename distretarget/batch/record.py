@@ -26,7 +26,7 @@ MOST_BYTES = 1 << 24  # of what is unpacked; a longer record is damaged
 MOST = 1e15  # of frames, or seconds
 WORDS = (  # what most parts contain, the dictionary of their compression
     b'"error":"others":{"warnings":["feet skate no more than in the source; "seconds":0.0,"frames":"verdict":"'
-    b"The source has no self-contacts; feet do not skate; hips height kept within 0.1 % of a leg; largest direction "
+    b"There are no self-contacts to keep; feet do not skate; hips height kept within 0.1 % of a leg; largest direction "
     b'error: Left, 0. degrees at frame "input":"output":".bvh","status":"done","input_hash":"sha256:","output_hash":"'
     b"sha256:"
 )

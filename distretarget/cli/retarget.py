@@ -80,9 +80,7 @@ def _take_project(context: click.Context, _option: click.Parameter, path: Path |
     help="The file to write: .bvh, .vrma, or TARGET with its motion, .glb, .gltf or .vrm.",
 )
 @OVERWRITE_OPTION
-@click.option(
-    "--add", is_flag=True, help="Where OUTPUT is there, a result on the same TARGET, add the motion to those in it."
-)
+@click.option("--add", is_flag=True, help="If OUTPUT exists and is a result on the same TARGET, add the motion to it.")
 @converting(
     contacts_option(
         help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget "
