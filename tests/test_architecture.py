@@ -176,3 +176,16 @@ def test_two_commands_do_all_the_set_up_and_ci_runs_the_second():
     assert "distretarget sample_bvh/" in commands[0]
     assert "pytest" in commands[1]
     assert commands[1] in (ROOT / ".ci" / "run").read_text().splitlines()
+
+
+def test_the_extension_for_blender_finds_in_the_package_what_it_imports():
+    files = [*(ROOT / "blender").glob("*.py"), ROOT / "tests" / "in_blender.py"]
+    nodes = [node for path in files for node in ast.walk(ast.parse(path.read_text("utf-8")))]
+    taken = [
+        (node.module, alias.name)
+        for node in nodes
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "distretarget"
+        for alias in node.names
+    ]
+    assert len(taken) > 20
+    assert not [(module, name) for module, name in taken if not hasattr(importlib.import_module(module), name)]

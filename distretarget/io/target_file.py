@@ -183,12 +183,16 @@ def load_build(path: str | Path) -> Build:
 
 def parse_build(file: InputFile) -> Build:
     """Return the build of the body in a file as `load_build` does."""
-    target = parse_full_target(file)
+    return build_of(parse_full_target(file), file.path)
+
+
+def build_of(target: Target, path: str | Path) -> Build:
+    """Return the build of a target's body; a FileError that names a path if it shows none."""
     body, mesh = Body.of(target.skeleton, target.motion), target.mesh()
     if body.anatomy is None:
-        raise FileError(file.path, "shows no human body, so that another body cannot be as thick as it")
+        raise FileError(path, "shows no human body, so that another body cannot be as thick as it")
     if mesh is None and not target.radii:
-        raise FileError(file.path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
+        raise FileError(path, "does not show how thick its body is; expected a GLB, VRM or FBX with a mesh")
     return Build.of(body, capsules_of(body, mesh, target.radii), mesh and bare_mesh(body, mesh))
 
 
