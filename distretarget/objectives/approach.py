@@ -51,9 +51,11 @@ def approached(clip: Clip, skins: Skins, posed: Motion, free: Array) -> Motion:
             direction, distance = there.seen(before.places[limb], clip)
             place = here.place_of(direction, distance, now.unit / before.unit)
             share = smoothstep((here.depth(hand, place, distance) - SHALLOW) / (DEEP - SHALLOW))[:, None]
-            share = clip.averaged(clip.widened(share, LEAD), LEAD) * free[:, limb, None]
-            way += share * (place - hand - way)
-        moved[:, limb] = reaching(posed, other.limbs[limb], way, np.zeros_like(way))
+            if share.any():
+                share = clip.averaged(clip.widened(share, LEAD), LEAD) * free[:, limb, None]
+                way += share * (place - hand - way)
+        if way.any():
+            moved[:, limb] = reaching(posed, other.limbs[limb], way, np.zeros_like(way))
     return bent(posed, other.limbs, clip.averaged(moved, STEADY)) if moved.any() else posed
 
 
