@@ -86,3 +86,12 @@ def printed(tab):
 def settle(tab):
     """Wait until pending changes of the page have been laid out and drawn."""
     tab.evaluate("async () => { for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame); }")
+
+
+def wait_until_true(tab, expression):
+    """Wait until an expression is true in a page, for at most 30 s, as events reach a page at no fixed time."""
+    for _ in range(600):
+        if tab.evaluate(expression):
+            return
+        tab.wait_for_timeout(50)
+    raise AssertionError(f"after 30 s not true: {expression}")
