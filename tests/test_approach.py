@@ -89,21 +89,38 @@ def with_hands(motion, at):
     return motion
 
 
+def clapping(apart, passed, unit=1.0):
+    """Hands so many of their radii off the middle between them in a source, in the copy, and as they are brought; the
+    source in another unit.
+    """
+    body, still = skin(), overhead()
+    radii = [body.balls.radii[body.balls_of(body.of_joint[limb.end])].mean() for limb in body.limbs[:2]]
+    left = body.unit * float(np.mean(radii)) * np.array([1.0, 0.0, 0.0])
+    front = still.positions[0, body.limbs[0].top] * [0.0, 1.0, 1.0] + [0.0, 0.0, 0.25 * body.unit]
+    source, copy = (with_hands(still, front + far * np.array([left, -left])) for far in (apart, passed))
+    scaled = source.scaled(unit)
+    of_source = Body.of(scaled.skeleton)
+    skins = Skins(BodySkin.of(of_source, average_for(of_source).on(of_source)), body)
+    clip = SimpleNamespace(source=scaled, averaged=lambda values, _: values, widened=lambda values, _: values)
+    return source, copy, approached(clip, skins, copy, np.ones((len(copy), len(body.limbs))))
+
+
+@pytest.mark.parametrize("unit", [2.0**-7, 2.0**7])
+def test_hands_go_to_the_same_place_whatever_the_unit_of_the_source(unit):
+    _, copy, result = clapping(1.5, -0.8)
+    assert not np.allclose(result.positions, copy.positions, atol=1e-3)
+    np.testing.assert_allclose(clapping(1.5, -0.8, unit)[-1].positions, result.positions, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("apart", "passed", "moves"),
     [(1.0, -0.8, True), (1.0, 0.2, True), (1.0, 1.0, False), (3.5, -0.8, False)],
     ids=["passed each other", "deep in each other", "as in the source", "apart in the source"],
 )
 def test_hands_that_touch_are_on_the_sides_on_which_the_source_has_them(apart, passed, moves):
-    body, still = skin(), overhead()
-    hand = body.unit * float(
-        np.mean([body.balls.radii[body.balls_of(body.of_joint[limb.end])].mean() for limb in body.limbs[:2]])
-    )
-    left = np.array([1.0, 0.0, 0.0])
-    front = still.positions[0, body.limbs[0].top] * [0.0, 1.0, 1.0] + [0.0, 0.0, 0.25 * body.unit]
-    source, copy = (with_hands(still, front + hand * far * np.array([left, -left])) for far in (apart, passed))
-    clip = SimpleNamespace(source=source, averaged=lambda values, _: values, widened=lambda values, _: values)
-    result = approached(clip, Skins(body, body), copy, np.ones((len(copy), len(body.limbs))))
+    source, copy, result = clapping(apart, passed)
+    body = skin()
     wanted = centres(body, source if moves else copy)
     (found, other), (left_hand, right_hand) = centres(body, result), wanted
+    hand = np.linalg.norm(np.subtract(*centres(body, source)), axis=1).min() / (2.0 * apart)
     np.testing.assert_allclose(found - other, left_hand - right_hand, atol=0.5 * hand)

@@ -49,7 +49,8 @@ def approached(clip: Clip, skins: Skins, posed: Motion, free: Array) -> Motion:
         way = np.zeros_like(hand)
         for there, here in middles:
             direction, distance = there.seen(before.places[limb], clip)
-            place = here.place_of(direction, distance, now.unit / before.unit)
+            distance *= now.unit / before.unit
+            place = here.place_of(direction, distance)
             share = smoothstep((here.depth(hand, place, distance) - SHALLOW) / (DEEP - SHALLOW))[:, None]
             if share.any():
                 share = clip.averaged(clip.widened(share, LEAD), LEAD) * free[:, limb, None]
@@ -78,10 +79,10 @@ class _Middle:
         directions = normalised(clip.averaged(off, LEAD))
         return directions, np.maximum((off * directions).sum(axis=1, keepdims=True) - self.radius, 0.0)
 
-    def place_of(self, directions: Array, distances: Array, scale: float) -> Array:
-        """Return where directions and scaled distances from the skin lead, (frames, 3)."""
+    def place_of(self, directions: Array, distances: Array) -> Array:
+        """Return where directions and distances from the skin lead, (frames, 3)."""
         off = np.einsum("fij,fi->fj", self.axes, directions)
-        return np.asarray(self.at + (self.radius + scale * distances) * off)
+        return np.asarray(self.at + (self.radius + distances) * off)
 
     def depth(self, hand: Array, place: Array, distances: Array) -> Array:
         """Return how deep a hand, (frames, 3), is in the head, or by how much it is deeper in the other hand than where
