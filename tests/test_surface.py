@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import sample_run
 from capsule_bodies import capsule_surface, mesh_of
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
@@ -28,6 +28,54 @@ def surface_of(clip, turned_in=()):
     other = type(mesh)(vertices=mesh.vertices, joints=mesh.joints, weights=mesh.weights, triangles=triangles)
     skin = result.skins.target
     return SurfaceSamples.of(other, result.motion.skeleton, skin.of_joint, skin.capsules)
+
+
+def shuffled(mesh):
+    """The same mesh with its vertices, triangles and their corners in another order."""
+    rng = np.random.default_rng(0)
+    order, rows = rng.permutation(len(mesh.vertices)), rng.permutation(len(mesh.triangles))
+    numbers = np.empty(len(order), np.intp)
+    numbers[order] = np.arange(len(order))
+    turns = (np.arange(3) + rng.integers(3, size=(len(rows), 1))) % 3
+    triangles = np.take_along_axis(numbers[mesh.triangles[rows]], turns, axis=1)
+    return type(mesh)(
+        vertices=mesh.vertices[order], joints=mesh.joints[order], weights=mesh.weights[order], triangles=triangles
+    )
+
+
+def test_points_are_the_same_however_the_mesh_is_ordered():
+    result = sample_run("clap")
+    skin, skeleton = result.skins.target, result.motion.skeleton
+    one, other = (
+        SurfaceSamples.of(mesh, skeleton, skin.of_joint, skin.capsules).points
+        for mesh in (result.mesh, shuffled(result.mesh))
+    )
+    still = result.motion[:1]
+    np.testing.assert_allclose(posed(one.places, still), posed(other.places, still), atol=1e-9)
+    np.testing.assert_allclose(one.radii, other.radii, rtol=1e-9)
+
+
+def test_points_are_the_same_left_and_right():
+    """A box for each hand, and two for the head; those on the right are mirror images of those on the left."""
+    result = sample_run("clap")
+    body, skin = result.matching.target, result.skins.target
+    rest, roles = body.skeleton.rest_positions, body.anatomy.roles
+    mirror, (corners, triangles) = np.array([-1.0, 1.0, 1.0]), box((0.5, 1.0, 0.1), (0.2, 0.1, 0.05))
+    head = box((0.15, 1.6, 0.0), (0.2, 0.3, 0.2))
+    halves = [
+        (roles["leftHand"], (corners, triangles)),
+        (roles["rightHand"], (mirror * corners, triangles[:, ::-1])),
+        (roles["head"], head),
+        (roles["head"], (mirror * head[0], head[1][:, ::-1])),
+    ]
+    ends, numbers = skin.capsules.ends.copy(), skin.capsules.segments
+    for segment, middle in ((LEFT, (0.5, 1.0, 0.1)), (RIGHT, (-0.5, 1.0, 0.1)), (SEGMENTS.index("head"), (0, 1.6, 0))):
+        ends[numbers == segment] = middle - rest[skin.capsules.joints[numbers == segment]][:, None]
+    kept = replace(skin.capsules, ends=ends)[np.isin(numbers, [LEFT, RIGHT, SEGMENTS.index("head")])]
+    points = SurfaceSamples.of(mesh_of(halves), body.skeleton, skin.of_joint, kept).points
+    still = Motion(body.skeleton, rest[:1], np.tile([0.0, 0.0, 0.0, 1.0], (1, len(rest), 1)), "0.1")
+    places = posed(points.places, still)[0]
+    assert KDTree(places).query(mirror * places)[0].max() < 1e-9
 
 
 def posed(bound, motion):

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
@@ -24,6 +25,8 @@ STEPS = (0.7548776662466927, 0.5698402909980532)  # between points that spread e
 AT_CORNER = 0.98  # the share of a corner in a point that stands for it
 RUN = 8  # neighbours that are looked for together, at most
 SAME_SHARE = 1e-9  # shares that differ by less are the same
+OBLIQUE = Rotation.from_euler("xyz", [0.5, 0.7, 0.9]).as_matrix()  # to all axes: corners of boxes are in one order
+OF_SIDE = [np.array([name.startswith(side) for name in SEGMENTS]) for side in ("left", "right")]
 
 Part = tuple[int, ...]  # the numbers of its segments
 
@@ -39,12 +42,17 @@ class SurfaceSamples:
     @classmethod
     def of(cls, mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules) -> SurfaceSamples:
         """Return the surface of a body with these capsules, whose joints belong to segments `of_joint`, (joints,)."""
-        triangles, radii, segments = _spread(mesh, skeleton, of_joint, capsules)
+        folded, sides = _folded(mesh.vertices, skeleton, capsules)
+        triangles, numbers, radii, segments = _spread(mesh, skeleton, of_joint, capsules, folded, sides)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
-        corners = np.where((triangles > 0)[:, None], corners, corners[:, ::-1])
+        order = folded[corners, 0].argsort(axis=1)
+        corners, is_even = np.take_along_axis(corners, order, axis=1), (order[:, 1] - order[:, 0]) % 3 == 1
         edges = [mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2)]
         are_large = 0.5 * lengths(cross(*edges)) > np.pi * radii**2
-        shares = _shares(triangles, are_large)
+        shares, leads_in = _shares(triangles, numbers, are_large), (triangles > 0) != is_even
+        corners = np.where(leads_in[:, None], corners[:, [0, 2, 1]], corners)
+        shares = np.where(leads_in, shares[[0, 2, 1]], shares)
+        edges = [mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2)]
         groups = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
         order = np.concatenate([segments[:0], *groups])
         corners, shares, radii, are_large = corners[order], shares[:, order], radii[order], are_large[order]
@@ -83,18 +91,36 @@ class SurfaceSamples:
         return gaps
 
 
+def _folded(vertices: Array, skeleton: Skeleton, capsules: Capsules) -> tuple[Array, Flags]:
+    """Return vertices in axes that are oblique to the body's, with the right half of the body mirrored onto the left,
+    (vertices, 3), and whether each is on the left. What is ordered by these does not depend on the order of the mesh,
+    and is the same left and right where the mesh is.
+    """
+    middles = capsules.ends.mean(axis=1) + skeleton.rest_positions[capsules.joints]
+    halves_of = [middles[of_side[capsules.segments]] for of_side in OF_SIDE]
+    if not all(map(len, halves_of)):
+        return vertices @ OBLIQUE, np.ones(len(vertices), bool)
+    left, right = (each.mean(axis=0) for each in halves_of)
+    across = normalised(left - right)
+    off = (vertices - 0.5 * (left + right)) @ across
+    return (vertices + (np.abs(off) - off)[:, None] * across) @ OBLIQUE, off >= 0.0
+
+
 def _spread(
-    mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules
-) -> tuple[Numbers, Array, Numbers]:
+    mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules, folded: Array, sides: Flags
+) -> tuple[Numbers, Numbers, Array, Numbers]:
     """Triangles for points at equal shares of the surface of each segment, (points,), their numbers from 1 on, negative
-    where their corners lead round into the body; the radii that the points stand for; and their segments.
+    where their corners lead round into the body; the numbers of the points in the half of their segment, left or right;
+    the radii that they stand for; and their segments. `folded` and `sides` as `_folded`.
     """
     corners = mesh.vertices[mesh.triangles]
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas, middles = 0.5 * lengths(normals), corners.mean(axis=1)
+    folded_middles, of_left = folded[mesh.triangles].mean(axis=1), sides[mesh.triangles].mean(axis=1) > 0.5
     of_corners = np.sort(of_joint[mesh.carriers][mesh.triangles], axis=1)
     most = np.where((np.diff(of_corners, axis=1) == 0).any(axis=1), of_corners[:, 1], -1)  # the segment of two corners
-    found = [(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp))]
+    none = np.zeros(0, np.intp)
+    found = [(none, none, np.zeros(0), none)]
     for segment, name in enumerate(SEGMENTS):
         own = capsules[capsules.segments == segment]
         on = np.flatnonzero((most == segment) & (areas > 0.0))
@@ -103,22 +129,31 @@ def _spread(
             leads_out = (normals[on] * out).sum(axis=1) > 0.0
             mostly = areas[on] @ leads_out >= 0.5 * areas[on].sum()
             on = on[leads_out == mostly]  # the rest is the other side of cloth, or skin beneath it
-            count = next((count for part, count in POINTS.items() if name.endswith(part)), OTHER_POINTS)
-            area = areas[on].sum()
-            chosen = on[np.searchsorted(np.cumsum(areas[on]), (np.arange(count) + 0.5) / count * area)]
-            sign = 1 if mostly else -1
-            found.append(
-                (sign * (chosen + 1), np.full(count, np.sqrt(area / (np.pi * count))), np.full(count, segment))
-            )
-    triangles, radii, segments = map(np.concatenate, zip(*found, strict=True))
-    return triangles, radii, segments
+            points = next((count for part, count in POINTS.items() if name.endswith(part)), OTHER_POINTS)
+            for half in (on[of_left[on]], on[~of_left[on]]):
+                area = areas[half].sum()
+                if count := round(points * area / areas[on].sum()):
+                    chosen = (1 if mostly else -1) * (_evenly_chosen(half, folded_middles, areas, count) + 1)
+                    radius = np.sqrt(area / (np.pi * count))
+                    found.append((chosen, np.arange(count), np.full(count, radius), np.full(count, segment)))
+    triangles, numbers, radii, segments = map(np.concatenate, zip(*found, strict=True))
+    return triangles, numbers, radii, segments
 
 
-def _shares(triangles: Numbers, are_large: Flags) -> Array:
+def _evenly_chosen(triangles: Numbers, middles: Array, areas: Array, count: int) -> Numbers:
+    """Return so many of some triangles, at equal steps of area, while neighbours follow each other; `middles` and
+    `areas` are those of all triangles.
+    """
+    in_line = triangles[KDTree(middles[triangles], leafsize=1).indices]
+    steps = np.cumsum(areas[in_line])
+    return np.asarray(in_line[np.searchsorted(steps, (np.arange(count) + 0.5) / count * steps[-1])])
+
+
+def _shares(triangles: Numbers, numbers: Numbers, are_large: Flags) -> Array:
     """(3, points), the shares of the corners of its triangle in each point: spread evenly, but for the first three of a
     large triangle, which are at its corners, as these reach out farthest.
     """
-    u, v = np.remainder(np.outer(STEPS, np.arange(len(triangles))) + 0.5, 1.0)
+    u, v = np.remainder(np.outer(STEPS, numbers) + 0.5, 1.0)
     u, v = np.where(u + v > 1.0, 1.0 - np.array([u, v]), [u, v])  # the other half of the square
     shares = np.array([1.0 - u - v, u, v])
     _, first, of_triangle = np.unique(triangles, return_index=True, return_inverse=True)
