@@ -236,13 +236,13 @@ class Performer:
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def with_own_skin(
-        self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None, alone: Array | None = None
+        self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None, own_contacts: Array | None = None
     ) -> Motion:
-        """Return a motion with its limbs bent as the performer's skin asks, and as a user does, as `with_skin`; the
-        same motion without skin.
+        """Return a motion with its limbs bent out of the performer's own skin, and as far as `reach` asks; without skin
+        the same motion. `own_contacts`, (frames, limbs), weigh contacts with its own body; see `with_skin`.
         """
         if skins := self.match.skins:
-            return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted, alone)
+            return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted, own_contacts)
         return posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
