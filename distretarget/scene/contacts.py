@@ -79,11 +79,9 @@ class PerformerContacts:
 
     def springs(self, separate: Both, now: Both, compliances: Both, units: tuple[float, float]) -> list[Springs]:
         """Return the springs on each performer, in its body units, frames first: one per joint, with the summed energy
-        of all its pairs.
-
-        `separate` and `now` are positions (frames, joints, 3): solved without each other, and at present [target file
-        units]. A pair closes its gap in proportion to the `compliances`, (frames, joints), of its two joints. `units`
-        are the body units of both.
+        of its pairs. `separate` and `now` are positions (frames, joints, 3), solved without each other and at present
+        [target file units]; joints close gaps in proportion to their `compliances`, (frames, joints); `units` are the
+        body units of both.
         """
 
         def of_pairs(values: Both) -> list[Array]:
@@ -125,11 +123,10 @@ class PerformerContacts:
 def find_performer_contacts(
     one: ContactPoints, other: ContactPoints, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
 ) -> PerformerContacts:
-    """Return the pairs of joints of two performers that are near each other. Their normalised distance D, over the mean
-    length of both paths to the pelvis, is below `settings.reach`. `up` is the unit vector up.
-
-    Vectors are scaled by the `scale` of the world, or by the ratio of path lengths as in Eq. (1) if that is smaller:
-    hands that touch do not part because longer legs make the world larger.
+    """Return the pairs of joints of two performers that are near each other: their distance D, normalised by the mean
+    length of both paths to the pelvis, is below `settings.reach`. `up`, (3,), is the unit vector up. Vectors have the
+    `scale` of the world, or the ratio of path lengths as in Eq. (1) if smaller: hands that touch stay together where
+    longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
     margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
@@ -310,7 +307,7 @@ def copy_on_path(one: Performer) -> Motion:
 
 
 def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> SceneContacts:
-    """Find all contacts. Supports on a prop that nobody holds move onto it; those on what moves are weakened."""
+    """Find all contacts. Supports on a prop that nobody holds move onto it; those on moving things are weakened."""
     points = [_contact_points(one) for one in performers]
     between, on_props, supported = {}, {}, []
     for i, j in combinations(range(len(performers)), 2):

@@ -213,10 +213,9 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
     if len(known) < 2 and not shapes:
         return posed
     to_props = contacts.springs_to_props(posed, {*range(len(contacts.props))} - shapes.keys())
-    with_skin = [
-        _without_supports_on(_with_springs(performers[i], to_props[i]), [contacts.on_props[i, k] for k in shapes])
-        for i in numbers
-    ]
+    drawn = [_with_springs(performers[i], to_props[i]) for i in numbers]
+    touched = [[contacts.on_props[i, k] for k in shapes] for i in numbers]
+    with_skin = [_without_supports_on(*each) for each in zip(drawn, touched, strict=True)]
 
     def all_motions(moved: Sequence[Motion]) -> list[Motion]:
         return [moved[numbers.index(i)] if i in numbers else now for i, now in enumerate(posed)]

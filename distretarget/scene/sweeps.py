@@ -33,7 +33,7 @@ from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.constraints import Carrier, Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import STIFFNESS, Supports
-from distretarget.pipeline.constrained_motion import blended_supports, constrain, dropping, layered, met, unmet
+from distretarget.pipeline.constrained_motion import blended_in, blended_supports, constrain, meet, unmet, without_drops
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.contacts import SceneContacts, common_shots, copy_on_path, find_scene_contacts, moved_by
 from distretarget.scene.props import PlacedProp, Placement, nearest_on_bones
@@ -157,7 +157,8 @@ def _separations(
     speed = SPEED * time * np.maximum(steps, STANDING)
     separation = partial(_Separation, numbers, unit=unit, speed=speed, shots=shots, soft=SOFT / time)
     for of_source, of_target in ((sources, targets), cores(IS_SEAT, IS_THIGH)):
-        to_clear = [of_source[0].distance_to_clear(of_source[1], way, -TOUCH, -1.0) for way in (sideways, upwards)]
+        one, other = of_source
+        to_clear = [one.distance_to_clear(other, along, -TOUCH, -1.0) for along in (sideways, upwards)]
         is_on = by_shot(over_runs, shots, np.subtract(*to_clear)[:, None], np.min(to_clear, axis=0))[:, 0] > 0.0
         yield separation(of_target, along=upwards, allowed=np.where(is_on, 0.0, np.inf), shares=free * [1.0, 0.0])
         if of_target is targets:
@@ -230,8 +231,8 @@ def solve_scene(
 
     copies = [copy_on_path(one) for one in performers]
     found = constraints_of(copies, [each.free for each in props])
-    without_drops = [dropping(one, constraints.drops) for one, constraints in zip(performers, found, strict=True)]
-    free = solved(separated(find_scene_contacts(without_drops, props), skins))
+    dropped = [without_drops(one, constraints.drops) for one, constraints in zip(performers, found, strict=True)]
+    free = solved(separated(find_scene_contacts(dropped, props), skins))
     if not any(constraints.made for constraints in found):
         return free
     found = constraints_of(free.motions, free.contacts.placements(free.motions))
@@ -242,8 +243,8 @@ def solve_scene(
     each = zip(bound.contacts.performers, free.contacts.performers, free.motions, bound.motions, made, strict=True)
     performers, motions, remarks = list[Performer](), list[Motion](), list[tuple[Remark, ...]]()
     for one, before, without, motion, constraints in each:
-        motion = met(one, motion, constraints) if constraints else motion
-        motions.append(layered(made, without, motion))
+        motion = meet(one, motion, constraints) if constraints else motion
+        motions.append(blended_in(made, without, motion))
         performers.append(replace(one, supports=blended_supports(before.supports, one.supports, share)))
         remarks.append(tuple(unmet(one, constraints, motions[-1])))
     contacts = replace(free.contacts, performers=tuple(performers))
@@ -253,7 +254,7 @@ def solve_scene(
 def _carriers(
     performers: Sequence[Performer], motions: Sequence[Motion], props: Sequence[PlacedProp], places: Sequence[Placement]
 ) -> dict[str, Carrier]:
-    """What parts may rest on, by name: performers, numbered from 1, in these motions; and props at these places."""
+    """The carriers on which parts may rest, by name: performers, numbered from 1, in motion; and props at `places`."""
     found = {}
     for number, (one, motion) in enumerate(zip(performers, motions, strict=True), 1):
         skin, unit = one.match.skins and one.match.skins.target, one.clip.unit
@@ -265,9 +266,7 @@ def _carriers(
 
 
 def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
-    """The point of a prop nearest to `place`, (3,), and the direction out of the prop there, (3,); both points are
-    relative to the prop's first joint, in its rest pose [target file units].
-    """
+    """The point of a prop at rest nearest to `place`, both from its first joint, and the direction out of it, (3,)."""
     scale, rest = prop.free.scale, prop.motion.skeleton.rest_positions
     if prop.surface:
         farthest = float(lengths(place) / scale + lengths(prop.surface.corners).max())
