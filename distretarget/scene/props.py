@@ -1,6 +1,6 @@
 """Props that performers touch, hold or sit on. In each frame, a similarity takes a prop and the world around it to the
-world of the target. The surface of a prop is that of its OBJ file, its faces or, without any, its vertices; without a
-file, the lines of its bones. Faces that enclose a volume have an inside and an outside, others are thin sheets.
+world of the target. The surface of a prop is that of its OBJ file, its faces or, without any, its vertices; any other
+prop has the lines of its bones. Faces that enclose a volume have an inside and an outside, others are thin sheets.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class SceneResult:
         overlaps: where each two performers that have skins are deepest in each other.
         sweeps: how many times all performers were solved.
         gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
-        units: for each performer, its target file's units per unit of the world, which is that of the first target.
+        units: for each performer, its target file's units per unit of the world, whose unit is the first target's.
     """
 
     results: tuple[RetargetResult, ...]
@@ -118,8 +118,8 @@ def retarget_scene(
     prop to their places on it. Each performer is solved by itself, at first without the others; then all are solved
     again while the gaps are off. The order of performers does not matter.
 
-    Where some bodies look to -Z by convention, as in VRM 0, and others do not, all results look to +Z; written files
-    look as their characters do.
+    Where some bodies look to -Z by convention, as in VRM 0, and others do not, all results look to +Z; files are
+    written in the convention of their characters.
 
     Root scales that differ by more than five times show that files are in different units: then results are in the
     unit of the first target, and `SceneResult.motions` in those of their targets.

@@ -241,13 +241,13 @@ def solve_scene(
     made = [constraints.made for constraints in found]
     share = np.max([constraints.share for constraints in found], axis=0)
     each = zip(bound.contacts.performers, free.contacts.performers, free.motions, bound.motions, made, strict=True)
-    performers, motions, remarks = list[Performer](), list[Motion](), list[tuple[Remark, ...]]()
+    blended, motions, remarks = list[Performer](), list[Motion](), list[tuple[Remark, ...]]()
     for one, before, without, motion, constraints in each:
         motion = meet(one, motion, constraints) if constraints else motion
         motions.append(blended_in(made, without, motion))
-        performers.append(replace(one, supports=blended_supports(before.supports, one.supports, share)))
+        blended.append(replace(one, supports=blended_supports(before.supports, one.supports, share)))
         remarks.append(tuple(unmet(one, constraints, motions[-1])))
-    contacts = replace(free.contacts, performers=tuple(performers))
+    contacts = replace(free.contacts, performers=tuple(blended))
     return replace(free, contacts=contacts, motions=motions, unmet=remarks)
 
 
