@@ -154,7 +154,7 @@ def _shots(motion: Motion, body: Body) -> Shots:
 
 
 def _cuts(shots: Shots, frame_time: float) -> Findings:
-    """Frames before the motion begins, and cuts after that."""
+    """The numbers of frames of a first pose before the motion begins, and of cuts after that."""
     edges = np.flatnonzero(np.diff(shots)) + 1
     begins = 0
     for edge in edges:

@@ -169,10 +169,10 @@ def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array
 
 
 def expected_directions(source: Motion, matching: Matching) -> Expected:
-    """Return where the `shared_bones` of the target should point.
+    """Return the directions that the `shared_bones` of the target should have.
 
     A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
-    head and feet point differently in every build: the source's rotation, relative to the rest poses, should turn the
+    head and feet point differently in every body: the source's rotation, relative to the rest poses, should turn the
     target's own bone.
     """
     drivers, lower, turns = matching.drivers, shared_bones(matching), _turned_bones(matching)

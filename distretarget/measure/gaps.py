@@ -126,7 +126,7 @@ class SkinContact(NamedTuple):
 
 
 class SkinContacts(NamedTuple):
-    """How well two performers keep touching."""
+    """The contacts between the skins of two performers, and their errors."""
 
     touches: tuple[SkinContact, ...]  # one or more
     frames: int  # the number of frames in which they touch

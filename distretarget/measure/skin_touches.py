@@ -101,7 +101,7 @@ class SourceSkin:
         return SourceSkin(self.target, self.sampled, *left)
 
     def in_result(self, result: Motion) -> SkinMeasured:
-        """The skin of a result with the same number of frames."""
+        """Measure the skin of a result with the same number of frames."""
         skin, to_percent = self.target, 100.0 / self.target.height
         samples = len(self.sampled) if skin.can_touch.any() else 0
         deepest, vertices = np.zeros((samples, len(PARTS))), np.zeros(samples)

@@ -27,7 +27,7 @@ SOLID_OF = np.array([(name.endswith(("arm", "hand"))) * (1 + name.startswith("ri
 
 
 def solids_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Solids:
-    """Return the inside of capsules."""
+    """Return the inside of capsules as solids."""
     capsules = capsules[np.lexsort((capsules.segments, capsules.joints))]
     carried = np.stack([capsules.joints, capsules.segments], axis=1)
     groups, first = np.unique(carried, axis=0, return_index=True)

@@ -192,12 +192,12 @@ class RetargetResult:
 
     @cached_property
     def written_stress(self) -> Array:
-        """(frames,), the same of `motion`."""
+        """(frames,), the stress of `motion`."""
         return self.baseline.stress_of(self.motion)
 
     @property
     def free_stress(self) -> Array | None:
-        """(frames,), the same of the solved points; None without them."""
+        """(frames,), the stress of the paper's solved points; None without them."""
         return None if self.postures is None else self.baseline.relative * self.postures.stress
 
     @property

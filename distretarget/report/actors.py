@@ -257,7 +257,7 @@ def _turned(turn: Rotation, places: Array) -> Array:
 
 
 def _turned_axes(turn: Rotation, rotations: Array) -> Array:
-    """Rotations, (..., 4), about axes that are turned."""
+    """Rotations, (..., 4), with their axes turned."""
     return np.concatenate([_turned(turn, rotations[..., :3]), rotations[..., 3:]], axis=-1)
 
 

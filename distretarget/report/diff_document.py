@@ -139,7 +139,7 @@ def _of_clip(tracks: Tracks) -> MetricValues:
 
 
 def judged(key: str, limit: float, value: float | None) -> Values:
-    """A limit of a metric, and whether the number it is for is over it."""
+    """A limit of a metric, and whether the value that it limits is over it."""
     return {"metric": key, "limit": limit, "value": value, "over": value is not None and value > limit}
 
 

@@ -148,7 +148,7 @@ def _with_marks(
 
 
 def _frames(marked: MarkedContact) -> slice:
-    """The frames of a marked contact, which has them."""
+    """The frames of a marked contact."""
     first, last = marked.entry.frames or (0, -1)
     return slice(int(first), int(last) + 1)
 

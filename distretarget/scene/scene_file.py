@@ -48,7 +48,7 @@ EDITS: dict[str, Callable[[Node], object]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SceneClip:
-    """The motion of a performer or a prop, by files."""
+    """The file with the motion of a performer or a prop."""
 
     name: str  # of the performer or prop, and of its result
     file: Path  # BVH, or for a prop also OBJ

@@ -195,7 +195,7 @@ def _is_free(contacts: SceneContacts, number: int) -> Flags:
 
 @dataclass(frozen=True, eq=False)
 class SolvedScene:
-    """A scene, solved."""
+    """A solved scene."""
 
     contacts: SceneContacts  # its contacts, and the performers as they were solved
     poses: Sequence[Poses]  # of each performer
