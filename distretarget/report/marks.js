@@ -91,7 +91,7 @@ export class Marks {
     });
   }
 
-  /** Puts the mark of a row in the middle of `points`, [actor, joint] each; on the result its colour shows the error. */
+  /** Puts the mark of a row in the middle of `points`, [actor, joint] each; its colour shows the error of a result. */
   put(mark, row, points, isResult, frame) {
     const {kind, limit, spots: {[frame]: spot}} = row, joints = spot ? [[points[0][0], spot]] : points;
     const [x, y, z] = middleOf(joints.map(([actor, joint]) => [this.stage.actors[actor].motion, joint]));
