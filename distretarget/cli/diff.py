@@ -152,13 +152,9 @@ def _measure_clips(
     first, second = (_motion(file, clip) for file in (a_text, b_text))
     result = measure(first, second, a_text.path, b_text.path, map_path)
     metrics = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
-    return Account(
-        document=metrics,
-        page=lambda: diff_page(result, metrics),
-        csv=lambda: csv_text(metrics["frames"]),
-        lines=[*_lines(metrics, [] if verbose else [*over_limits(result)], verbose)],
-        fault=_fault(b_text.path, over(metrics["limits"])),
-    )
+    lines = [*_lines(metrics, [] if verbose else [*over_limits(result)], verbose)]
+    fault = _fault(b_text.path, over(metrics["limits"]))
+    return Account(metrics, lambda: diff_page(result, metrics), lambda: csv_text(metrics["frames"]), lines, fault)
 
 
 def _motion(file: InputFile, clip: str | None) -> Motion:
@@ -318,13 +314,8 @@ def measure_scenes(
     metrics = scene_document(result, documents, props, replace(run, limits=of_scene))
     verdicts = {} if verbose else {name: [*over_limits(one)] for name, one in performers.items()}
     faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
-    return Account(
-        document=metrics,
-        page=lambda: scene_diff_page(result, metrics),
-        csv=lambda: scene_csv(metrics),
-        lines=[*_scene_lines(metrics, verdicts)],
-        fault=_fault(b.path, [*over(metrics["limits"]), *faults]),
-    )
+    lines, fault = [*_scene_lines(metrics, verdicts)], _fault(b.path, [*over(metrics["limits"]), *faults])
+    return Account(metrics, lambda: scene_diff_page(result, metrics), lambda: scene_csv(metrics), lines, fault)
 
 
 def _props(a: SceneInput, b: SceneInput) -> list[str]:
